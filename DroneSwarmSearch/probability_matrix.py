@@ -1,0 +1,324 @@
+"""The law of a drifting person: a Gaussian that moves with the drift and spreads.
+
+The matrix is separable: at step t it is the outer product of one probability vector
+per axis. On an axis with N cells, start cell s, drift v and disperse constant c the
+target is a Gaussian of mean clip(s + v t, 0, N - 1) and variance (2/3) c / (c + 5) t,
+truncated to the grid. Nobody moves more than one cell a step, so the distribution
+function F of step t + 1 is that Gaussian's, clipped to what is reachable from step t:
+
+    F_{t+1}(x) = clip(G_{t+1}(x), F_t(x - 1), F_t(x + 1)).
+
+By Strassen's theorem (1965) a person who moves at most one cell a step can be
+distributed as F_t at every t if and only if these bounds hold. How that person moves
+is tabulated beside the law: net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, and
+a symmetric exchange of a quarter of what the net flow leaves in the two cells.
+
+Everything depends on (N, s, v, c) alone. The tables are made in blocks of consecutive
+steps when somebody asks for them, and kept for later episodes within `KEPT_BYTES`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from threading import Lock
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Block", "ProbabilityMatrix", "Steps", "dispersion_rate"]
+
+Floats = NDArray[np.float64]
+
+KEPT_BYTES = 48 * 2**20
+"""Tables of all laws together that are kept for later, in bytes."""
+
+_BLOCK_STEPS = 32
+_BLOCK_BYTES = 4 * 2**20
+
+
+def dispersion_rate(disperse_constant: float) -> float:
+    """Variance gained per step and axis, in cells² per step.
+
+    Zero for a constant of 0, growing with it, and bounded by 2/3: the variance of
+    somebody who picks one of three neighbouring cells at random.
+    """
+    return (2 / 3) * disperse_constant / (disperse_constant + 5)
+
+
+def gaussian_cdf(
+    grid_size: int, start: int, drift: float, disperse_constant: float, steps: range
+) -> Floats:
+    """The truncated Gaussian's distribution function at the right edge of every cell.
+
+    Args:
+        grid_size: cells on the axis, N.
+        start: start cell.
+        drift: cells per step.
+        disperse_constant: see `dispersion_rate`.
+        steps: the steps wanted, each >= 1.
+
+    Returns:
+        float64, shape (len(steps), N), non-decreasing along the cells, 1 in the last.
+    """
+    last = grid_size - 1
+    # Beyond one grid per step the mean is at the border anyway, and nothing overflows.
+    drift = min(max(drift, -grid_size), grid_size)
+    mean = np.array([min(max(start + drift * t, 0.0), last) for t in steps])[:, None]
+    rate = dispersion_rate(disperse_constant)
+    if rate == 0.0:
+        reached: NDArray[np.bool_] = np.arange(grid_size) >= np.rint(mean)
+        return reached.astype(np.float64)
+    deviation = np.sqrt(rate * np.array(steps, dtype=np.float64))[:, None]
+    edges = np.arange(-0.5, grid_size)
+    scaled = (edges - mean) / (deviation * math.sqrt(2))
+    # NumPy has no erf. Phi itself is (1 + erf) / 2; the constants cancel below.
+    phi = np.array([math.erf(z) for z in scaled.ravel().tolist()]).reshape(scaled.shape)
+    below = phi[:, :1]
+    cdf: Floats = (phi[:, 1:] - below) / (phi[:, -1:] - below)
+    np.maximum.accumulate(cdf, axis=1, out=cdf)
+    return cdf
+
+
+class Steps(NamedTuple):
+    """The law and the person's moves over consecutive steps, for x and y (index 0 and 1).
+
+    Attributes:
+        probability: float64, shape (n, 2, N): the chance of each column, of each row.
+        right: float64, shape (n, 2, N): the chance to move to the next higher column or
+            row, given the present one.
+        left: the same for the next lower.
+        cdf: float64, shape (2, N + 2): F of the step after the last, with F(-1) = 0 in
+            front and F(N) = 1 behind; the next steps start from it.
+    """
+
+    probability: Floats
+    right: Floats
+    left: Floats
+    cdf: Floats
+
+
+def point_mass(grid_size: int, start: tuple[int, int]) -> Floats:
+    """F_0 of a known start cell, padded as in `Steps.cdf`."""
+    return (np.arange(-1, grid_size + 1) >= np.array(start)[:, None]).astype(np.float64)
+
+
+def follow(first_cdf: Floats, targets: Floats) -> Steps:
+    """Follow a Gaussian as closely as somebody can who moves one cell a step.
+
+    Args:
+        first_cdf: F of the first step, shape (2, N + 2), padded as in `Steps.cdf`.
+        targets: the Gaussian's G of the steps after it, shape (n, 2, N).
+
+    Returns:
+        The n steps from the first on.
+    """
+    cdf = np.empty((len(targets) + 1, *first_cdf.shape))
+    cdf[0] = first_cdf
+    cdf[..., 0] = 0.0
+    cdf[..., -1] = 1.0
+    reachable = zip(cdf[:-1, :, :-2], cdf[:-1, :, 2:], cdf[1:, :, 1:-1], targets, strict=True)
+    for lowest, highest, after, target in reachable:
+        np.maximum(target, lowest, out=after)
+        np.minimum(after, highest, out=after)
+
+    probability = np.diff(cdf[:-1, :, :-1])
+    # Across the edge between x and x + 1, from -1|0 to N-1|N; nothing crosses the outer ones.
+    net = cdf[:-1, :, :-1] - cdf[1:, :, :-1]
+    to_right = np.maximum(net, 0.0)
+    to_left = np.maximum(-net, 0.0)
+    stay = np.maximum(probability - to_right[..., 1:] - to_left[..., :-1], 0.0)
+    exchange = np.minimum(stay[..., :-1], stay[..., 1:]) / 4
+    to_right[..., 1:-1] += exchange
+    to_left[..., 1:-1] += exchange
+    occupied = np.where(probability > 0.0, probability, 1.0)
+    return Steps(
+        probability=probability,
+        right=to_right[..., 1:] / occupied,
+        left=to_left[..., :-1] / occupied,
+        cdf=cdf[-1],
+    )
+
+
+Moves = tuple[list[float], list[float], list[float], list[float]]
+"""One step's chances per cell, as lists, which scalar code reads fastest: of moving
+right, of moving at all, each for x and then for y."""
+
+
+class Block(NamedTuple):
+    """Some consecutive steps of a law.
+
+    Attributes:
+        first: the step that index 0 of everything below stands for.
+        steps: the law and the moves as arrays.
+        marginals: the probabilities in single precision, float32, shape (n, 2, N).
+        moves: the moves as lists.
+        matrices: for every step, its matrix once somebody has asked for it.
+    """
+
+    first: int
+    steps: Steps
+    marginals: NDArray[np.float32]
+    moves: list[Moves]
+    matrices: list[NDArray[np.float32] | None]
+
+
+class _Kept:
+    """The blocks kept for later, least recently used first, within `KEPT_BYTES`."""
+
+    def __init__(self) -> None:
+        self._blocks: OrderedDict[tuple[float, ...], tuple[Block, int]] = OrderedDict()
+        self._bytes = 0
+        self._lock = Lock()
+
+    def get(self, key: tuple[float, ...]) -> Block | None:
+        with self._lock:
+            if key not in self._blocks:
+                return None
+            self._blocks.move_to_end(key)
+            return self._blocks[key][0]
+
+    def put(self, key: tuple[float, ...], block: Block, size: int) -> None:
+        with self._lock:
+            self._bytes += size - self._blocks.pop(key, (block, 0))[1]
+            self._blocks[key] = (block, size)
+            while self._bytes > KEPT_BYTES:
+                self._bytes -= self._blocks.popitem(last=False)[1][1]
+
+
+_kept = _Kept()
+
+
+class ProbabilityMatrix:
+    """Where a drifting person is, step by step.
+
+    Two objects with the same parameters share their tables. Copies and pickles carry
+    the parameters alone.
+
+    Attributes:
+        block_steps: the steps in each block of tables, a power of two; blocks begin at
+            its multiples.
+
+    Args:
+        grid_size: cells along each side of the square grid, N.
+        start: the person's cell at step 0, (x, y).
+        vector: drift in cells per step, (x, y); y grows downward. What exceeds one cell
+            per step drifts one cell per step.
+        disperse_constant: how quickly the person may stray, see `dispersion_rate`.
+    """
+
+    def __init__(
+        self,
+        grid_size: int,
+        start: tuple[int, int],
+        vector: tuple[float, float],
+        disperse_constant: float,
+    ) -> None:
+        self._parameters = (grid_size, start, vector, disperse_constant)
+        self._key = (grid_size, *start, *vector, disperse_constant)
+        fitting = max(1, _BLOCK_BYTES // self._step_bytes())
+        self.block_steps = min(_BLOCK_STEPS, 1 << (fitting.bit_length() - 1))
+        self._initial = self._block = self._make_block(0, None)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self._parameters
+
+    @property
+    def parameters(self) -> tuple[int, tuple[int, int], tuple[float, float], float]:
+        """The arguments it was made with."""
+        return self._parameters
+
+    @property
+    def grid_size(self) -> int:
+        """Cells along each side of the grid."""
+        return self._parameters[0]
+
+    def at(self, step: int) -> NDArray[np.float32]:
+        """The matrix at a step.
+
+        Args:
+            step: completed steps, >= 0.
+
+        Returns:
+            float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; read-only.
+        """
+        block = self._block
+        index = step - block.first
+        if not 0 <= index < len(block.moves):
+            block = self.block(step)
+            index = step - block.first
+        matrix = block.matrices[index]
+        if matrix is None:
+            x, y = block.marginals[index]
+            matrix = np.multiply.outer(y, x)
+            matrix.flags.writeable = False
+            block.matrices[index] = matrix
+        return matrix
+
+    def block(self, step: int) -> Block:
+        """The tables that hold a step; going on from step to step is cheap."""
+        block = self._block
+        if step < block.first:
+            block = self._initial
+        while step >= block.first + len(block.moves):
+            block = self._make_block(block.first + len(block.moves), block)
+        self._block = block
+        return block
+
+    def marginals(self, step: int) -> tuple[Floats, Floats]:
+        """The chances of each column and of each row at a step: float64, shape (N,) each."""
+        block = self.block(step)
+        x, y = block.steps.probability[step - block.first]
+        return x, y
+
+    def exact(self, step: int) -> Floats:
+        """The matrix at a step in double precision: float64, shape (N, N), indexed [y, x]."""
+        x, y = self.marginals(step)
+        return np.multiply.outer(y, x)
+
+    def moves(self, step: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """The chances of a person's move from a step to the next, given its cell.
+
+        Returns:
+            float64, shape (N,) each: to the right and to the left for every column, then
+            down and up for every row.
+        """
+        block = self.block(step)
+        index = step - block.first
+        (right, down), (left, up) = block.steps.right[index], block.steps.left[index]
+        return right, left, down, up
+
+    def _step_bytes(self) -> int:
+        grid_size = self.grid_size
+        matrix = 4 * grid_size**2
+        tables = 2 * grid_size * (3 * 8 + 4 + 2 * 32)
+        return matrix + tables + 1024
+
+    def _make_block(self, first: int, before: Block | None) -> Block:
+        key = (*self._key, first)
+        block = _kept.get(key)
+        if block is None:
+            grid_size, start, vector, disperse_constant = self._parameters
+            ahead = range(first + 1, first + self.block_steps + 1)
+            targets = np.stack(
+                [
+                    gaussian_cdf(grid_size, start[axis], vector[axis], disperse_constant, ahead)
+                    for axis in (0, 1)
+                ],
+                axis=1,
+            )
+            steps = follow(
+                point_mass(grid_size, start) if before is None else before.steps.cdf, targets
+            )
+            rights = steps.right.tolist()
+            moved = (steps.right + steps.left).tolist()
+            block = Block(
+                first=first,
+                steps=steps,
+                marginals=steps.probability.astype(np.float32),
+                moves=[(r[0], m[0], r[1], m[1]) for r, m in zip(rights, moved, strict=True)],
+                matrices=[None] * self.block_steps,
+            )
+            _kept.put(key, block, self._step_bytes() * self.block_steps)
+        return block

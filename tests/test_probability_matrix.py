@@ -1,0 +1,160 @@
+"""The law against the mathematics it comes from, written out plainly here."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from DroneSwarmSearch import ProbabilityMatrix
+from DroneSwarmSearch import probability_matrix as module
+from DroneSwarmSearch.probability_matrix import dispersion_rate
+
+DRIFTS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
+CONSTANTS = [0, 0.5, 3, 10, 100, 1e308]
+
+
+def plain_cdfs(size: int, start: int, drift: float, constant: float, steps: int) -> np.ndarray:
+    """F_0 ... F_steps of one axis, cell by cell."""
+    rate = (2 / 3) * constant / (constant + 5) if constant < 1e300 else 2 / 3
+    rows = [[1.0 if x >= start else 0.0 for x in range(size)]]
+    for t in range(1, steps + 1):
+        mean = min(max(start + drift * t, 0), size - 1)
+        deviation = math.sqrt(rate * t)
+
+        def phi(edge: float, mean: float = mean, deviation: float = deviation) -> float:
+            if deviation == 0:
+                return 1.0 if edge + 0.5 > round(mean) else 0.0
+            return 0.5 * (1 + math.erf((edge - mean) / (deviation * math.sqrt(2))))
+
+        before, row = rows[-1], []
+        for x in range(size):
+            total = phi(size - 0.5) - phi(-0.5)
+            target = (phi(x + 0.5) - phi(-0.5)) / total if deviation else phi(x)
+            low = before[x - 1] if x > 0 else 0.0
+            high = before[x + 1] if x < size - 1 else 1.0
+            row.append(min(max(target, low), high))
+        rows.append(row)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("drift", DRIFTS)
+@pytest.mark.parametrize("constant", CONSTANTS)
+def test_law_is_the_clipped_gaussian(drift: tuple[float, float], constant: float) -> None:
+    size, start, steps = 11, (4, 9), 70
+    law = ProbabilityMatrix(size, start, drift, constant)
+    columns, rows = (
+        np.diff(plain_cdfs(size, start[axis], drift[axis], constant, steps), prepend=0.0)
+        for axis in (0, 1)
+    )
+    for t in range(steps + 1):
+        x, y = law.marginals(t)
+        np.testing.assert_allclose(x, columns[t], atol=1e-12)
+        np.testing.assert_allclose(y, rows[t], atol=1e-12)
+        np.testing.assert_allclose(law.at(t), np.outer(rows[t], columns[t]), atol=1e-7)
+
+
+@pytest.mark.parametrize("drift", DRIFTS)
+@pytest.mark.parametrize("constant", CONSTANTS)
+def test_moves_carry_each_law_into_the_next_exactly(
+    drift: tuple[float, float], constant: float
+) -> None:
+    law = ProbabilityMatrix(11, (4, 9), drift, constant)
+    for t in range(100):
+        right, left, down, up = law.moves(t)
+        for axis, (higher, lower) in enumerate(((right, left), (down, up))):
+            now, after = law.marginals(t)[axis], law.marginals(t + 1)[axis]
+            stay = 1 - higher - lower
+            assert min(higher.min(), lower.min(), stay.min()) >= -1e-12
+            moved = now * stay
+            moved[1:] += (now * higher)[:-1]
+            moved[:-1] += (now * lower)[1:]
+            np.testing.assert_allclose(moved, after, atol=1e-14)
+            assert higher[-1] == 0.0 == lower[0]
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(
+    size=st.integers(2, 30),
+    place=st.tuples(st.floats(0, 0.999), st.floats(0, 0.999)),
+    drift=st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2),
+    constant=st.floats(0, 1e308),
+    t=st.integers(0, 90),
+)
+def test_matrix_properties(
+    size: int, place: tuple, drift: tuple, constant: float, t: int
+) -> None:
+    start = int(place[0] * size), int(place[1] * size)
+    matrix = ProbabilityMatrix(size, start, drift, constant).at(t)
+    assert matrix.dtype == np.float32 and matrix.shape == (size, size)
+    assert matrix.min() >= 0
+    assert matrix.sum(dtype=np.float64) == pytest.approx(1, abs=1e-6)
+    y, x = np.nonzero(matrix)
+    assert np.abs(x - start[0]).max() <= t and np.abs(y - start[1]).max() <= t
+
+
+def moments(probability: np.ndarray) -> tuple[float, float]:
+    cells = np.arange(len(probability))
+    mean = probability @ cells
+    return mean, math.sqrt(probability @ (cells - mean) ** 2)
+
+
+def test_oracles() -> None:
+    x, _ = ProbabilityMatrix(40, (20, 20), (0, 0), 10).marginals(40)
+    assert moments(x) == pytest.approx((20.00, 4.22), abs=0.01)
+    x, _ = ProbabilityMatrix(40, (20, 20), (0.5, 0), 3).marginals(20)
+    assert moments(x) == pytest.approx((30.00, 2.25), abs=0.01)
+
+
+def test_drift_beyond_one_cell_a_step_moves_one_cell_a_step() -> None:
+    fast = ProbabilityMatrix(40, (3, 20), (9.0, 0), 10)
+    for t in range(1, 25):
+        assert moments(fast.marginals(t)[0])[0] == pytest.approx(3 + t, abs=0.01)
+
+
+def test_dispersion_rate_grows_to_two_thirds() -> None:
+    rates = [dispersion_rate(constant) for constant in (0, 0.5, 3, 10, 100, 1e9)]
+    assert rates == sorted(rates) and rates[0] == 0
+    assert rates[3] == pytest.approx(4 / 9) and rates[-1] == pytest.approx(2 / 3)
+
+
+def test_steps_come_in_any_order() -> None:
+    one, other = (ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5) for _ in range(2))
+    expected = [one.at(t).copy() for t in range(100)]
+    for t in (99, 0, 33, 32, 31, 64, 98, 1):
+        np.testing.assert_array_equal(other.at(t), expected[t])
+
+
+def test_matrices_are_read_only_and_shared() -> None:
+    one, other = (ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5) for _ in range(2))
+    assert one.at(7) is other.at(7) is copy.deepcopy(one).at(7)
+    with pytest.raises(ValueError, match="read-only"):
+        one.at(7)[0, 0] = 1
+    assert not pickle.loads(pickle.dumps(one)).at(7).flags.writeable
+
+
+def test_a_million_steps_keep_bounded_memory() -> None:
+    """Tables are kept within their limit, whatever the law and however far it is asked for."""
+    law = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
+    for t in range(6000):
+        law.at(t)
+    kept = module._kept
+    in_use = sum(
+        matrix.nbytes
+        for block, _ in kept._blocks.values()
+        for matrix in block.matrices
+        if matrix is not None
+    )
+    assert 0 < in_use < kept._bytes <= module.KEPT_BYTES < 64 * 2**20
+    assert kept._bytes == sum(size for _, size in kept._blocks.values())
+
+
+def test_a_huge_grid_keeps_small_blocks() -> None:
+    assert ProbabilityMatrix(1500, (0, 0), (0, 0), 1).block_steps == 1
+    assert ProbabilityMatrix(300, (0, 0), (0, 0), 1).block_steps == 8
+    assert ProbabilityMatrix(50, (0, 0), (0, 0), 1).block_steps == 32
