@@ -1,0 +1,206 @@
+"""The rules of the search: actions, rewards and endings, and nothing else.
+
+A drone's reward in a step is the first line that applies (t = steps completed
+before this one, L = timestep_limit, p = the matrix it was shown at its cell):
+
+| event                                               | reward                      |
+|-----------------------------------------------------|-----------------------------|
+| it collided                                         | -100000                     |
+| it left the grid                                    | -100000                     |
+| it searched and found a person                      | 10000 + 10000 (1 - t/L)     |
+| the time is up and it has found nobody this episode | -(its return so far) - 100000 |
+| it searched and found nobody                        | 10000 p if 100 p > 1, else -100 |
+| anything else                                       | 1                           |
+
+The episode ends for all drones together at a collision, when a drone leaves the
+grid, when all persons are found, and with step number L.
+
+`reward` is that table, one drone at a time; the figures are in `RewardScheme`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import Enum, IntEnum
+from numbers import Real
+
+__all__ = [
+    "OFF_GRID",
+    "Action",
+    "Ending",
+    "RewardScheme",
+    "ending",
+    "fruitless_search_reward",
+    "neighbours",
+    "reward",
+    "same_cell",
+]
+
+
+class Action(IntEnum):
+    """What a drone can do in a step; y grows downward, so UP is towards row 0."""
+
+    LEFT = 0
+    RIGHT = 1
+    UP = 2
+    DOWN = 3
+    SEARCH = 4
+    IDLE = 5
+
+
+class Ending(Enum):
+    """Why an episode ended; the values are the words shown to people."""
+
+    FOUND = "every person was found"
+    COLLISION = "drones collided"
+    LEFT_GRID = "a drone left the grid"
+    TIME_UP = "the time was up"
+
+
+OFF_GRID = -1
+"""Stands for the cell a drone tried to go to when that cell is outside the grid."""
+
+
+@dataclass(frozen=True)
+class RewardScheme:
+    """The figures of the reward table, all in points per step and drone.
+
+    Attributes:
+        step: anything that no other line covers.
+        search: factor of the shown probability for a search that finds nobody.
+        search_threshold: a fruitless search of a cell shown with this
+            probability or less is worth `search_unlikely` instead.
+        search_unlikely: see `search_threshold`.
+        find: finding a person.
+        find_early: on top of `find`, times the share of the time limit left.
+        timeout: the return of a drone that found nobody by the time limit.
+        leave_grid: trying to leave the grid.
+        collision: being in one cell with another drone.
+
+    Raises:
+        TypeError: a figure is not a real number.
+        ValueError: a figure is not finite.
+    """
+
+    step: float = 1.0
+    search: float = 10_000.0
+    search_threshold: float = 0.01
+    search_unlikely: float = -100.0
+    find: float = 10_000.0
+    find_early: float = 10_000.0
+    timeout: float = -100_000.0
+    leave_grid: float = -100_000.0
+    collision: float = -100_000.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise TypeError(f"RewardScheme.{field.name} must be a real number, got {value!r}")
+            if not math.isfinite(value):
+                raise ValueError(f"RewardScheme.{field.name} must be finite, got {value!r}")
+            object.__setattr__(self, field.name, float(value))
+
+    @classmethod
+    def sparse(cls) -> RewardScheme:
+        """1 to a drone in the step in which it finds a person, 0 in every other case."""
+        nothing = dict.fromkeys((field.name for field in fields(cls)), 0.0)
+        return cls(**{**nothing, "find": 1.0})
+
+
+def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]:
+    """Where each action leads from a cell, indexed by `Action`.
+
+    Args:
+        cell: y * grid_size + x.
+        grid_size: cells along each side.
+
+    Returns:
+        Six cells; OFF_GRID where the move leaves the grid. SEARCH and IDLE stay.
+    """
+    y, x = divmod(cell, grid_size)
+    return (
+        cell - 1 if x > 0 else OFF_GRID,
+        cell + 1 if x < grid_size - 1 else OFF_GRID,
+        cell - grid_size if y > 0 else OFF_GRID,
+        cell + grid_size if y < grid_size - 1 else OFF_GRID,
+        cell,
+        cell,
+    )
+
+
+def same_cell(targets: Sequence[int]) -> set[int]:
+    """The cells that two or more drones are in after moving: those drones have collided.
+
+    A drone that tried to leave counts where it tried to go, so OFF_GRID is never among
+    them; two drones that exchange cells do not meet.
+    """
+    seen: set[int] = set()
+    shared: set[int] = set()
+    for cell in targets:
+        (shared if cell in seen else seen).add(cell)
+    shared.discard(OFF_GRID)
+    return shared
+
+
+def reward(
+    scheme: RewardScheme,
+    collided: bool,
+    left_grid: bool,
+    found: bool,
+    time_up: bool,
+    found_before: bool,
+    searched: bool,
+    probability: float,
+    steps_before: int,
+    timestep_limit: int,
+    return_so_far: float,
+) -> float:
+    """The reward of one drone in one step: the first line of the table that applies.
+
+    Args:
+        scheme: the figures.
+        collided: another drone is in its cell after moving.
+        left_grid: its move led outside the grid.
+        found: its search found a person in this step.
+        time_up: this is step number `timestep_limit`.
+        found_before: it found a person in an earlier step of the episode.
+        searched: it searched.
+        probability: what the matrix it was shown says of its cell.
+        steps_before: steps completed before this one.
+        timestep_limit: the number of steps in an episode.
+        return_so_far: the sum of its rewards in the episode before this step.
+    """
+    if collided:
+        return scheme.collision
+    if left_grid:
+        return scheme.leave_grid
+    if found:
+        return scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
+    if time_up and not found_before:
+        return scheme.timeout - return_so_far
+    if searched:
+        return fruitless_search_reward(scheme, probability)
+    return scheme.step
+
+
+def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
+    """The table's line for a search that found nobody, in a cell shown with a probability."""
+    if probability > scheme.search_threshold:
+        return scheme.search * probability
+    return scheme.search_unlikely
+
+
+def ending(
+    all_found: bool, any_collided: bool, any_left_grid: bool, time_up: bool
+) -> Ending | None:
+    """Whether and why the episode ends with this step; success is named before mishaps."""
+    if all_found:
+        return Ending.FOUND
+    if any_collided:
+        return Ending.COLLISION
+    if any_left_grid:
+        return Ending.LEFT_GRID
+    return Ending.TIME_UP if time_up else None

@@ -1,0 +1,169 @@
+"""The reward table and the endings, line by line."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import pytest
+
+from DroneSwarmSearch.rules import (
+    OFF_GRID,
+    Action,
+    Ending,
+    RewardScheme,
+    ending,
+    fruitless_search_reward,
+    neighbours,
+    reward,
+    same_cell,
+)
+
+NOTHING = {
+    "collided": False,
+    "left_grid": False,
+    "found": False,
+    "time_up": False,
+    "found_before": False,
+    "searched": False,
+    "probability": 0.0,
+    "steps_before": 0,
+    "timestep_limit": 100,
+    "return_so_far": 0.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("happened", "points"),
+    [
+        ({}, 1.0),
+        ({"probability": 0.9}, 1.0),
+        ({"searched": True, "probability": 0.5}, 5000.0),
+        ({"searched": True, "probability": 0.010001}, 100.01),
+        ({"searched": True, "probability": 0.01}, -100.0),
+        ({"searched": True, "probability": 0.0}, -100.0),
+        ({"searched": True, "found": True}, 20_000.0),
+        ({"searched": True, "found": True, "steps_before": 25}, 17_500.0),
+        ({"searched": True, "found": True, "steps_before": 99}, 10_100.0),
+        ({"time_up": True, "return_so_far": 99.0}, -100_099.0),
+        ({"time_up": True, "return_so_far": -250.0}, -99_750.0),
+        ({"time_up": True, "found_before": True, "return_so_far": 9.0}, 1.0),
+        ({"time_up": True, "found_before": True, "searched": True, "probability": 0.5}, 5000.0),
+        ({"time_up": True, "searched": True, "probability": 0.5}, -100_000.0),
+        ({"time_up": True, "searched": True, "found": True, "steps_before": 50}, 15_000.0),
+        ({"left_grid": True}, -100_000.0),
+        ({"left_grid": True, "time_up": True, "return_so_far": 7.0}, -100_000.0),
+        ({"collided": True}, -100_000.0),
+        ({"collided": True, "searched": True, "found": True}, -100_000.0),
+        ({"collided": True, "time_up": True, "return_so_far": 7.0}, -100_000.0),
+    ],
+)
+def test_reward_table(happened: dict, points: float) -> None:
+    assert reward(RewardScheme(), **{**NOTHING, **happened}) == pytest.approx(points, abs=1e-9)
+
+
+def test_every_line_reads_its_own_figure() -> None:
+    """Figures that are all different show which line of the table was taken."""
+    scheme = RewardScheme(
+        step=1, search=2, search_threshold=0.5, search_unlikely=3, find=5, find_early=7,
+        timeout=11, leave_grid=13, collision=17,
+    )  # fmt: skip
+    flags = ("collided", "left_grid", "found", "time_up", "found_before", "searched")
+    for values in itertools.product((False, True), repeat=len(flags)):
+        case = dict(zip(flags, values, strict=True))
+        for probability in (0.25, 0.75):
+            got = reward(
+                scheme, **{**NOTHING, **case, "probability": probability, "return_so_far": 40.0}
+            )
+            lines = [
+                (case["collided"], 17),
+                (case["left_grid"], 13),
+                (case["found"], 5 + 7),
+                (case["time_up"] and not case["found_before"], 11 - 40),
+                (case["searched"] and probability == 0.75, 1.5),
+                (case["searched"], 3),
+                (True, 1),
+            ]
+            assert got == next(points for applies, points in lines if applies), case
+
+
+def test_sparse_pays_the_finder_alone() -> None:
+    sparse = RewardScheme.sparse()
+    for happened, points in (
+        ({"searched": True, "found": True, "steps_before": 50}, 1.0),
+        ({}, 0.0),
+        ({"searched": True, "probability": 0.9}, 0.0),
+        ({"searched": True}, 0.0),
+        ({"time_up": True}, 0.0),
+        ({"left_grid": True}, 0.0),
+        ({"collided": True}, 0.0),
+    ):
+        got = reward(sparse, **{**NOTHING, **happened})
+        assert (got, math.copysign(1, got)) == (points, 1), happened  # and never -0.0
+
+
+def test_fruitless_search_is_the_tables_line() -> None:
+    for probability in (0.0, 0.01, 0.0101, 1.0):
+        line = reward(RewardScheme(), **{**NOTHING, "searched": True, "probability": probability})
+        assert fruitless_search_reward(RewardScheme(), probability) == line
+
+
+def test_reward_scheme_is_frozen_and_checked() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        RewardScheme().step = 2.0  # type: ignore[misc]
+    with pytest.raises(ValueError, match=r"RewardScheme\.find must be finite, got inf"):
+        RewardScheme(find=math.inf)
+    with pytest.raises(TypeError, match=r"RewardScheme\.step must be a real number, got 'a'"):
+        RewardScheme(step="a")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"RewardScheme\.step"):
+        RewardScheme(step=True)
+    assert RewardScheme(step=2).step == 2.0
+
+
+@pytest.mark.parametrize(
+    ("all_found", "collided", "left", "time_up", "expected"),
+    [
+        (False, False, False, False, None),
+        (True, False, False, False, Ending.FOUND),
+        (True, True, True, True, Ending.FOUND),
+        (False, True, False, False, Ending.COLLISION),
+        (False, True, True, True, Ending.COLLISION),
+        (False, False, True, True, Ending.LEFT_GRID),
+        (False, False, False, True, Ending.TIME_UP),
+    ],
+)
+def test_endings(
+    all_found: bool, collided: bool, left: bool, time_up: bool, expected: Ending | None
+) -> None:
+    assert ending(all_found, collided, left, time_up) is expected
+
+
+def test_actions_have_the_seeds_numbers() -> None:
+    assert [action.name for action in Action] == ["LEFT", "RIGHT", "UP", "DOWN", "SEARCH", "IDLE"]
+    assert [int(action) for action in Action] == [0, 1, 2, 3, 4, 5]
+
+
+def test_neighbours_of_every_cell() -> None:
+    size = 3
+    steps = {Action.LEFT: (-1, 0), Action.RIGHT: (1, 0), Action.UP: (0, -1), Action.DOWN: (0, 1)}
+    for cell in range(size**2):
+        around = neighbours(cell, size)
+        for action in Action:
+            dx, dy = steps.get(action, (0, 0))
+            x, y = cell % size + dx, cell // size + dy
+            inside = 0 <= x < size and 0 <= y < size
+            assert around[action] == (y * size + x if inside else OFF_GRID)
+
+
+@pytest.mark.parametrize(
+    ("targets", "shared"),
+    [
+        ([1, 2, 3], set()),
+        ([1, 2, 1], {1}),
+        ([1, 1, 1, 4, 4, 5], {1, 4}),
+        ([OFF_GRID, OFF_GRID, 3], set()),
+    ],
+)
+def test_same_cell(targets: list[int], shared: set[int]) -> None:
+    assert same_cell(targets) == shared
