@@ -1,0 +1,11 @@
+"""pygame, imported without its greeting; works alike with pygame and pygame-ce."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+import pygame
+
+__all__ = ["pygame"]

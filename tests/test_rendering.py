@@ -1,0 +1,734 @@
+"""Pictures of the search: text, off-screen pictures, the window."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
+from DroneSwarmSearch.rendering.layout import LEFT, TOP, Layout
+from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.text import RAMP, render_text
+from DroneSwarmSearch.rendering.window import KEYS_KEPT, Window
+from DroneSwarmSearch.rules import Ending
+
+pygame = pytest.importorskip("pygame")
+
+SIZES = (2, 7, 20, 50, 100)
+ENDINGS = (Ending.FOUND, Ending.COLLISION, Ending.LEFT_GRID, Ending.TIME_UP)
+
+
+def make_frame(
+    grid_size: int = 7,
+    *,
+    drones: tuple[tuple[int, int], ...] = ((0, 0),),
+    searching: tuple[int, ...] = (),
+    persons: tuple[tuple[int, int], ...] = ((1, 1),),
+    found: tuple[int, ...] = (),
+    matrix: object = None,
+    ending: Ending | None = None,
+) -> Frame:
+    """A frame; `searching` and `found` are indices. Without a matrix, cell (1, 1) has all."""
+    if matrix is None:
+        matrix = np.zeros((grid_size, grid_size))
+        matrix[1, 1] = 1.0
+    return Frame(
+        matrix=np.asarray(matrix, dtype=np.float32),
+        drones=drones,
+        searching=tuple(i in searching for i in range(len(drones))),
+        persons=persons,
+        found=tuple(i in found for i in range(len(persons))),
+        step=3,
+        timestep_limit=10,
+        vector=(0.5, -0.25),
+        ending=ending,
+    )
+
+
+def draw(frame: Frame, *, grid: bool = False, gradient: bool = True) -> NDArray[np.int64]:
+    """The picture of a frame as signed integers, for arithmetic."""
+    painter = Painter(frame.grid_size, render_grid=grid, render_gradient=gradient)
+    return painter.pixels(frame).astype(np.int64)
+
+
+def cell_of(picture: NDArray[np.int64], grid_size: int, x: int, y: int) -> NDArray[np.int64]:
+    """The part of a picture that shows a cell, shape (side, side, 3)."""
+    side = int(Layout(grid_size).pitch)
+    top, left = TOP + y * side, LEFT + x * side
+    return picture[top : top + side, left : left + side]
+
+
+def board_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
+    """The part of a picture that shows the board, shape (side, side, 3)."""
+    side = Layout(grid_size).board
+    return picture[TOP : TOP + side, LEFT : LEFT + side]
+
+
+def bare(frame: Frame) -> Frame:
+    """A frame without its drones and persons."""
+    return replace(frame, drones=(), searching=(), persons=(), found=())
+
+
+class TestLabels:
+    @pytest.mark.parametrize(
+        ("room", "pitch", "stride"),
+        [
+            (26, 103, 1),
+            (26, 26, 1),
+            (26, 14, 2),
+            (26, 7, 5),
+            (26, 2, 20),
+            (26, 1, 50),
+            (3, 0.01, 500),
+        ],
+    )
+    def test_tick_stride_is_the_least_that_leaves_the_room(
+        self, room: float, pitch: float, stride: int
+    ) -> None:
+        assert tick_stride(room, pitch) == stride
+
+    def test_figures(self) -> None:
+        assert percent(0.123456) == "12.3%"
+        assert percent(0.0) == "0%"
+        assert signed(-0.5) == "-0.50"
+        assert signed(12345.0) == "+1.23e+04"
+
+
+class TestText:
+    def test_a_search_that_goes_on(self) -> None:
+        frame = make_frame(
+            3,
+            drones=((0, 0), (2, 1)),
+            searching=(1,),
+            persons=((2, 1), (0, 2)),
+            found=(1,),
+            matrix=[[0.0, 0.05, 0.05], [0.1, 0.2, 0.4], [0.1, 0.05, 0.05]],
+        )
+        assert render_text(frame).split("\n") == [
+            "step 3/10 | drift x +0.50, y -0.25 cells/step | persons found 1/2",
+            "      0    1    2",
+            "0    0.    :    :",
+            "1     ;    o 1*P@",
+            "2    F;    :    :",
+            "0-1 drone, * searching, + same cell | person: P missing, F found | "
+            + ".:;=oO%#@ probability, 0 to 40%",
+        ]
+
+    def test_a_collision_over_persons(self) -> None:
+        frame = make_frame(
+            2,
+            drones=((1, 1), (1, 1)),
+            persons=((1, 1), (1, 1), (1, 1)),
+            found=(2,),
+            matrix=[[0.25, 0.25], [0.25, 0.25]],
+            ending=Ending.COLLISION,
+        )
+        assert render_text(frame).split("\n")[1:-1] == [
+            f"The target was not found ({Ending.COLLISION.value})",
+            "         0       1",
+            "0        @       @",
+            "1        @ 0+1P2F@",
+        ]
+
+    def test_the_outcome_of_a_success(self) -> None:
+        frame = make_frame(2, found=(0,), ending=Ending.FOUND)
+        line = render_text(frame).split("\n")[1]
+        assert line == f"The target was found in 3 moves ({Ending.FOUND.value})"
+
+    def test_the_width_stays_when_a_drone_starts_to_search(self) -> None:
+        idle = make_frame(4, drones=((0, 0), (3, 3)))
+        widths = [
+            {len(line) for line in render_text(frame).split("\n")[2:6]}
+            for frame in (idle, replace(idle, searching=(True, True)))
+        ]
+        assert widths[0] == widths[1]
+        assert len(widths[0]) == 1
+
+    def test_hundreds_of_drones_in_columns_that_are_numbered(self) -> None:
+        drones = tuple((i % 100, 2 * (i // 100)) for i in range(300))
+        frame = make_frame(100, drones=drones, searching=(299,), persons=((99, 99),))
+        lines = render_text(frame).split("\n")
+        columns, rows = lines[1], lines[2:102]
+        assert len({len(row) for row in rows}) == 1
+        width = (len(rows[0]) - 3) // 100
+        assert rows[4][3 + 99 * width :] == "299*."
+        assert rows[0][3 : 3 + 2 * width] == "   0.   1."
+        assert rows[99].endswith("P.")
+        assert [int(number) for number in columns.split()] == list(range(100))
+        assert columns.index("42") + 2 == 3 + 43 * width
+
+    def test_large_grids_thin_the_column_numbers(self) -> None:
+        columns = render_text(make_frame(100)).split("\n")[1]
+        assert columns.split()[:3] == ["0", "1", "2"]
+        crowded = render_text(make_frame(1200)).split("\n")[1]
+        assert [int(number) for number in crowded.split()] == list(range(0, 1200, 2))
+
+    def test_it_is_plain_ascii(self) -> None:
+        for ending in (None, *ENDINGS):
+            text = render_text(make_frame(20, ending=ending))
+            assert text.isascii()
+            assert all(character == "\n" or character.isprintable() for character in text)
+
+    def test_the_ramp_rises_with_probability_and_has_no_mark_in_it(self) -> None:
+        matrix = np.linspace(0.0, 1.0, len(RAMP) ** 2).reshape(len(RAMP), -1)
+        frame = replace(
+            bare(make_frame(len(RAMP), matrix=matrix)), drones=((0, 0),), searching=(False,)
+        )
+        shades = "".join(line.replace(" ", "")[1:] for line in render_text(frame).split("\n")[2:-1])
+        assert shades.startswith("0.")
+        places = [RAMP.index(shade) for shade in shades[1:]]
+        assert places == sorted(places)
+        assert set(places) == set(range(len(RAMP)))
+        assert not set(RAMP) & set("0123456789*+PF")
+
+    def test_a_matrix_of_zeros_is_drawn(self) -> None:
+        frame = make_frame(2, matrix=np.zeros((2, 2)), drones=((0, 0),), persons=((0, 0),))
+        assert render_text(frame).split("\n")[3] == "1    .   ."
+
+    def test_text_needs_no_pygame(self) -> None:
+        code = (
+            "import sys; import DroneSwarmSearch.rendering;"
+            "import DroneSwarmSearch.rendering.text;"
+            "sys.exit(any(name.split('.')[0] == 'pygame' for name in sys.modules))"
+        )
+        assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+class TestCells:
+    @pytest.mark.parametrize("grid_size", SIZES)
+    @pytest.mark.parametrize("gradient", [True, False])
+    def test_red_for_the_least_and_green_for_the_most_likely(
+        self, grid_size: int, gradient: bool
+    ) -> None:
+        picture = draw(bare(make_frame(grid_size)), gradient=gradient)
+        r, g, b = cell_of(picture, grid_size, 0, 0).reshape(-1, 3).T
+        assert (r > 2 * g).all() and (r > 2 * b).all()
+        r, g, b = cell_of(picture, grid_size, 1, 1).reshape(-1, 3).T
+        assert (g > 1.5 * r).all() and (g > 1.5 * b).all()
+
+    def test_a_gradient_goes_through_yellow(self) -> None:
+        matrix = np.linspace(0.0, 1.0, 49).reshape(7, 7)
+        picture = draw(bare(make_frame(matrix=matrix)))
+        middles = np.array([cell_of(picture, 7, x, y)[50, 50] for y in range(7) for x in range(7)])
+        assert len(np.unique(middles, axis=0)) == 49
+        r, g, b = middles.T
+        assert (np.diff(g[:25]) >= 0).all() and (np.diff(r[24:]) <= 0).all()
+        assert r[24] > 200 and g[24] > 180 and b[24] < 120
+
+    def test_without_gradient_there_are_three_colours_with_the_limits_of_the_readme(self) -> None:
+        matrix = np.zeros((2, 2))
+        colours = {}
+        for share in (0.0, 0.2499, 0.25, 0.7499, 0.75, 1.0):
+            matrix[0] = (1.0, share)
+            picture = draw(bare(make_frame(2, matrix=matrix)), gradient=False)
+            colours[share] = tuple(cell_of(picture, 2, 1, 0)[100, 100])
+        red, yellow, green = colours[0.0], colours[0.25], colours[1.0]
+        assert len({red, yellow, green}) == 3
+        assert colours[0.2499] == red
+        assert colours[0.7499] == yellow
+        assert colours[0.75] == green
+        assert yellow[0] > 200 and yellow[1] > 180 and yellow[2] < 120
+
+    def test_cells_are_where_the_matrix_says_x_to_the_right_and_y_down(self) -> None:
+        matrix = np.zeros((7, 7))
+        matrix[2, 5] = 1.0
+        picture = draw(bare(make_frame(matrix=matrix)))
+        greener = [
+            (x, y)
+            for y in range(7)
+            for x in range(7)
+            if (cell := cell_of(picture, 7, x, y)[50, 50])[1] > cell[0]
+        ]
+        assert greener == [(5, 2)]
+
+    @pytest.mark.parametrize("grid_size", SIZES)
+    def test_grid_lines_stand_between_cells_only(self, grid_size: int) -> None:
+        frame = bare(make_frame(grid_size))
+        changed = (draw(frame, grid=True) != draw(frame)).any(axis=2)
+        side = int(Layout(grid_size).pitch)
+        board = changed[TOP : TOP + side * grid_size, LEFT : LEFT + side * grid_size]
+        expected = np.zeros_like(board)
+        expected[side::side] = True
+        expected[:, side::side] = True
+        assert (board == expected).all()
+        assert changed.sum() == board.sum()
+
+    def test_grids_of_tiny_cells_have_lines_around_blocks_alone(self) -> None:
+        frame = bare(make_frame(400))
+        changed = board_of((draw(frame, grid=True) != draw(frame)), 400).any(axis=2)
+        assert 0.01 < changed.mean() < 0.15
+
+    def test_more_cells_than_pixels_can_be_drawn(self) -> None:
+        matrix = np.zeros((1300, 1300))
+        matrix[:200] = 1.0
+        picture = draw(make_frame(1300, matrix=matrix, drones=((1299, 1299),)), grid=True)
+        top, bottom = board_of(picture, 1300)[20, 500], board_of(picture, 1300)[900, 505]
+        assert top[1] > top[0]
+        assert bottom[0] > bottom[1]
+
+    def test_a_matrix_of_zeros_is_drawn_in_the_colour_of_the_least_likely(self) -> None:
+        picture = draw(bare(make_frame(2, matrix=np.zeros((2, 2)))))
+        r, g, _ = cell_of(picture, 2, 1, 1)[100, 100]
+        assert r > 2 * g
+
+
+class TestSymbols:
+    @pytest.mark.parametrize("grid_size", SIZES)
+    def test_drones_and_persons_are_visible_and_told_apart(self, grid_size: int) -> None:
+        at = ((0, 1),)
+        frame = bare(make_frame(grid_size))
+        empty = cell_of(draw(frame), grid_size, 0, 1)
+        looks = [
+            cell_of(draw(other), grid_size, 0, 1)
+            for other in (
+                replace(frame, drones=at, searching=(False,)),
+                replace(frame, drones=at, searching=(True,)),
+                replace(frame, persons=at, found=(False,)),
+                replace(frame, persons=at, found=(True,)),
+            )
+        ]
+        for number, look in enumerate(looks):
+            for other in [empty, *looks[:number]]:
+                differs = np.abs(look - other).max(axis=2) > 60
+                assert differs.mean() > 0.05
+
+    @pytest.mark.parametrize("grid_size", SIZES)
+    @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+    def test_symbols_stand_out_from_red_yellow_and_green(
+        self, grid_size: int, value: float
+    ) -> None:
+        matrix = np.full((grid_size, grid_size), value)
+        matrix[0, 0] = 1.0
+        frame = bare(make_frame(grid_size, matrix=matrix))
+        empty = cell_of(draw(frame), grid_size, 1, 1)
+        for number in range(25) if grid_size == 50 else (0,):
+            drones = ((0, 0),) * number + ((1, 1),)
+            one = replace(frame, drones=drones, searching=(False,) * len(drones))
+            change = np.abs(cell_of(draw(one), grid_size, 1, 1) - empty).max(axis=2)
+            assert (change > 80).mean() > 0.1
+
+    @pytest.mark.parametrize("grid_size", [20, 50, 100])
+    def test_25_drones_side_by_side_all_differ(self, grid_size: int) -> None:
+        drones = tuple((i % grid_size, i // grid_size) for i in range(25))
+        picture = draw(make_frame(grid_size, drones=drones, persons=()))
+        side = int(Layout(grid_size).pitch)
+        middles = np.array(
+            [
+                cell_of(picture, grid_size, x, y)[side // 2 - 1 : side // 2 + 2].mean(axis=(0, 1))
+                for x, y in drones
+            ]
+        )
+        if grid_size == 20:  # Here they carry numbers as well.
+            assert len(np.unique(middles, axis=0)) == 25
+            return
+        distances = np.linalg.norm(middles[:, None] - middles, axis=2)
+        assert distances[~np.eye(25, dtype=bool)].min() > 12
+
+    @pytest.mark.parametrize("grid_size", SIZES)
+    def test_a_drone_over_a_person_hides_neither(self, grid_size: int) -> None:
+        frame = make_frame(grid_size, drones=((1, 1), (0, 0)), persons=((1, 1),))
+        pictures = [
+            board_of(draw(other), grid_size)[Layout(grid_size).board // grid_size :]
+            for other in (
+                frame,
+                replace(frame, drones=((0, 0), (1, 1))),  # A drone of another colour.
+                replace(frame, found=(True,)),
+            )
+        ]
+        for other in pictures[1:]:
+            assert (np.abs(pictures[0] - other).max(axis=2) > 40).sum() >= 20
+
+    @pytest.mark.parametrize("grid_size", SIZES)
+    def test_drones_that_collided_are_both_seen(self, grid_size: int) -> None:
+        frame = make_frame(grid_size, drones=((1, 1), (1, 1)), persons=())
+        swapped = {}
+        for pair in ((0, 1), (0, 2), (3, 1)):
+            drones = tuple((1, 1) if n in pair else (0, 0) for n in range(4))
+            one = replace(frame, drones=drones, searching=(False,) * 4)
+            swapped[pair] = board_of(draw(one), grid_size)
+        # Another colour of either drone is seen in another place.
+        second = np.abs(swapped[0, 1] - swapped[0, 2]).max(axis=2) > 40
+        first = np.abs(swapped[0, 1] - swapped[3, 1]).max(axis=2) > 40
+        side = int(Layout(grid_size).pitch)
+        reach = max(side // 2, 8)
+        middle = side + side // 2
+        near = np.s_[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
+        assert second[near].sum() >= 8
+        assert first[near].sum() >= 8
+        assert np.argwhere(first[near]).mean() < np.argwhere(second[near]).mean()
+
+    def test_symbols_stay_on_the_board(self) -> None:
+        for grid_size in SIZES:
+            last = grid_size - 1
+            crowd = ((0, 0), (0, 0), (last, last), (last, last), (last, 0))
+            frame = make_frame(grid_size, drones=crowd, searching=(0, 2, 4), persons=())
+            changed = (draw(frame) != draw(bare(frame))).any(axis=2)
+            side = Layout(grid_size).board
+            assert changed[TOP : TOP + side, LEFT : LEFT + side].any()
+            changed[TOP - 2 : TOP + side + 2, LEFT - 2 : LEFT + side + 2] = False
+            changed[:, Layout(grid_size).panel_left :] = False
+            assert not changed.any()
+
+
+class TestPanel:
+    @pytest.mark.parametrize(
+        "change",
+        [
+            {"step": 4},
+            {"timestep_limit": 11},
+            {"vector": (0.5, -0.5)},
+            {"vector": (0.0, 0.0)},
+            {"vector": (1e300, -1e300)},
+            {"found": (True,)},
+            {"drones": ((0, 0), (0, 0)), "searching": (False, False)},
+            {"matrix": np.full((7, 7), 1 / 49, dtype=np.float32)},
+        ],
+    )
+    def test_it_shows_the_state(self, change: dict[str, object]) -> None:
+        frame = make_frame()
+        left = Layout(7).panel_left
+        before = draw(frame)[:, left:]
+        after = draw(replace(frame, **change))[:, left:]  # type: ignore[arg-type]
+        assert (before != after).any()
+
+    def test_the_key_of_hundreds_of_drones_stays_in_the_picture(self) -> None:
+        few = tuple((n % 20, n // 20) for n in range(30))
+        many = tuple((n % 20, n // 20) for n in range(300))
+        pictures = [
+            draw(make_frame(20, drones=drones, persons=()))[:, Layout(20).panel_left :]
+            for drones in (few, many)
+        ]
+        assert pictures[0].shape == pictures[1].shape
+        for picture in pictures:
+            assert (picture[-20:] == picture[-1, -1]).all()
+
+    @pytest.mark.parametrize("top_value", [1.0, 0.333, 1.05e-4, 1.23e-5, 4.5e-9])
+    def test_the_figures_of_the_scale_stand_apart(self, top_value: float) -> None:
+        matrix = np.full((7, 7), top_value)
+        picture = draw(make_frame(matrix=matrix), gradient=False)
+        figures = picture[TOP + 332 : TOP + 348, Layout(7).panel_left :].min(axis=2) < 160
+        used = figures.any(axis=0).astype(int)
+        gaps = np.diff(np.flatnonzero(used))
+        assert (gaps > 5).sum() == 3
+
+    def test_a_scale_without_gradient_has_three_colours(self) -> None:
+        frame = make_frame()
+        left = Layout(7).panel_left
+        colours = [
+            {tuple(p) for p in draw(frame, gradient=gradient)[TOP + 318, left + 2 : left + 228]}
+            for gradient in (True, False)
+        ]
+        assert len(colours[0]) > 100
+        assert len(colours[1]) == 3
+
+
+class TestEndScreens:
+    @pytest.mark.parametrize("grid_size", SIZES)
+    @pytest.mark.parametrize("gradient", [True, False])
+    @pytest.mark.parametrize("ending", ENDINGS)
+    def test_green_for_found_and_red_for_not_found(
+        self, grid_size: int, gradient: bool, ending: Ending
+    ) -> None:
+        frame = make_frame(grid_size, matrix=np.full((grid_size,) * 2, 1.0), ending=ending)
+        for matrix in (frame.matrix, make_frame(grid_size).matrix):
+            picture = draw(replace(frame, matrix=matrix), gradient=gradient)
+            r, g, b = board_of(picture, grid_size).reshape(-1, 3).T
+            wanted, unwanted = (g, r) if ending is Ending.FOUND else (r, g)
+            assert ((wanted > unwanted + 25) & (wanted > b + 25)).mean() > 0.6
+
+    @pytest.mark.parametrize("grid_size", SIZES)
+    def test_the_map_stays_visible(self, grid_size: int) -> None:
+        frame = bare(make_frame(grid_size, ending=Ending.TIME_UP))
+        other = make_frame(grid_size).matrix[::-1, ::-1]
+        changed = draw(frame) != draw(replace(frame, matrix=other))
+        assert board_of(changed, grid_size).any()
+
+    @pytest.mark.parametrize("grid_size", [2, 3, 7, 300, 481])
+    def test_the_sentence_fits_with_a_margin(self, grid_size: int) -> None:
+        frame = replace(bare(make_frame(grid_size, ending=Ending.FOUND)), step=10**9)
+        board = board_of(draw(frame), grid_size)
+        sentence = (board > 240).all(axis=2)
+        edges = sentence[:, :1] & sentence[:, -1:]  # The lines along the banner reach them.
+        sentence &= ~edges
+        columns = np.flatnonzero(sentence.any(axis=0))
+        assert len(columns) > board.shape[1] / 3
+        assert columns[0] >= 0.03 * board.shape[1]
+        assert columns[-1] <= 0.97 * board.shape[1]
+
+    def test_a_reason_is_given_for_a_failure(self) -> None:
+        pictures = [board_of(draw(bare(make_frame(ending=ending))), 7) for ending in ENDINGS[1:]]
+        assert all((a != b).any() for a, b in pairwise(pictures))
+
+    def test_the_banner_leaves_symbols_visible_where_it_can(self) -> None:
+        for row in (0, 9, 19):
+            frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_UP)
+            changed = draw(frame) != draw(replace(frame, searching=(True,)))
+            assert cell_of(changed, 20, 10, row).any(axis=2).mean() > 0.3
+
+
+class TestPainter:
+    @pytest.mark.parametrize("grid_size", [*range(2, 130), 287, 300, 481, 999, 1000, 1001, 5000])
+    def test_sizes_are_even_and_reasonable(self, grid_size: int) -> None:
+        width, height = Painter(grid_size, render_grid=True, render_gradient=True).size
+        assert width % 2 == 0 and height % 2 == 0
+        assert 480 <= Layout(grid_size).board <= 1000
+        assert width <= 1400 and height <= 1100
+
+    def test_all_pictures_of_a_grid_size_have_its_size(self) -> None:
+        painter = Painter(7, render_grid=True, render_gradient=False)
+        width, height = painter.size
+        for frame in (make_frame(), make_frame(ending=Ending.FOUND), bare(make_frame())):
+            pixels = painter.pixels(frame)
+            assert painter.paint(frame).get_size() == (width, height)
+            assert pixels.shape == (height, width, 3)
+            assert pixels.dtype == np.uint8
+            assert pixels.flags.c_contiguous and pixels.flags.writeable and pixels.flags.owndata
+
+    def test_pixels_are_those_of_the_surface(self) -> None:
+        painter = Painter(7, render_grid=True, render_gradient=True)
+        frame = make_frame(searching=(0,))
+        surface = painter.paint(frame)
+        pixels = painter.pixels(frame)
+        for x, y in ((60, 60), (500, 300), (900, 80)):
+            assert tuple(pixels[y, x]) == tuple(surface.get_at((x, y)))[:3]
+
+    def test_a_frame_has_one_picture_whatever_was_drawn_before(self) -> None:
+        painter = Painter(7, render_grid=True, render_gradient=True)
+        frame = make_frame(searching=(0,))
+        before = painter.pixels(frame)
+        painter.paint(make_frame(ending=Ending.FOUND)).fill((1, 2, 3))
+        assert (painter.pixels(frame) == before).all()
+
+    def test_the_frame_is_left_as_it_was(self) -> None:
+        frame = make_frame()
+        frame.matrix.flags.writeable = False
+        before = frame.matrix.copy()
+        draw(frame)
+        render_text(frame)
+        assert (frame.matrix == before).all()
+
+    def test_another_grid_size_is_refused(self) -> None:
+        painter = Painter(7, render_grid=False, render_gradient=True)
+        with pytest.raises(ValueError, match="size 7, got a frame of size 8"):
+            painter.paint(make_frame(8))
+
+    def test_copies_draw_the_same(self) -> None:
+        painter = Painter(7, render_grid=True, render_gradient=True)
+        frame = make_frame()
+        before = painter.pixels(frame)
+        for twin in (copy.deepcopy(painter), pickle.loads(pickle.dumps(painter))):
+            assert (twin.pixels(frame) == before).all()
+
+    def test_it_draws_after_somebody_has_quit_pygame(self) -> None:
+        painter = Painter(7, render_grid=False, render_gradient=True)
+        before = painter.pixels(make_frame())
+        pygame.quit()
+        assert (painter.pixels(make_frame()) == before).all()
+        assert painter.pixels(replace(make_frame(), step=7)).shape == before.shape
+
+    def test_off_screen_only_the_font_is_started(self) -> None:
+        code = (
+            "import numpy as np\n"
+            "from DroneSwarmSearch.rendering.frame import Frame\n"
+            "from DroneSwarmSearch.rendering.painter import Painter\n"
+            "import pygame\n"
+            "p = Painter(2, render_grid=True, render_gradient=True)\n"
+            "assert not pygame.font.get_init()\n"
+            "m = np.full((2, 2), 0.25, dtype=np.float32)\n"
+            "p.pixels(Frame(m, ((0, 0),), (True,), ((1, 1),), (False,), 0, 9, (0.0, 0.0), None))\n"
+            "assert not pygame.display.get_init()\n"
+            "assert pygame.mixer.get_init() is None\n"
+            "assert not pygame.joystick.get_init()\n"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.fixture
+def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """pygame with nothing started, and a display that nobody sees."""
+    pygame.quit()
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    yield
+    pygame.quit()
+
+
+def make_window(grid_size: int = 7, *, title: str = "test", fps: float = 1000.0) -> Window:
+    painter = Painter(grid_size, render_grid=False, render_gradient=True)
+    return Window(painter, title=title, fps=fps)
+
+
+@pytest.mark.usefixtures("dummy_display")
+class TestWindow:
+    def test_it_opens_with_the_first_frame(self) -> None:
+        window = make_window(title="a search")
+        window.reopen()
+        assert not window.is_open
+        assert not pygame.display.get_init()
+        window.show(make_frame())
+        assert window.is_open
+        assert pygame.display.get_caption()[0] == "a search"
+        assert not pygame.joystick.get_init()
+        assert pygame.mixer.get_init() is None
+        window.close()
+        assert not window.is_open
+        assert not pygame.display.get_init()
+
+    def test_it_shows_the_picture(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
+        window = make_window()
+        frame = make_frame(searching=(0,))
+        window.show(frame)
+        screen = pygame.display.get_surface()
+        painter = Painter(7, render_grid=False, render_gradient=True)
+        assert screen.get_size() == painter.size
+        shown = pygame.surfarray.array3d(screen).transpose(1, 0, 2)
+        assert (shown == painter.pixels(frame)).all()
+
+    def test_it_fits_a_small_desktop(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(800, 600)])
+        window = make_window()
+        for _ in range(2):
+            window.show(make_frame())
+        width, height = pygame.display.get_surface().get_size()
+        assert 600 < width < 800 and 400 < height < 600
+
+    def test_the_user_may_close_it_and_a_reset_opens_it_again(self) -> None:
+        window = make_window()
+        window.show(make_frame())
+        pygame.event.post(pygame.event.Event(pygame.QUIT))
+        with pytest.warns(UserWarning, match="window was closed") as caught:
+            window.show(make_frame())
+        assert len(caught) == 1
+        assert not pygame.display.get_init()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            window.show(make_frame())
+            assert not pygame.display.get_init()
+            window.reopen()
+            window.show(make_frame())
+        assert window.is_open
+
+    def test_reopening_an_open_window_changes_nothing(self) -> None:
+        window = make_window()
+        window.show(make_frame())
+        screen = pygame.display.get_surface()
+        window.reopen()
+        window.show(make_frame())
+        assert pygame.display.get_surface() is screen
+
+    def test_closing_it_often_and_showing_after(self) -> None:
+        window = make_window()
+        window.close()
+        window.show(make_frame())
+        window.close()
+        window.close()
+        window.show(make_frame())
+        assert window.is_open
+
+    def test_keys_stay_in_the_queue_and_all_else_is_taken(self) -> None:
+        window = make_window()
+        window.show(make_frame())
+        pygame.event.clear()
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_LEFT, unicode="", mod=0))
+        pygame.event.post(pygame.event.Event(pygame.USEREVENT))
+        pygame.event.post(pygame.event.Event(pygame.KEYUP, key=pygame.K_LEFT, mod=0))
+        for _ in range(3):
+            window.show(make_frame())
+        left = pygame.event.get()
+        assert [event.type for event in left] == [pygame.KEYDOWN, pygame.KEYUP]
+        assert left[0].key == pygame.K_LEFT
+
+    def test_keys_that_nobody_takes_do_not_fill_the_queue(self) -> None:
+        window = make_window()
+        window.show(make_frame())
+        pygame.event.clear()
+        for key in range(3 * KEYS_KEPT):
+            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
+        window.show(make_frame())
+        kept = [event.key for event in pygame.event.get(pygame.KEYDOWN)]
+        assert kept == list(range(2 * KEYS_KEPT, 3 * KEYS_KEPT))
+
+    def test_it_keeps_the_pace_without_waiting_longer(self) -> None:
+        window = make_window(fps=20.0)
+        window.show(make_frame())
+        start = time.perf_counter()
+        for _ in range(4):
+            window.show(make_frame())
+        assert 0.17 < time.perf_counter() - start < 0.6
+        time.sleep(0.2)
+        start = time.perf_counter()
+        window.show(make_frame())
+        assert time.perf_counter() - start < 0.05
+
+    def test_windows_take_turns(self) -> None:
+        first, second = make_window(7, title="first"), make_window(50, title="second")
+        first.show(make_frame(7))
+        second.show(make_frame(50))
+        assert (first.is_open, second.is_open) == (False, True)
+        first.close()
+        assert second.is_open
+        first.show(make_frame(7))
+        assert pygame.display.get_caption()[0] == "first"
+        second.close()
+        assert first.is_open
+        first.close()
+        assert not pygame.display.get_init()
+
+    def test_a_display_started_by_others_stays_started(self) -> None:
+        pygame.display.init()
+        window = make_window()
+        window.show(make_frame())
+        window.close()
+        assert pygame.display.get_init()
+        assert pygame.display.get_surface() is None
+
+    def test_it_recovers_when_somebody_quits_pygame(self) -> None:
+        window = make_window()
+        window.show(make_frame())
+        pygame.quit()
+        window.show(make_frame())
+        assert window.is_open
+
+    def test_copies_are_not_open(self) -> None:
+        window = make_window()
+        window.show(make_frame())
+        twin = copy.deepcopy(window)
+        assert not twin.is_open
+        twin.close()
+        assert window.is_open
+        twin.show(make_frame())
+        assert twin.is_open
+
+    def test_where_no_display_can_be_opened_the_error_says_what_to_do(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
+        with pytest.raises(RuntimeError, match=r"rgb_array.*ansi.*SDL_VIDEODRIVER=dummy"):
+            make_window().show(make_frame())
+        assert not pygame.display.get_init()
+
+    def test_a_display_that_shows_nothing_must_be_asked_for(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+        make_window().show(make_frame())
+        pygame.quit()
+        monkeypatch.delenv("SDL_VIDEODRIVER")
+        monkeypatch.setattr(pygame.display, "init", lambda: None)
+        with pytest.raises(RuntimeError, match="no screen"):
+            make_window().show(make_frame())
