@@ -1,0 +1,18 @@
+"""Drones search a grid at sea for shipwrecked persons who drift: a PettingZoo ParallelEnv."""
+
+from DroneSwarmSearch.env import DroneSwarmSearch, ResetNeeded, parallel_env
+from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.rules import Action, Ending, RewardScheme
+
+__all__ = [
+    "Action",
+    "DroneSwarmSearch",
+    "Ending",
+    "ProbabilityMatrix",
+    "ResetNeeded",
+    "RewardScheme",
+    "__version__",
+    "parallel_env",
+]
+
+__version__ = "1.0.0"

@@ -1,0 +1,101 @@
+"""The actions handed to a step: read quickly where they are right, refused with reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from operator import getitem, itemgetter
+from typing import Any
+
+from DroneSwarmSearch import checks
+from DroneSwarmSearch.grid import Neighbours
+from DroneSwarmSearch.rules import Action
+
+__all__ = ["Reader", "names_in_words", "reader"]
+
+Reader = Callable[[Mapping[str, int], Neighbours, list[int]], tuple[bytes, list[int]]]
+"""Reads a step's actions.
+
+Takes the actions by drone, the grid's neighbours and the drones' cells; returns each
+drone's action and where it leads (the given cells themselves if nobody moves). Raises
+TypeError or ValueError as `_refuse` says.
+"""
+
+_STAYING = bytes((Action.SEARCH, Action.IDLE))
+
+
+def reader(names: tuple[str, ...]) -> Reader:
+    """The quickest way to read the actions of some drones."""
+    return (_One(names) if len(names) == 1 else _Several(names)).read
+
+
+def names_in_words(names: tuple[str, ...]) -> str:
+    """The drones' names for a message."""
+    return names[0] if len(names) == 1 else f"{names[0]}, ..., {names[-1]}"
+
+
+class _Several:
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._pick: Callable[[Any], tuple[int, ...]] = itemgetter(*names)
+
+    def read(
+        self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
+    ) -> tuple[bytes, list[int]]:
+        try:
+            picked = self._pick(actions)
+            # bytes() takes integers of every kind, from 0 to 255, and nothing else; but a
+            # bool is a kind of integer too, 0 or 1.
+            chosen = bytes(picked)
+            if len(actions) == len(cells):
+                if not chosen.strip(_STAYING):
+                    return chosen, cells
+                targets = [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
+                if bool not in map(type, picked):
+                    return chosen, targets
+        except Exception:
+            _refuse(actions, self._names)
+            raise
+        _refuse(actions, self._names)
+        raise AssertionError("unreachable: the actions were refused for no reason")
+
+
+class _One:
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._name = names[0]
+
+    def read(
+        self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
+    ) -> tuple[bytes, list[int]]:
+        try:
+            action = actions[self._name]
+            chosen = bytes((action,))
+            if len(actions) == 1 and type(action) is not bool:
+                if not chosen.strip(_STAYING):
+                    return chosen, cells
+                return chosen, [neighbours[cells[0]][chosen[0]]]
+        except Exception:
+            _refuse(actions, self._names)
+            raise
+        _refuse(actions, self._names)
+        raise AssertionError("unreachable: the actions were refused for no reason")
+
+
+def _refuse(actions: object, names: tuple[str, ...]) -> None:
+    """Say what is wrong with a step's actions.
+
+    Raises:
+        TypeError: `actions` is no mapping, or an action is no integer.
+        ValueError: an action is missing, out of range, or for no drone.
+    """
+    if not isinstance(actions, Mapping):
+        raise TypeError(f"actions must be a mapping from drones to actions, got {actions!r}")
+    for agent in actions:
+        if agent not in names:
+            raise ValueError(
+                f"actions must be for {names_in_words(names)} alone, got one for {agent!r}"
+            )
+    for agent in names:
+        if agent not in actions:
+            raise ValueError(f"actions must hold an action for every drone, got none for {agent!r}")
+        checks.integer(f"actions[{agent!r}]", actions[agent], 0, len(Action) - 1)

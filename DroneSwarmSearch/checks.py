@@ -1,0 +1,109 @@
+"""Checks of what users hand in: each returns the value in its plain form or raises.
+
+Every error names the parameter, says what is allowed and shows what came.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from numbers import Real
+
+import numpy as np
+
+__all__ = ["boolean", "cell", "choice", "integer", "is_number", "items", "pair", "real"]
+
+
+def boolean(name: str, value: object) -> bool:
+    """True or False; TypeError otherwise."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
+
+
+def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | None:
+    """One of some strings, or None where that is among them."""
+    if value is not None and not isinstance(value, str):
+        raise TypeError(f"{name} must be one of {_listed(allowed)}, got {value!r}")
+    if value not in allowed:
+        raise ValueError(f"{name} must be one of {_listed(allowed)}, got {value!r}")
+    return value
+
+
+def integer(name: str, value: object, low: int, high: int | None = None) -> int:
+    """An integer, a bool not counting as one, within low <= value <= high."""
+    limits = f"of at least {low}" if high is None else f"from {low} to {high}"
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise TypeError(f"{name} must be an integer {limits}, got {value!r}") from None
+    if number < low or (high is not None and number > high):
+        raise ValueError(f"{name} must be an integer {limits}, got {value!r}")
+    return number
+
+
+def is_number(value: object) -> bool:
+    """Whether something is a real number; a bool is not."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def real(name: str, value: object, low: float | None = None, high: float | None = None) -> float:
+    """A finite real number within low <= value <= high."""
+    limits = "".join(
+        f" of at {word} {limit}"
+        for word, limit in (("least", low), ("most", high))
+        if limit is not None
+    )
+    limits = limits.replace(" of at most", " and at most") if low is not None else limits
+    message = f"{name} must be a finite number{limits}, got {value!r}"
+    if not is_number(value):
+        raise TypeError(message)
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        raise ValueError(message) from None
+    if (
+        not math.isfinite(number)
+        or (low is not None and number < low)
+        or (high is not None and number > high)
+    ):
+        raise ValueError(message)
+    return number
+
+
+def items(name: str, value: object, what: str) -> list[object]:
+    """The items of a list, tuple or NumPy array."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not isinstance(value, (list, tuple)):
+        raise TypeError(f"{name} must be {what}, got {value!r}")
+    return list(value)
+
+
+def pair(name: str, value: object) -> tuple[float, float]:
+    """Two finite numbers, (x, y)."""
+    what = "two finite numbers (x, y)"
+    numbers = items(name, value, what)
+    if len(numbers) != 2:
+        raise ValueError(f"{name} must be {what}, got {value!r}")
+    x, y = (real(f"{name}[{axis}]", number) for axis, number in enumerate(numbers))
+    return x, y
+
+
+def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
+    """A cell of the grid, (x, y); 3.0 is taken for 3, but 3.5 lies on no cell."""
+    what = f"a cell (x, y) with whole numbers from 0 to {grid_size - 1}"
+    numbers = items(name, value, what)
+    if not all(is_number(number) for number in numbers):
+        raise TypeError(f"{name} must be {what}, got {value!r}")
+    if len(numbers) != 2 or not all(number in range(grid_size) for number in numbers):
+        raise ValueError(f"{name} must be {what}, got {value!r}")
+    x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
+    return x, y
+
+
+def _listed(allowed: Sequence[str | None]) -> str:
+    return ", ".join(repr(value) for value in allowed)

@@ -1,0 +1,757 @@
+"""The environment: checks, random streams, the order of a step, and the dicts.
+
+A step goes through four phases, in this order:
+
+1. all drones move or search at once, against the state they were shown;
+2. `rules` decides outcomes, rewards and whether the episode ends;
+3. the clock advances, the persons and the matrix drift;
+4. the new state is observed.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import parallel_to_aec
+
+from DroneSwarmSearch import checks, rules
+from DroneSwarmSearch.actions import names_in_words, reader
+from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.mappings import Infos, Rewards
+from DroneSwarmSearch.observations import (
+    Observation,
+    observation_space,
+    observe,
+    state_planes,
+    state_space,
+)
+from DroneSwarmSearch.person import walk
+from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
+from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.streams import EpisodeStream
+
+if TYPE_CHECKING:
+    from DroneSwarmSearch.rendering.painter import Painter
+    from DroneSwarmSearch.rendering.window import Window
+
+__all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
+
+_SEARCH = int(Action.SEARCH)
+_AHEAD = 8  # steps
+_NOBODY: frozenset[int] = frozenset()
+_OPTIONS = ("drones_positions", "vector", "person_initial_position")
+
+
+class ResetNeeded(gymnasium.error.ResetNeeded, RuntimeError):  # noqa: N818 (Gymnasium's name)
+    """The environment was used before `reset`, or after the end of an episode."""
+
+
+def parallel_env(**kwargs: Any) -> DroneSwarmSearch:
+    """The environment in PettingZoo's parallel form; takes `DroneSwarmSearch`'s arguments."""
+    return DroneSwarmSearch(**kwargs)
+
+
+def env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
+    """The environment in PettingZoo's AEC form; takes `DroneSwarmSearch`'s arguments."""
+    return parallel_to_aec(DroneSwarmSearch(**kwargs))
+
+
+class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
+    """Drones search a grid at sea for shipwrecked persons who drift.
+
+    ## Actions
+    `Discrete(6)`, see `rules.Action`: 0 left, 1 right, 2 up, 3 down (y grows downward),
+    4 search the cell, 5 idle. Every drone needs an action in every step.
+
+    ## Observations
+    `{"observation": ((x, y), matrix)}` for each drone: its own cell as Python ints, and
+    the probability matrix, float32 of shape (grid_size, grid_size), indexed [y, x],
+    summing to 1. All drones of a step share one matrix; it is read-only and never changes
+    after it was handed out. With several persons it is the mean over those still missing.
+    `state()` gives the whole truth, for centralised critics.
+
+    ## Rewards and endings
+    The table at the top of `rules`. At the end both terminations and truncations are True
+    for every drone, and `agents` is empty. `rewards["total_reward"]` is the sum over the
+    drones; `infos["Found"]` and `infos[drone]["Found"]` turn True when a drone finds a
+    person. Neither name is among the keys.
+
+    ## Randomness
+    The persons' drift and the detections draw from streams of their own, so that for one
+    seed the sea is the same whatever the drones do, in that episode and in those that
+    follow it. Global random states are neither read nor moved.
+
+    Args:
+        grid_size: cells along each side of the square grid; an integer of at least 2.
+        render_mode: "human" (a window), "ansi" (`render` returns text; nothing is shown
+            by itself), "rgb_array" (`render` returns a picture) or None.
+        render_grid: draw lines between the cells.
+        render_gradient: colour the cells smoothly; else in three steps.
+        n_drones: from 1 to grid_size².
+        vector: drift in cells per step, (x, y), y growing downward; finite. It stays
+            until `reset` is given another.
+        person_initial_position: a person's cell (x, y) at step 0, or several cells, one
+            person each; the mission is then to find them all.
+        disperse_constant: how quickly the persons may stray from the drift; at least 0.
+        timestep_limit: the steps in an episode; at least 1.
+        probability_of_detection: the chance that a search of the right cell finds the
+            person, from 0 to 1; one number, or one for each person.
+        bayesian_update: whether the matrix is the exact posterior given the searches
+            made, or the drift alone.
+        reward_scheme: the figures of the reward table.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "drone_swarm_search_v0",
+        "render_modes": ["human", "ansi", "rgb_array"],
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        grid_size: int = 7,
+        render_mode: str | None = "ansi",
+        render_grid: bool = False,
+        render_gradient: bool = True,
+        n_drones: int = 1,
+        vector: ArrayLike = (-0.5, -0.5),
+        person_initial_position: ArrayLike = (0, 0),
+        disperse_constant: float = 10,
+        timestep_limit: int = 100,
+        *,
+        probability_of_detection: float | Sequence[float] = 1.0,
+        bayesian_update: bool = False,
+        reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
+    ) -> None:
+        self._scenario = Scenario.checked(
+            grid_size=grid_size,
+            n_drones=n_drones,
+            vector=vector,
+            person_initial_position=person_initial_position,
+            disperse_constant=disperse_constant,
+            timestep_limit=timestep_limit,
+            probability_of_detection=probability_of_detection,
+            bayesian_update=bayesian_update,
+            reward_scheme=reward_scheme,
+        )
+        modes = (*self.metadata["render_modes"], None)
+        self.render_mode = checks.choice("render_mode", render_mode, modes)
+        self.render_grid = checks.boolean("render_grid", render_grid)
+        self.render_gradient = checks.boolean("render_gradient", render_gradient)
+        self._painter: Painter | None = None
+        self._window: Window | None = None
+
+        n = self._scenario.n_drones
+        self.possible_agents = [f"drone{i}" for i in range(n)]
+        self.agents: list[str] = []
+        self._names = tuple(self.possible_agents)
+        self._read = reader(self._names)
+        self._all_step = dict.fromkeys(self._names, self._scenario.reward_scheme.step)
+        self._all_false = dict.fromkeys(self._names, False)
+        self._all_true = dict.fromkeys(self._names, True)
+        self._action_spaces: dict[str, gymnasium.spaces.Discrete] = {}
+        self._observation_spaces: dict[str, gymnasium.spaces.Dict] = {}
+        self._state_space: gymnasium.spaces.Box | None = None
+        self._neighbours, self._positions = grid_of(self._scenario.grid_size)
+        self._start_cells = list(range(n))
+        self._streams: _Streams | None = None
+        self._episode = 0  # since the seed
+
+        # The episode; `reset` fills it in.
+        self._search: Scenario | None = None
+        self._laws: tuple[ProbabilityMatrix, ...] = ()
+        self._everybody: tuple[int, ...] = ()  # persons by number
+        self._law_at_start: ProbabilityMatrix | None = None
+        self._paths_at_start: list[list[int]] = []
+        self._matrices_at_start: list[NDArray[np.float32] | None] = []
+        self._t = 0
+        self._cells: list[int] = []  # of the drones
+        self._chosen = b""  # the actions of the last step
+        self._ending: Ending | None = None
+        self._found = False
+        self._finders: set[int] = set()  # drones that have found somebody
+        self._beyond_step: list[float] = []  # each drone's return less what `step` pays
+        self._missing: tuple[int, ...] = ()
+        self._beliefs: dict[int, NDArray[np.float64]] = {}  # of persons searched for
+        self._law: ProbabilityMatrix | None = None  # whose matrix is shown as it is
+        self._paths: list[list[int]] = []  # each person's cells for some steps
+        self._path_begin = 0
+        # The matrices of the block of steps that ends before `_block_end`; None where one
+        # has not been made, or depends on searches.
+        self._matrices: list[NDArray[np.float32] | None] = []
+        self._block_end = 0
+        self._matrix: NDArray[np.float32] = np.empty((0, 0), np.float32)
+
+    def reset(
+        self,
+        seed: int | None = None,
+        options: Mapping[str, Any] | None = None,
+        *,
+        drones_positions: ArrayLike | None = None,
+        vector: ArrayLike | None = None,
+    ) -> tuple[dict[str, Observation], Infos]:
+        """Begin an episode.
+
+        Args:
+            seed: an integer >= 0, from which the whole episode follows, whatever else
+                runs in the process. Without one the random streams go on.
+            options: may hold "drones_positions" and "vector", as below, and
+                "person_initial_position", as in the constructor but for this episode
+                alone. Unknown options are warned about.
+            drones_positions: a cell (x, y) for each drone, no two alike, for this
+                episode alone. Without them drones stand from left to right from (0, 0),
+                row by row. Wins over the option.
+            vector: drift in cells per step, (x, y), for this and later episodes. Wins
+                over the option.
+
+        Returns:
+            The observations and the infos of every drone.
+
+        Raises:
+            TypeError: an argument is of the wrong type.
+            ValueError: an argument is out of its limits.
+        """
+        scenario = search = self._scenario
+        cells = self._start_cells
+        if seed is not None:
+            seed = checks.integer("seed", seed, 0)
+        person_initial_position = None
+        if options is not None:
+            options = _known_options(options)
+            person_initial_position = options.get("person_initial_position")
+            if drones_positions is None:
+                drones_positions = options.get("drones_positions")
+            if vector is None:
+                vector = options.get("vector")
+        if vector is not None:
+            scenario = search = scenario.with_vector(vector)
+        if person_initial_position is not None:
+            search = search.with_persons(person_initial_position)
+        if drones_positions is not None:
+            cells = _drone_cells(drones_positions, scenario)
+
+        # Everything is checked: from here on the environment changes.
+        if search is not self._search:
+            self._prepare(search)
+        self._scenario = scenario
+        self._seed(seed)
+        self.agents = list(self._names)
+        self._t = 0
+        self._cells = cells
+        self._chosen = b""
+        self._ending = None
+        self._found = False
+        self._finders = set()
+        self._beyond_step = [0.0] * len(cells)
+        self._missing = self._everybody
+        self._beliefs = {}
+        self._law = self._law_at_start
+        self._paths = self._paths_at_start
+        self._path_begin = 0
+        self._block_end = self._laws[0].block_steps
+        self._matrices = self._matrices_at_start
+        self._matrix = self._current_matrix()
+        if self.render_mode == "human":
+            self._get_window().reopen()
+            self.render()
+        return observe(self._names, cells, self._positions, self._matrix, self._found)
+
+    def step(
+        self, actions: Mapping[str, int]
+    ) -> tuple[dict[str, Observation], Rewards, dict[str, bool], dict[str, bool], Infos]:
+        """Let every drone act once.
+
+        Args:
+            actions: an action, 0 to 5, for each drone.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos of every drone.
+
+        Raises:
+            ResetNeeded: before the first `reset`, and after the end of an episode.
+            TypeError: `actions` is no mapping, or an action is no integer.
+            ValueError: an action is missing, out of range, or for no drone. As with every
+                error, the environment is as it was.
+        """
+        if not self.agents:
+            raise ResetNeeded("step: the episode is over or has not begun; call reset() first")
+        # 1. Every drone moves or searches.
+        cells = self._cells
+        chosen, targets = self._read(actions, self._neighbours, cells)
+        self._chosen = chosen
+
+        # 2. Outcomes, rewards and the end; mostly the table's last line is all there is.
+        rewards = Rewards(self._all_step)
+        over = self._all_false
+        crashed = targets is not cells and (OFF_GRID in targets or len(set(targets)) < len(targets))
+        if crashed or _SEARCH in chosen or self._t == self._last_t:
+            targets = self._judge(targets, crashed, rewards)
+            if self._ending is not None:
+                over = self._all_true
+                self.agents = []
+        self._cells = targets
+
+        # 3. The clock advances, the persons and the matrix drift.
+        self._t += 1
+        if self._t == self._block_end:
+            self._enter_block()
+        matrix = self._matrices[self._t - self._block_end]
+        if matrix is None:
+            matrix = self._drifted_matrix()
+        self._matrix = matrix
+
+        # 4. The new state is observed.
+        if self.render_mode == "human":
+            self.render()
+        observations, infos = observe(self._names, targets, self._positions, matrix, self._found)
+        return observations, rewards, over.copy(), over.copy(), infos
+
+    def render(self) -> Any:
+        """Show or return the present state, as `render_mode` says.
+
+        Returns:
+            "ansi": the frame as text. "rgb_array": a picture, uint8, shape (H, W, 3).
+            "human": None; the window is drawn. None: None, with a warning.
+
+        Raises:
+            ResetNeeded: before the first `reset`.
+            RuntimeError: "human" where no window can be opened.
+        """
+        if self.render_mode is None:
+            warnings.warn("render() does nothing without a render_mode", stacklevel=2)
+            return None
+        frame = self.frame()
+        if self.render_mode == "ansi":
+            from DroneSwarmSearch.rendering.text import render_text
+
+            return render_text(frame)
+        if self.render_mode == "rgb_array":
+            return self._get_painter().pixels(frame)
+        self._get_window().show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one; may be called any number of times."""
+        if self._window is not None:
+            self._window.close()
+
+    def state(self) -> NDArray[np.float32]:
+        """The whole state for a centralised critic, persons included.
+
+        Returns:
+            float32, shape (3, grid_size, grid_size), indexed [plane, y, x]: the matrix,
+            the number of drones and the number of missing persons in each cell.
+
+        Raises:
+            ResetNeeded: before the first `reset`.
+        """
+        frame = self.frame()
+        missing = [
+            cell for cell, found in zip(frame.persons, frame.found, strict=True) if not found
+        ]
+        return state_planes(frame.matrix, frame.drones, missing)
+
+    @property
+    def state_space(self) -> gymnasium.spaces.Box:
+        """The space that `state()` lies in."""
+        if self._state_space is None:
+            self._state_space = state_space(self.grid_size, self.n_drones)
+        return self._state_space
+
+    def observation_space(self, agent: str) -> gymnasium.spaces.Dict:
+        """The space of a drone's observations; the same object at every call."""
+        space = self._observation_spaces.get(agent)
+        if space is None:
+            self._check_name(agent)
+            space = self._observation_spaces[agent] = observation_space(self.grid_size)
+        return space
+
+    def action_space(self, agent: str) -> gymnasium.spaces.Discrete:
+        """Discrete(6), see `rules.Action`; the same object at every call."""
+        space = self._action_spaces.get(agent)
+        if space is None:
+            self._check_name(agent)
+            space = self._action_spaces[agent] = gymnasium.spaces.Discrete(len(Action))
+        return space
+
+    @property
+    def observation_spaces(self) -> dict[str, gymnasium.spaces.Dict]:
+        """`observation_space` of every drone."""
+        return {agent: self.observation_space(agent) for agent in self._names}
+
+    @property
+    def action_spaces(self) -> dict[str, gymnasium.spaces.Discrete]:
+        """`action_space` of every drone."""
+        return {agent: self.action_space(agent) for agent in self._names}
+
+    # What the environment says of itself beyond PettingZoo's API.
+
+    def get_agents(self) -> list[str]:
+        """The names of all possible drones, whether an episode is running or not."""
+        return list(self._names)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The parameters; a `vector` given to `reset` is among them from then on."""
+        return self._scenario
+
+    @property
+    def grid_size(self) -> int:
+        """Cells along each side of the grid."""
+        return self._scenario.grid_size
+
+    @property
+    def n_drones(self) -> int:
+        """The number of drones."""
+        return self._scenario.n_drones
+
+    @property
+    def vector(self) -> tuple[float, float]:
+        """Drift in cells per step, (x, y)."""
+        return self._scenario.vector
+
+    @property
+    def timestep_limit(self) -> int:
+        """The number of steps in an episode."""
+        return self._scenario.timestep_limit
+
+    def frame(self) -> Frame:
+        """Everything a picture of the present state shows, the persons included.
+
+        Raises:
+            ResetNeeded: before the first `reset`.
+        """
+        if self._search is None:
+            raise ResetNeeded("there is no state yet; call reset() first")
+        positions = self._positions
+        return Frame(
+            matrix=self._matrix,
+            drones=tuple(positions[cell] for cell in self._cells),
+            searching=tuple(action == _SEARCH for action in self._chosen)
+            or (False,) * self.n_drones,
+            persons=tuple(positions[self._person_cell(person)] for person in self._everybody),
+            found=tuple(person not in self._missing for person in self._everybody),
+            step=self._t,
+            timestep_limit=self.timestep_limit,
+            vector=self.vector,
+            ending=self._ending,
+        )
+
+    # The phases of a step.
+
+    def _judge(self, targets: list[int], crashed: bool, rewards: Rewards) -> list[int]:
+        """Phase 2: fill in the rewards, note who was found and whether this is the end.
+
+        Args:
+            targets: where each drone tried to go.
+            crashed: whether a drone left the grid or collided.
+            rewards: holds the table's last line for every drone; the others are filled in.
+
+        Returns:
+            The drones' cells after moving.
+        """
+        finders = self._detect() if _SEARCH in self._chosen else _NOBODY
+        if crashed or finders or self._t == self._last_t:
+            self._judge_turning_point(targets, finders, rewards)
+        elif _SEARCH in self._chosen:
+            self._pay_fruitless_searches(rewards)
+        # Who tried to leave the grid has stayed.
+        return _landed(self._cells, targets) if crashed else targets
+
+    def _judge_turning_point(
+        self, targets: list[int], finders: set[int] | frozenset[int], rewards: Rewards
+    ) -> None:
+        """Phase 2 where somebody was found, drones crashed or the time is up."""
+        scenario, t = self._scenario, self._t
+        scheme, limit = scenario.reward_scheme, scenario.timestep_limit
+        names, cells, chosen, beyond = self._names, self._cells, self._chosen, self._beyond_step
+        time_up = t == self._last_t
+        shared = rules.same_cell(targets)
+        for drone, target in enumerate(targets):
+            searched = chosen[drone] == _SEARCH
+            if searched or time_up or target == OFF_GRID or target in shared:
+                points = rules.reward(
+                    scheme,
+                    target in shared,
+                    target == OFF_GRID,
+                    drone in finders,
+                    time_up,
+                    drone in self._finders,
+                    searched,
+                    self._matrix.item(cells[drone]) if searched else 0.0,
+                    t,
+                    limit,
+                    scheme.step * t + beyond[drone],
+                )
+                rewards[names[drone]] = points
+                beyond[drone] += points - scheme.step
+        if finders:
+            self._found = True
+            self._finders |= finders
+        self._ending = rules.ending(not self._missing, bool(shared), OFF_GRID in targets, time_up)
+
+    def _pay_fruitless_searches(self, rewards: Rewards) -> None:
+        """Phase 2 where the searches found nobody and nothing else happened."""
+        scheme, chosen = self._scenario.reward_scheme, self._chosen
+        cells, names, shown = self._cells, self._names, self._matrix.item
+        drone = chosen.find(_SEARCH)
+        while drone >= 0:
+            points = rules.fruitless_search_reward(scheme, shown(cells[drone]))
+            rewards[names[drone]] = points
+            self._beyond_step[drone] += points - scheme.step
+            drone = chosen.find(_SEARCH, drone + 1)
+
+    def _detect(self) -> set[int] | frozenset[int]:
+        """Let the searches succeed or fail; returns the drones that found somebody."""
+        assert self._search is not None
+        cells, chosen = self._cells, self._chosen
+        finders = _NOBODY
+        for person in self._missing:
+            cell = self._person_cell(person)
+            # Before a step no two drones are in one cell.
+            if (
+                cell in cells
+                and chosen[drone := cells.index(cell)] == _SEARCH
+                and self._luck(person)
+            ):
+                finders = finders | {drone}
+                self._missing = tuple(other for other in self._missing if other != person)
+        if finders and len(self._everybody) > 1:
+            self._choose_law()
+        if self._search.bayesian_update:
+            self._learn(
+                [cell for cell, action in zip(cells, chosen, strict=True) if action == _SEARCH]
+            )
+        return finders
+
+    def _luck(self, person: int) -> bool:
+        """Whether a search of a person's cell finds that person in this step."""
+        assert self._search is not None and self._streams is not None
+        detection = self._search.detections[person]
+        if detection in (0.0, 1.0):
+            return detection == 1.0
+        return (
+            self._streams.detection.row(self._episode, self._t, len(self._everybody))[person]
+            < detection
+        )
+
+    def _learn(self, cells: list[int]) -> None:
+        """Take in that the searches of some cells have not found those still missing."""
+        assert self._search is not None
+        detections = self._search.detections
+        if self._law is not None:
+            self._law = None
+            self._fetch_matrices()
+        for person in self._missing:
+            self._beliefs[person], _ = after_fruitless_search(
+                self._belief(person), cells, detections[person]
+            )
+
+    def _enter_block(self) -> None:
+        """Go on to the next block of the laws' tables; the persons have left the last one."""
+        self._person_cell(0)
+        self._block_end += self._laws[0].block_steps
+        self._fetch_matrices()
+
+    def _fetch_matrices(self) -> None:
+        """Fetch the block's matrices; where they depend on what is yet to be learnt, None."""
+        steps = self._laws[0].block_steps
+        self._matrices = _ready_made(self._law, self._block_end - steps, steps)
+
+    def _walk_on(self) -> None:
+        """Let the persons walk up to the present step, and a little ahead within the block.
+
+        Nobody sees where they are, so they walk only when a search, a picture or the end
+        of the tables they need asks for it. Every number drawn has its step and person,
+        whatever the portions.
+        """
+        assert self._streams is not None
+        laws, n = self._laws, len(self._laws)
+        known = self._path_begin + len(self._paths[0]) - 1
+        steps = min(max(self._t, known + _AHEAD), self._block_end) - known
+        numbers = self._streams.drift.draw(self._episode, 2 * n * steps)
+        self._paths = [
+            walk(law, known, path[-1], numbers[2 * k :: 2 * n], numbers[2 * k + 1 :: 2 * n])
+            for k, (law, path) in enumerate(zip(laws, self._paths, strict=True))
+        ]
+        self._path_begin = known + 1
+
+    def _person_cell(self, person: int) -> int:
+        """Where a person is in the present step."""
+        if self._t >= self._path_begin + len(self._paths[0]):
+            self._walk_on()
+        return self._paths[person][self._t - self._path_begin]
+
+    def _drifted_matrix(self) -> NDArray[np.float32]:
+        """The matrix of this step where it has not been made ahead; beliefs drift first."""
+        for person, belief in self._beliefs.items():
+            self._beliefs[person] = after_drift(belief, *self._laws[person].moves(self._t - 1))
+        return self._current_matrix()
+
+    # What an episode starts from.
+
+    def _prepare(self, search: Scenario) -> None:
+        """Make the laws of a search; the environment changes only once all are made."""
+        size = search.grid_size
+        laws = tuple(
+            ProbabilityMatrix(size, cell, search.vector, search.disperse_constant)
+            for cell in search.persons
+        )
+        law = _single(laws)
+        matrices = _ready_made(law, 0, laws[0].block_steps)
+        self._search = search
+        self._laws = laws
+        self._law_at_start = law
+        self._everybody = tuple(range(len(laws)))
+        self._matrices_at_start = matrices
+        self._paths_at_start = [[y * size + x] for x, y in search.persons]
+        self._last_t = search.timestep_limit - 1
+
+    def _seed(self, seed: int | None) -> None:
+        self._episode += 1
+        if seed is not None or self._streams is None:
+            self._episode = 0
+            drift, detection = np.random.SeedSequence(seed).spawn(2)
+            self._streams = _Streams(EpisodeStream(drift), EpisodeStream(detection))
+
+    # Laws and beliefs.
+
+    def _choose_law(self) -> None:
+        """If one law's matrix is all there is to show, remember it: it is ready-made."""
+        shown = self._missing or self._everybody
+        self._law = None if self._beliefs else _single([self._laws[person] for person in shown])
+        self._fetch_matrices()
+
+    def _belief(self, person: int) -> NDArray[np.float64]:
+        """What is known of a person, float64, shape (N, N); the law while nobody has searched."""
+        belief = self._beliefs.get(person)
+        return self._laws[person].exact(self._t) if belief is None else belief
+
+    def _current_matrix(self) -> NDArray[np.float32]:
+        """The matrix of the present step: the mean over those missing, or over all."""
+        if self._law is not None:
+            return self._law.at(self._t)
+        shown = self._missing or self._everybody
+        total = self._belief(shown[0])
+        for person in shown[1:]:
+            total = total + self._belief(person)
+        matrix = (total / len(shown)).astype(np.float32)
+        matrix.flags.writeable = False
+        return matrix
+
+    # The window and the painter, made when first needed.
+
+    def _get_painter(self) -> Painter:
+        if self._painter is None:
+            from DroneSwarmSearch.rendering.painter import Painter
+
+            self._painter = Painter(
+                self.grid_size,
+                render_grid=self.render_grid,
+                render_gradient=self.render_gradient,
+            )
+        return self._painter
+
+    def _get_window(self) -> Window:
+        if self._window is None:
+            from DroneSwarmSearch.rendering.window import Window
+
+            self._window = Window(
+                self._get_painter(), title="Drone swarm search", fps=self.metadata["render_fps"]
+            )
+        return self._window
+
+    # Copies and pickles: they go on identically, but without the window.
+
+    def __getstate__(self) -> dict[str, Any]:
+        made_anew = ("_window", "_painter", "_matrix", "_matrices", "_matrices_at_start")
+        return {**self.__dict__, **dict.fromkeys(made_anew)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._search is None:
+            return
+        # Arrays do not stay read-only through a pickle, so matrices are made anew.
+        steps = self._laws[0].block_steps
+        self._matrices_at_start = _ready_made(self._law_at_start, 0, steps)
+        self._fetch_matrices()
+        self._matrix = self._current_matrix()
+
+    def _check_name(self, agent: object) -> None:
+        if agent not in self._names:
+            raise ValueError(f"agent must be one of {names_in_words(self._names)}, got {agent!r}")
+
+
+class _Streams(NamedTuple):
+    """The random streams, one for each purpose."""
+
+    drift: EpisodeStream
+    detection: EpisodeStream
+
+
+def _landed(cells: list[int], targets: list[int]) -> list[int]:
+    """Where the drones are after moving: who tried to leave the grid has stayed."""
+    return [
+        cell if target == OFF_GRID else target for cell, target in zip(cells, targets, strict=True)
+    ]
+
+
+def _ready_made(
+    law: ProbabilityMatrix | None, first: int, steps: int
+) -> list[NDArray[np.float32] | None]:
+    """The matrices of a law's block of steps, which fills up as they are made."""
+    return [None] * steps if law is None else law.block(first).matrices
+
+
+def _single(laws: Sequence[ProbabilityMatrix]) -> ProbabilityMatrix | None:
+    """The law of several persons if it is one and the same."""
+    first = laws[0]
+    return first if all(law.parameters == first.parameters for law in laws) else None
+
+
+def _known_options(options: object) -> dict[str, Any]:
+    """The options of `reset` that it knows; a warning for the others."""
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options must be a mapping, got {options!r}")
+    unknown = [key for key in options if key not in _OPTIONS]
+    if unknown:
+        warnings.warn(
+            f"options may hold {', '.join(_OPTIONS)}; ignored: "
+            + ", ".join(repr(key) for key in unknown),
+            stacklevel=3,
+        )
+    return dict(options)
+
+
+def _drone_cells(value: object, scenario: Scenario) -> list[int]:
+    """Check the drones' start cells; returns them by number."""
+    name, n, size = "drones_positions", scenario.n_drones, scenario.grid_size
+    entries = checks.items(name, value, f"{n} cells (x, y), one for each drone")
+    if len(entries) != n:
+        raise ValueError(
+            f"{name} must hold {n} cells (x, y), one for each drone, got {len(entries)}: {value!r}"
+        )
+    first_at: dict[Cell, int] = {}
+    for drone, entry in enumerate(entries):
+        cell = checks.cell(f"{name}[{drone}]", entry, size)
+        if cell in first_at:
+            raise ValueError(
+                f"{name} must hold different cells, got {cell} for both "
+                f"drone{first_at[cell]} and drone{drone}"
+            )
+        first_at[cell] = drone
+    return [y * size + x for x, y in first_at]

@@ -1,0 +1,129 @@
+"""The parameters of a search: their meaning, units, defaults and limits in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from DroneSwarmSearch import checks
+from DroneSwarmSearch.rules import RewardScheme
+
+__all__ = ["Cell", "Scenario"]
+
+Cell = tuple[int, int]
+"""(x, y): column and row; y grows downward."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A search, checked. Make one with `Scenario.checked`.
+
+    Attributes:
+        grid_size: cells along each side of the square grid; at least 2.
+        n_drones: drones; from 1 to grid_size².
+        vector: drift of the persons in cells per step, (x, y); finite. What exceeds one
+            cell per step drifts one cell per step.
+        persons: each person's cell at step 0; at least one.
+        disperse_constant: how quickly the persons may stray; finite, at least 0
+            (`probability_matrix.dispersion_rate`).
+        timestep_limit: steps in an episode; at least 1.
+        detection: each person's chance to be found by a search of the right cell; from 0
+            to 1. A single number holds for however many persons there are.
+        bayesian_update: whether the matrix is the posterior given the searches made, or
+            the drift alone.
+        reward_scheme: the figures of the reward table.
+    """
+
+    grid_size: int
+    n_drones: int
+    vector: tuple[float, float]
+    persons: tuple[Cell, ...]
+    disperse_constant: float
+    timestep_limit: int
+    detection: float | tuple[float, ...]
+    bayesian_update: bool
+    reward_scheme: RewardScheme
+
+    @classmethod
+    def checked(
+        cls,
+        *,
+        grid_size: object,
+        n_drones: object,
+        vector: object,
+        person_initial_position: object,
+        disperse_constant: object,
+        timestep_limit: object,
+        probability_of_detection: object,
+        bayesian_update: object,
+        reward_scheme: object,
+    ) -> Scenario:
+        """Check the arguments of `DroneSwarmSearch`, under the names they have there.
+
+        Raises:
+            TypeError: an argument is of the wrong type.
+            ValueError: an argument is out of its limits.
+        """
+        side = checks.integer("grid_size", grid_size, 2)
+        persons = _persons(person_initial_position, side)
+        if not isinstance(reward_scheme, RewardScheme):
+            raise TypeError(f"reward_scheme must be a RewardScheme, got {reward_scheme!r}")
+        return cls(
+            grid_size=side,
+            n_drones=checks.integer("n_drones", n_drones, 1, side**2),
+            vector=checks.pair("vector", vector),
+            persons=persons,
+            disperse_constant=checks.real("disperse_constant", disperse_constant, 0),
+            timestep_limit=checks.integer("timestep_limit", timestep_limit, 1),
+            detection=_detection(probability_of_detection, len(persons)),
+            bayesian_update=checks.boolean("bayesian_update", bayesian_update),
+            reward_scheme=reward_scheme,
+        )
+
+    def with_vector(self, vector: object) -> Scenario:
+        """The same search with another drift."""
+        return replace(self, vector=checks.pair("vector", vector))
+
+    def with_persons(self, person_initial_position: object) -> Scenario:
+        """The same search with other start cells, and perhaps another number of persons."""
+        persons = _persons(person_initial_position, self.grid_size)
+        if isinstance(self.detection, tuple) and len(self.detection) != len(persons):
+            raise ValueError(
+                f"person_initial_position must hold {len(self.detection)} cells, one for each "
+                f"probability_of_detection, got {person_initial_position!r}"
+            )
+        return replace(self, persons=persons)
+
+    @property
+    def detections(self) -> tuple[float, ...]:
+        """Every person's probability of detection."""
+        if isinstance(self.detection, tuple):
+            return self.detection
+        return (self.detection,) * len(self.persons)
+
+
+def _persons(value: object, grid_size: int) -> tuple[Cell, ...]:
+    name = "person_initial_position"
+    entries = checks.items(name, value, "a cell (x, y) or several of them")
+    if not entries:
+        raise ValueError(f"{name} must hold at least one cell (x, y), got {value!r}")
+    if all(isinstance(entry, (list, tuple, np.ndarray)) for entry in entries):
+        return tuple(
+            checks.cell(f"{name}[{index}]", entry, grid_size) for index, entry in enumerate(entries)
+        )
+    return (checks.cell(name, entries, grid_size),)
+
+
+def _detection(value: object, n_persons: int) -> float | tuple[float, ...]:
+    name = "probability_of_detection"
+    if checks.is_number(value):
+        return checks.real(name, value, 0, 1)
+    entries = checks.items(name, value, "a number from 0 to 1, or one for each person")
+    if len(entries) != n_persons:
+        raise ValueError(
+            f"{name} must be one number, or {n_persons}, one for each person, got {value!r}"
+        )
+    return tuple(
+        checks.real(f"{name}[{index}]", entry, 0, 1) for index, entry in enumerate(entries)
+    )
