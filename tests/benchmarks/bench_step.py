@@ -1,0 +1,211 @@
+"""How fast one environment is, as ratios taken in turns within one process.
+
+    python tests/benchmarks/bench_step.py
+
+prints, for several sizes, medians over interleaved rounds:
+
+- floor: what building the five dicts of a step costs, with a shared matrix, nothing else;
+- idle: steps in which nothing ends an episode before its limit, resets included;
+- moves: the drones fly to and fro, likewise;
+- random: random actions from drones spread over the grid, resets included;
+- DSSE: the same random actions in DSSE 1.1.9, where `pip install DSSE==1.1.9` has been
+  run; resets included. Its rules end episodes less often, so that it resets less.
+
+Absolute figures swing with the machine; the ratios hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import gc
+import io
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from DroneSwarmSearch import DroneSwarmSearch
+
+SIZES = ((7, 1), (20, 1), (20, 4), (50, 11), (100, 25))
+LEFT, RIGHT, IDLE = 0, 1, 5
+ACTIONS = 512
+
+
+def spread_cells(grid_size: int, n: int) -> list[tuple[int, int]]:
+    """Cells spread evenly over the grid, none at its border if that can be helped."""
+    side = int(np.ceil(np.sqrt(n)))
+    places = np.linspace(0, grid_size - 1, side + 2)[1:-1].round().astype(int).tolist()
+    return [(x, y) for y in places for x in places][:n]
+
+
+def floor(grid_size: int, n: int) -> Callable[[int], None]:
+    """The five dicts alone."""
+    names = [f"drone{i}" for i in range(n)]
+    positions = spread_cells(grid_size, n)
+    matrix = np.zeros((grid_size, grid_size), np.float32)
+    ones, no = dict.fromkeys(names, 1.0), dict.fromkeys(names, False)
+
+    def step() -> tuple[dict[str, Any], ...]:
+        observations = {
+            name: {"observation": (position, matrix)}
+            for name, position in zip(names, positions, strict=False)
+        }
+        infos = {name: {"Found": False} for name in names}
+        return observations, ones.copy(), no.copy(), no.copy(), infos
+
+    def run(steps: int) -> None:
+        for _ in range(steps):
+            step()
+
+    return run
+
+
+def steps_of(env: Any, actions: list[dict[str, int]], **reset: Any) -> Callable[[int], None]:
+    """Steps with given actions, and a reset after each end."""
+    env.reset(**reset)
+
+    def run(steps: int) -> None:
+        step, n = env.step, len(actions)
+        env.reset(**reset)
+        for k in range(steps):
+            step(actions[k % n])
+            if not env.agents:
+                env.reset(**reset)
+
+    return run
+
+
+def random_actions(n: int, high: int) -> list[dict[str, int]]:
+    rows = np.random.default_rng(0).integers(0, high, size=(ACTIONS, n)).tolist()
+    return [{f"drone{i}": action for i, action in enumerate(row)} for row in rows]
+
+
+def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], None]]:
+    names = [f"drone{i}" for i in range(n)]
+    middle = (grid_size // 2, grid_size // 2)
+    cells = spread_cells(grid_size, n)
+
+    def ours() -> DroneSwarmSearch:
+        return DroneSwarmSearch(grid_size=grid_size, n_drones=n, person_initial_position=middle)
+
+    # The drones start at the border in a row: out and back, all alike, nobody meets.
+    to_and_fro = [dict.fromkeys(names, 3), dict.fromkeys(names, 2)]
+    runs = {
+        "floor": floor(grid_size, n),
+        "idle": steps_of(ours(), [dict.fromkeys(names, IDLE)]),
+        "moves": steps_of(ours(), to_and_fro),
+        "random": steps_of(ours(), random_actions(n, 6), drones_positions=cells),
+    }
+    with contextlib.suppress(ImportError), contextlib.redirect_stdout(io.StringIO()):
+        from DSSE import DroneSwarmSearch as Peer
+
+        peer = Peer(
+            grid_size=grid_size,
+            drone_amount=n,
+            person_initial_position=middle,
+            vector=(-0.5, -0.5),
+            timestep_limit=100,
+        )
+        options = {"drones_positions": cells}
+        runs["DSSE"] = steps_of(peer, random_actions(n, 9), options=options)
+    return runs
+
+
+def measure(runs: dict[str, Callable[[int], None]], rounds: int, steps: int) -> dict[str, float]:
+    """Median microseconds a step of each contestant, taken in turns."""
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for run in runs.values():
+        run(steps // 10)
+    for _ in range(rounds):
+        for name, run in runs.items():
+            begin = time.perf_counter()
+            run(steps)
+            times[name].append((time.perf_counter() - begin) / steps * 1e6)
+    return {name: statistics.median(of_run) for name, of_run in times.items()}
+
+
+def report_steps(rounds: int, steps: int) -> None:
+    print("microseconds a step and ratios (medians)")
+    print(
+        f"{'grid, drones':>13} {'floor':>7} {'idle':>7} {'moves':>7} {'random':>7} {'DSSE':>7}"
+        f" | {'idle/floor':>10} {'moves/floor':>11} {'DSSE/random':>11} {'DSSE/idle':>9}"
+    )
+    for grid_size, n in SIZES:
+        figures = measure(contestants(grid_size, n), rounds, steps)
+        peer = figures.get("DSSE", float("nan"))
+        print(
+            f"{grid_size:>9}, {n:>2} "
+            + " ".join(
+                f"{figures.get(name, float('nan')):7.2f}"
+                for name in ("floor", "idle", "moves", "random", "DSSE")
+            )
+            + f" | {figures['idle'] / figures['floor']:10.2f}"
+            f" {figures['moves'] / figures['floor']:11.2f}"
+            f" {peer / figures['random']:11.1f} {peer / figures['idle']:9.1f}"
+        )
+
+
+def report_life(rounds: int) -> None:
+    """What an environment costs to make, to reset and to leave."""
+
+    def make() -> DroneSwarmSearch:
+        return DroneSwarmSearch(grid_size=50, n_drones=11)
+
+    env = make()
+    env.reset(seed=0)
+    tasks: dict[str, Callable[[], object]] = {
+        "constructor": make,
+        "reset()": env.reset,
+        "reset(seed=1)": lambda: env.reset(seed=1),
+        "reset(vector=...)": lambda: env.reset(vector=(-0.5, -0.5)),
+    }
+    print("\nmicroseconds at (50, 11), tables made")
+    for name, task in tasks.items():
+        times = []
+        for _ in range(rounds * 100):
+            begin = time.perf_counter()
+            task()
+            times.append((time.perf_counter() - begin) * 1e6)
+        print(f"{name:>18} {statistics.median(times):8.1f}")
+
+
+def report_memory(count: int) -> None:
+    """Whether environments made and dropped leave memory where it was."""
+    try:
+        import resource
+    except ImportError:
+        return
+
+    def live() -> None:
+        env = DroneSwarmSearch(grid_size=20, n_drones=4, person_initial_position=(9, 9))
+        env.reset(seed=1)
+        for _ in range(3):
+            env.step(dict.fromkeys(env.agents, IDLE))
+
+    def peak() -> float:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+    for _ in range(200):
+        live()
+    gc.collect()
+    before = peak()
+    for _ in range(count):
+        live()
+    print(f"\n{count} environments made and dropped: peak memory + {peak() - before:.1f} MiB")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds (15)")
+    parser.add_argument("--steps", type=int, default=2000, help="steps a round (2000)")
+    options = parser.parse_args()
+    report_steps(options.rounds, options.steps)
+    report_life(options.rounds)
+    report_memory(10_000)
+
+
+if __name__ == "__main__":
+    main()
