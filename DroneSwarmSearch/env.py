@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -22,7 +22,6 @@ from pettingzoo.utils import parallel_to_aec
 
 from DroneSwarmSearch import checks, rules
 from DroneSwarmSearch.actions import names_in_words, reader
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.mappings import Infos, Rewards
 from DroneSwarmSearch.observations import (
@@ -32,12 +31,11 @@ from DroneSwarmSearch.observations import (
     state_planes,
     state_space,
 )
-from DroneSwarmSearch.person import walk
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Cell, Scenario
-from DroneSwarmSearch.streams import EpisodeStream
+from DroneSwarmSearch.sea import Sea
+from DroneSwarmSearch.streams import Streams
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -46,8 +44,6 @@ if TYPE_CHECKING:
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
 _SEARCH = int(Action.SEARCH)
-_AHEAD = 8  # steps
-_NOBODY: frozenset[int] = frozenset()
 _OPTIONS = ("drones_positions", "vector", "person_initial_position")
 
 
@@ -168,16 +164,12 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._state_space: gymnasium.spaces.Box | None = None
         self._neighbours, self._positions = grid_of(self._scenario.grid_size)
         self._start_cells = list(range(n))
-        self._streams: _Streams | None = None
+        self._last_t = self._scenario.timestep_limit - 1
+        self._streams: Streams | None = None
         self._episode = 0  # since the seed
 
         # The episode; `reset` fills it in.
         self._search: Scenario | None = None
-        self._laws: tuple[ProbabilityMatrix, ...] = ()
-        self._everybody: tuple[int, ...] = ()  # persons by number
-        self._law_at_start: ProbabilityMatrix | None = None
-        self._paths_at_start: list[list[int]] = []
-        self._matrices_at_start: list[NDArray[np.float32] | None] = []
         self._t = 0
         self._cells: list[int] = []  # of the drones
         self._chosen = b""  # the actions of the last step
@@ -185,16 +177,6 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._found = False
         self._finders: set[int] = set()  # drones that have found somebody
         self._beyond_step: list[float] = []  # each drone's return less what `step` pays
-        self._missing: tuple[int, ...] = ()
-        self._beliefs: dict[int, NDArray[np.float64]] = {}  # of persons searched for
-        self._law: ProbabilityMatrix | None = None  # whose matrix is shown as it is
-        self._paths: list[list[int]] = []  # each person's cells for some steps
-        self._path_begin = 0
-        # The matrices of the block of steps that ends before `_block_end`; None where one
-        # has not been made, or depends on searches.
-        self._matrices: list[NDArray[np.float32] | None] = []
-        self._block_end = 0
-        self._matrix: NDArray[np.float32] = np.empty((0, 0), np.float32)
 
     def reset(
         self,
@@ -246,9 +228,14 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
         # Everything is checked: from here on the environment changes.
         if search is not self._search:
-            self._prepare(search)
+            self._sea = Sea(search)
+            self._search = search
         self._scenario = scenario
-        self._seed(seed)
+        self._episode += 1
+        if seed is not None or self._streams is None:
+            self._streams = Streams.from_seed(seed)
+            self._episode = 0
+        self._sea.begin(self._streams, self._episode)
         self.agents = list(self._names)
         self._t = 0
         self._cells = cells
@@ -257,18 +244,10 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._found = False
         self._finders = set()
         self._beyond_step = [0.0] * len(cells)
-        self._missing = self._everybody
-        self._beliefs = {}
-        self._law = self._law_at_start
-        self._paths = self._paths_at_start
-        self._path_begin = 0
-        self._block_end = self._laws[0].block_steps
-        self._matrices = self._matrices_at_start
-        self._matrix = self._current_matrix()
         if self.render_mode == "human":
             self._get_window().reopen()
             self.render()
-        return observe(self._names, cells, self._positions, self._matrix, self._found)
+        return observe(self._names, cells, self._positions, self._sea.matrix, self._found)
 
     def step(
         self, actions: Mapping[str, int]
@@ -307,12 +286,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
         # 3. The clock advances, the persons and the matrix drift.
         self._t += 1
-        if self._t == self._block_end:
-            self._enter_block()
-        matrix = self._matrices[self._t - self._block_end]
-        if matrix is None:
-            matrix = self._drifted_matrix()
-        self._matrix = matrix
+        matrix = self._sea.advance()
 
         # 4. The new state is observed.
         if self.render_mode == "human":
@@ -437,24 +411,24 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """
         if self._search is None:
             raise ResetNeeded("there is no state yet; call reset() first")
-        positions = self._positions
+        positions, sea = self._positions, self._sea
         return Frame(
-            matrix=self._matrix,
+            matrix=sea.matrix,
             drones=tuple(positions[cell] for cell in self._cells),
             searching=tuple(action == _SEARCH for action in self._chosen)
             or (False,) * self.n_drones,
-            persons=tuple(positions[self._person_cell(person)] for person in self._everybody),
-            found=tuple(person not in self._missing for person in self._everybody),
+            persons=tuple(positions[sea.person_cell(person)] for person in sea.everybody),
+            found=tuple(person not in sea.missing for person in sea.everybody),
             step=self._t,
             timestep_limit=self.timestep_limit,
             vector=self.vector,
             ending=self._ending,
         )
 
-    # The phases of a step.
+    # Phase 2 of a step.
 
     def _judge(self, targets: list[int], crashed: bool, rewards: Rewards) -> list[int]:
-        """Phase 2: fill in the rewards, note who was found and whether this is the end.
+        """Fill in the rewards, note who was found and whether this is the end.
 
         Args:
             targets: where each drone tried to go.
@@ -464,26 +438,32 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         Returns:
             The drones' cells after moving.
         """
-        finders = self._detect() if _SEARCH in self._chosen else _NOBODY
+        chosen = self._chosen
+        searchers = _places(_SEARCH, chosen) if _SEARCH in chosen else []
+        cells = [self._cells[drone] for drone in searchers]
+        finders = self._sea.search(searchers, cells) if searchers else set()
         if crashed or finders or self._t == self._last_t:
             self._judge_turning_point(targets, finders, rewards)
-        elif _SEARCH in self._chosen:
-            self._pay_fruitless_searches(rewards)
-        # Who tried to leave the grid has stayed.
-        return _landed(self._cells, targets) if crashed else targets
+        else:
+            self._pay_fruitless_searches(searchers, cells, rewards)
+        if OFF_GRID in targets:  # who tried to leave has stayed
+            return [
+                cell if target == OFF_GRID else target
+                for cell, target in zip(self._cells, targets, strict=True)
+            ]
+        return targets
 
-    def _judge_turning_point(
-        self, targets: list[int], finders: set[int] | frozenset[int], rewards: Rewards
-    ) -> None:
-        """Phase 2 where somebody was found, drones crashed or the time is up."""
-        scenario, t = self._scenario, self._t
+    def _judge_turning_point(self, targets: list[int], finders: set[int], rewards: Rewards) -> None:
+        """Judge a step in which somebody was found, drones crashed or the time is up."""
+        scenario, t, chosen = self._scenario, self._t, self._chosen
         scheme, limit = scenario.reward_scheme, scenario.timestep_limit
-        names, cells, chosen, beyond = self._names, self._cells, self._chosen, self._beyond_step
+        beyond, shown = self._beyond_step, self._sea.matrix.item
         time_up = t == self._last_t
         shared = rules.same_cell(targets)
+        crashes = {*shared, OFF_GRID}
         for drone, target in enumerate(targets):
             searched = chosen[drone] == _SEARCH
-            if searched or time_up or target == OFF_GRID or target in shared:
+            if searched or time_up or target in crashes:
                 points = rules.reward(
                     scheme,
                     target in shared,
@@ -492,166 +472,29 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                     time_up,
                     drone in self._finders,
                     searched,
-                    self._matrix.item(cells[drone]) if searched else 0.0,
+                    shown(self._cells[drone]) if searched else 0.0,
                     t,
                     limit,
                     scheme.step * t + beyond[drone],
                 )
-                rewards[names[drone]] = points
+                rewards[self._names[drone]] = points
                 beyond[drone] += points - scheme.step
         if finders:
             self._found = True
             self._finders |= finders
-        self._ending = rules.ending(not self._missing, bool(shared), OFF_GRID in targets, time_up)
+        self._ending = rules.ending(
+            not self._sea.missing, bool(shared), OFF_GRID in targets, time_up
+        )
 
-    def _pay_fruitless_searches(self, rewards: Rewards) -> None:
-        """Phase 2 where the searches found nobody and nothing else happened."""
-        scheme, chosen = self._scenario.reward_scheme, self._chosen
-        cells, names, shown = self._cells, self._names, self._matrix.item
-        drone = chosen.find(_SEARCH)
-        while drone >= 0:
-            points = rules.fruitless_search_reward(scheme, shown(cells[drone]))
-            rewards[names[drone]] = points
+    def _pay_fruitless_searches(
+        self, searchers: list[int], cells: list[int], rewards: Rewards
+    ) -> None:
+        """Judge a step in which nothing happened but searches that found nobody."""
+        scheme, shown = self._scenario.reward_scheme, self._sea.matrix.item
+        for drone, cell in zip(searchers, cells, strict=True):
+            points = rules.fruitless_search_reward(scheme, shown(cell))
+            rewards[self._names[drone]] = points
             self._beyond_step[drone] += points - scheme.step
-            drone = chosen.find(_SEARCH, drone + 1)
-
-    def _detect(self) -> set[int] | frozenset[int]:
-        """Let the searches succeed or fail; returns the drones that found somebody."""
-        assert self._search is not None
-        cells, chosen = self._cells, self._chosen
-        finders = _NOBODY
-        for person in self._missing:
-            cell = self._person_cell(person)
-            # Before a step no two drones are in one cell.
-            if (
-                cell in cells
-                and chosen[drone := cells.index(cell)] == _SEARCH
-                and self._luck(person)
-            ):
-                finders = finders | {drone}
-                self._missing = tuple(other for other in self._missing if other != person)
-        if finders and len(self._everybody) > 1:
-            self._choose_law()
-        if self._search.bayesian_update:
-            self._learn(
-                [cell for cell, action in zip(cells, chosen, strict=True) if action == _SEARCH]
-            )
-        return finders
-
-    def _luck(self, person: int) -> bool:
-        """Whether a search of a person's cell finds that person in this step."""
-        assert self._search is not None and self._streams is not None
-        detection = self._search.detections[person]
-        if detection in (0.0, 1.0):
-            return detection == 1.0
-        return (
-            self._streams.detection.row(self._episode, self._t, len(self._everybody))[person]
-            < detection
-        )
-
-    def _learn(self, cells: list[int]) -> None:
-        """Take in that the searches of some cells have not found those still missing."""
-        assert self._search is not None
-        detections = self._search.detections
-        if self._law is not None:
-            self._law = None
-            self._fetch_matrices()
-        for person in self._missing:
-            self._beliefs[person], _ = after_fruitless_search(
-                self._belief(person), cells, detections[person]
-            )
-
-    def _enter_block(self) -> None:
-        """Go on to the next block of the laws' tables; the persons have left the last one."""
-        self._person_cell(0)
-        self._block_end += self._laws[0].block_steps
-        self._fetch_matrices()
-
-    def _fetch_matrices(self) -> None:
-        """Fetch the block's matrices; where they depend on what is yet to be learnt, None."""
-        steps = self._laws[0].block_steps
-        self._matrices = _ready_made(self._law, self._block_end - steps, steps)
-
-    def _walk_on(self) -> None:
-        """Let the persons walk up to the present step, and a little ahead within the block.
-
-        Nobody sees where they are, so they walk only when a search, a picture or the end
-        of the tables they need asks for it. Every number drawn has its step and person,
-        whatever the portions.
-        """
-        assert self._streams is not None
-        laws, n = self._laws, len(self._laws)
-        known = self._path_begin + len(self._paths[0]) - 1
-        steps = min(max(self._t, known + _AHEAD), self._block_end) - known
-        numbers = self._streams.drift.draw(self._episode, 2 * n * steps)
-        self._paths = [
-            walk(law, known, path[-1], numbers[2 * k :: 2 * n], numbers[2 * k + 1 :: 2 * n])
-            for k, (law, path) in enumerate(zip(laws, self._paths, strict=True))
-        ]
-        self._path_begin = known + 1
-
-    def _person_cell(self, person: int) -> int:
-        """Where a person is in the present step."""
-        if self._t >= self._path_begin + len(self._paths[0]):
-            self._walk_on()
-        return self._paths[person][self._t - self._path_begin]
-
-    def _drifted_matrix(self) -> NDArray[np.float32]:
-        """The matrix of this step where it has not been made ahead; beliefs drift first."""
-        for person, belief in self._beliefs.items():
-            self._beliefs[person] = after_drift(belief, *self._laws[person].moves(self._t - 1))
-        return self._current_matrix()
-
-    # What an episode starts from.
-
-    def _prepare(self, search: Scenario) -> None:
-        """Make the laws of a search; the environment changes only once all are made."""
-        size = search.grid_size
-        laws = tuple(
-            ProbabilityMatrix(size, cell, search.vector, search.disperse_constant)
-            for cell in search.persons
-        )
-        law = _single(laws)
-        matrices = _ready_made(law, 0, laws[0].block_steps)
-        self._search = search
-        self._laws = laws
-        self._law_at_start = law
-        self._everybody = tuple(range(len(laws)))
-        self._matrices_at_start = matrices
-        self._paths_at_start = [[y * size + x] for x, y in search.persons]
-        self._last_t = search.timestep_limit - 1
-
-    def _seed(self, seed: int | None) -> None:
-        self._episode += 1
-        if seed is not None or self._streams is None:
-            self._episode = 0
-            drift, detection = np.random.SeedSequence(seed).spawn(2)
-            self._streams = _Streams(EpisodeStream(drift), EpisodeStream(detection))
-
-    # Laws and beliefs.
-
-    def _choose_law(self) -> None:
-        """If one law's matrix is all there is to show, remember it: it is ready-made."""
-        shown = self._missing or self._everybody
-        self._law = None if self._beliefs else _single([self._laws[person] for person in shown])
-        self._fetch_matrices()
-
-    def _belief(self, person: int) -> NDArray[np.float64]:
-        """What is known of a person, float64, shape (N, N); the law while nobody has searched."""
-        belief = self._beliefs.get(person)
-        return self._laws[person].exact(self._t) if belief is None else belief
-
-    def _current_matrix(self) -> NDArray[np.float32]:
-        """The matrix of the present step: the mean over those missing, or over all."""
-        if self._law is not None:
-            return self._law.at(self._t)
-        shown = self._missing or self._everybody
-        total = self._belief(shown[0])
-        for person in shown[1:]:
-            total = total + self._belief(person)
-        matrix = (total / len(shown)).astype(np.float32)
-        matrix.flags.writeable = False
-        return matrix
 
     # The window and the painter, made when first needed.
 
@@ -675,52 +518,23 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             )
         return self._window
 
-    # Copies and pickles: they go on identically, but without the window.
-
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_window", "_painter", "_matrix", "_matrices", "_matrices_at_start")
-        return {**self.__dict__, **dict.fromkeys(made_anew)}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        if self._search is None:
-            return
-        # Arrays do not stay read-only through a pickle, so matrices are made anew.
-        steps = self._laws[0].block_steps
-        self._matrices_at_start = _ready_made(self._law_at_start, 0, steps)
-        self._fetch_matrices()
-        self._matrix = self._current_matrix()
+        """Copies and pickles go on identically, but have no window."""
+        return {**self.__dict__, "_window": None, "_painter": None}
 
     def _check_name(self, agent: object) -> None:
         if agent not in self._names:
             raise ValueError(f"agent must be one of {names_in_words(self._names)}, got {agent!r}")
 
 
-class _Streams(NamedTuple):
-    """The random streams, one for each purpose."""
-
-    drift: EpisodeStream
-    detection: EpisodeStream
-
-
-def _landed(cells: list[int], targets: list[int]) -> list[int]:
-    """Where the drones are after moving: who tried to leave the grid has stayed."""
-    return [
-        cell if target == OFF_GRID else target for cell, target in zip(cells, targets, strict=True)
-    ]
-
-
-def _ready_made(
-    law: ProbabilityMatrix | None, first: int, steps: int
-) -> list[NDArray[np.float32] | None]:
-    """The matrices of a law's block of steps, which fills up as they are made."""
-    return [None] * steps if law is None else law.block(first).matrices
-
-
-def _single(laws: Sequence[ProbabilityMatrix]) -> ProbabilityMatrix | None:
-    """The law of several persons if it is one and the same."""
-    first = laws[0]
-    return first if all(law.parameters == first.parameters for law in laws) else None
+def _places(action: int, chosen: bytes) -> list[int]:
+    """The drones that chose an action, in order."""
+    drones = []
+    drone = chosen.find(action)
+    while drone >= 0:
+        drones.append(drone)
+        drone = chosen.find(action, drone + 1)
+    return drones
 
 
 def _known_options(options: object) -> dict[str, Any]:

@@ -27,6 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import checks
+
 __all__ = ["Block", "ProbabilityMatrix", "Steps", "dispersion_rate"]
 
 Floats = NDArray[np.float64]
@@ -206,6 +208,10 @@ class ProbabilityMatrix:
         vector: drift in cells per step, (x, y); y grows downward. What exceeds one cell
             per step drifts one cell per step.
         disperse_constant: how quickly the person may stray, see `dispersion_rate`.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits.
     """
 
     def __init__(
@@ -215,8 +221,12 @@ class ProbabilityMatrix:
         vector: tuple[float, float],
         disperse_constant: float,
     ) -> None:
-        self._parameters = (grid_size, start, vector, disperse_constant)
-        self._key = (grid_size, *start, *vector, disperse_constant)
+        size = checks.integer("grid_size", grid_size, 2)
+        cell = checks.cell("start", start, size)
+        drift = checks.pair("vector", vector)
+        constant = checks.real("disperse_constant", disperse_constant, 0)
+        self._parameters = (size, cell, drift, constant)
+        self._key = (size, *cell, *drift, constant)
         fitting = max(1, _BLOCK_BYTES // self._step_bytes())
         self.block_steps = min(_BLOCK_STEPS, 1 << (fitting.bit_length() - 1))
         self._initial = self._block = self._make_block(0, None)
@@ -242,6 +252,9 @@ class ProbabilityMatrix:
 
         Returns:
             float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; read-only.
+
+        Raises:
+            ValueError: the step is negative.
         """
         block = self._block
         index = step - block.first
@@ -260,6 +273,7 @@ class ProbabilityMatrix:
         """The tables that hold a step; going on from step to step is cheap."""
         block = self._block
         if step < block.first:
+            checks.integer("step", step, 0)
             block = self._initial
         while step >= block.first + len(block.moves):
             block = self._make_block(block.first + len(block.moves), block)

@@ -140,7 +140,10 @@ def same_cell(targets: Sequence[int]) -> set[int]:
     seen: set[int] = set()
     shared: set[int] = set()
     for cell in targets:
-        (shared if cell in seen else seen).add(cell)
+        if cell in seen:
+            shared.add(cell)
+        else:
+            seen.add(cell)
     shared.discard(OFF_GRID)
     return shared
 

@@ -112,7 +112,7 @@ def _persons(value: object, grid_size: int) -> tuple[Cell, ...]:
         return tuple(
             checks.cell(f"{name}[{index}]", entry, grid_size) for index, entry in enumerate(entries)
         )
-    return (checks.cell(name, entries, grid_size),)
+    return (checks.cell(name, value, grid_size),)
 
 
 def _detection(value: object, n_persons: int) -> float | tuple[float, ...]:

@@ -7,9 +7,11 @@ same seas.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-__all__ = ["EpisodeStream"]
+__all__ = ["EpisodeStream", "Streams"]
 
 # Episodes of untrained drones last a few steps, and a call of the generator costs more
 # than they do: the first numbers of an episode are drawn for many episodes at once.
@@ -102,3 +104,21 @@ class EpisodeStream:
             self._tail_episode = self._episode
             self._tail_drawn = 0
         return self._tail
+
+
+class Streams(NamedTuple):
+    """The streams of an environment, one for each purpose.
+
+    Attributes:
+        drift: moves the persons; for each step two numbers a person, for x and for y.
+        detection: decides whether searches succeed; a row a step, a number a person.
+    """
+
+    drift: EpisodeStream
+    detection: EpisodeStream
+
+    @classmethod
+    def from_seed(cls, seed: int | None) -> Streams:
+        """Streams grown from a seed, or from the system's entropy without one."""
+        drift, detection = np.random.SeedSequence(seed).spawn(2)
+        return cls(EpisodeStream(drift), EpisodeStream(detection))

@@ -86,9 +86,7 @@ def test_moves_carry_each_law_into_the_next_exactly(
     constant=st.floats(0, 1e308),
     t=st.integers(0, 90),
 )
-def test_matrix_properties(
-    size: int, place: tuple, drift: tuple, constant: float, t: int
-) -> None:
+def test_matrix_properties(size: int, place: tuple, drift: tuple, constant: float, t: int) -> None:
     start = int(place[0] * size), int(place[1] * size)
     matrix = ProbabilityMatrix(size, start, drift, constant).at(t)
     assert matrix.dtype == np.float32 and matrix.shape == (size, size)
@@ -158,3 +156,25 @@ def test_a_huge_grid_keeps_small_blocks() -> None:
     assert ProbabilityMatrix(1500, (0, 0), (0, 0), 1).block_steps == 1
     assert ProbabilityMatrix(300, (0, 0), (0, 0), 1).block_steps == 8
     assert ProbabilityMatrix(50, (0, 0), (0, 0), 1).block_steps == 32
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((1, (0, 0), (0, 0), 1), "grid_size must be an integer of at least 2, got 1"),
+        ((5, (9, 9), (0, 0), 1), r"start must be a cell .* got \(9, 9\)"),
+        ((5, (1, 1), (0, math.nan), 1), r"vector\[1\] must be a finite number, got nan"),
+        (
+            (5, (1, 1), (0, 0), -5),
+            "disperse_constant must be a finite number of at least 0, got -5",
+        ),
+    ],
+)
+def test_bad_arguments(arguments: tuple, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        ProbabilityMatrix(*arguments)
+
+
+def test_steps_before_the_first() -> None:
+    with pytest.raises(ValueError, match="step must be an integer of at least 0, got -1"):
+        ProbabilityMatrix(5, (1, 1), (0, 0), 1).at(-1)
