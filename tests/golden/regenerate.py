@@ -1,0 +1,183 @@
+"""Traces of named episodes as readable text; run this file to write them anew.
+
+A trace holds the parameters, and for every step the actions, the rewards, whether the
+episode ended, whether somebody was found, and the frame as text. `test_golden.py` plays
+the scenarios again and compares line by line. After a change that is meant to change
+episodes or frames, run ``python tests/golden/regenerate.py``: the diff is the review.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+
+FOLDER = Path(__file__).parent
+
+LETTERS = {
+    "L": Action.LEFT,
+    "R": Action.RIGHT,
+    "U": Action.UP,
+    "D": Action.DOWN,
+    "S": Action.SEARCH,
+    "I": Action.IDLE,
+}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """An episode: what it shows, the arguments, and each step's actions, a letter per drone."""
+
+    shows: str
+    parameters: dict[str, Any]
+    reset: dict[str, Any]
+    steps: str
+    then: list[str] = field(default_factory=list)
+
+
+SCENARIOS = {
+    "find": Scenario(
+        "A lone drone searches in vain, goes where the drift must lead the person, and finds.",
+        {
+            "grid_size": 5,
+            "vector": (1, 0),
+            "person_initial_position": (0, 1),
+            "disperse_constant": 0,
+            "timestep_limit": 10,
+        },
+        {"seed": 1},
+        "D S R R R R S",
+    ),
+    "collision": Scenario(
+        "Two drones exchange cells unharmed; later two collide, and the third is not punished.",
+        {"grid_size": 4, "n_drones": 3, "person_initial_position": (3, 3)},
+        {"seed": 2},
+        "RLI LRI RDD RSU",
+    ),
+    "left_grid": Scenario(
+        "A drone leaves the grid; another enters its cell, which is no collision.",
+        {"grid_size": 4, "n_drones": 2, "person_initial_position": (2, 2)},
+        {"seed": 3, "drones_positions": [(0, 2), (2, 2)]},
+        "IL LL",
+    ),
+    "time_up": Scenario(
+        "Likely and unlikely cells are searched in vain until the time is up.",
+        {
+            "grid_size": 6,
+            "n_drones": 2,
+            "vector": (0.25, 0.25),
+            "person_initial_position": (2, 2),
+            "probability_of_detection": 0,
+            "timestep_limit": 6,
+        },
+        {"seed": 4, "drones_positions": [(2, 2), (5, 5)]},
+        "SS SI RS SI DS SI",
+    ),
+    "persons": Scenario(
+        "Three persons, unreliable searches and the posterior; the mission is to find them all.",
+        {
+            "grid_size": 6,
+            "n_drones": 3,
+            "vector": (0, 0),
+            "person_initial_position": [(1, 1), (4, 4), (4, 4)],
+            "disperse_constant": 0,
+            "probability_of_detection": [1, 0.5, 0.25],
+            "bayesian_update": True,
+            "timestep_limit": 30,
+        },
+        {"seed": 5, "drones_positions": [(1, 1), (4, 4), (0, 5)]},
+        "ISI ISI SSI",
+    ),
+    "posterior": Scenario(
+        "Searched cells lose their probability, and drift fills them again.",
+        {
+            "grid_size": 7,
+            "n_drones": 4,
+            "vector": (0.1, -0.1),
+            "person_initial_position": (3, 3),
+            "disperse_constant": 5,
+            "probability_of_detection": 0.6,
+            "bayesian_update": True,
+            "timestep_limit": 6,
+        },
+        {"seed": 6, "drones_positions": [(2, 3), (3, 2), (4, 3), (3, 4)]},
+        "IIII SSSS LRRL SSSS IIII SIIS",
+    ),
+    "options": Scenario(
+        "Options of reset: the vector stays in the next episode, the positions do not.",
+        {
+            "grid_size": 5,
+            "n_drones": 2,
+            "reward_scheme": RewardScheme.sparse(),
+            "disperse_constant": 0,
+            "timestep_limit": 3,
+        },
+        {
+            "seed": 7,
+            "options": {
+                "vector": (0, 1),
+                "drones_positions": [(4, 0), (4, 4)],
+                "person_initial_position": (3, 3),
+            },
+        },
+        "DU IS LL",
+        then=["DI DD SS"],
+    ),
+}
+
+
+def trace(scenario: Scenario) -> str:
+    """A scenario's episodes as text."""
+    env = DroneSwarmSearch(**scenario.parameters)
+    lines = [scenario.shows, ""]
+    lines += [f"{name} = {value}" for name, value in scenario.parameters.items()]
+    for number, steps in enumerate([scenario.steps, *scenario.then]):
+        arguments = scenario.reset if number == 0 else {}
+        given = ", ".join(f"{name}={value}" for name, value in arguments.items())
+        env.reset(**arguments)
+        lines += ["", f"reset({given})", *framed(env)]
+        for letters in steps.split():
+            lines += ["", *step_lines(env, letters)]
+    return "\n".join(lines) + "\n"
+
+
+def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
+    """Take a step; returns what it was and what it led to."""
+    actions = {
+        agent: int(LETTERS[letter]) for agent, letter in zip(env.agents, letters, strict=True)
+    }
+    _, rewards, terminations, truncations, infos = env.step(actions)
+    assert terminations == truncations
+    return [
+        "actions  " + " ".join(LETTERS[letter].name.lower() for letter in letters),
+        "rewards  " + " ".join(f"{points:.2f}" for points in rewards.values()),
+        f"total    {rewards['total_reward']:.2f}",
+        "ended    " + " ".join("yes" if over else "no" for over in terminations.values()),
+        "found    " + " ".join("yes" if info["Found"] else "no" for info in infos.values()),
+        *framed(env),
+    ]
+
+
+def framed(env: DroneSwarmSearch) -> list[str]:
+    """The frame as text, without the spaces at the ends of lines."""
+    return [line.rstrip() for line in env.render().splitlines()]
+
+
+def path_of(name: str) -> Path:
+    """The file that holds a scenario's trace."""
+    return FOLDER / f"{name}.txt"
+
+
+def main() -> None:
+    """Write every trace anew, and remove those without a scenario."""
+    for name, scenario in SCENARIOS.items():
+        path_of(name).write_text(trace(scenario), encoding="utf-8", newline="\n")
+    for path in FOLDER.glob("*.txt"):
+        if path.stem not in SCENARIOS:
+            path.unlink()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""What several test files share: playing episodes and comparing them exactly."""
+
+from __future__ import annotations
+
+import pickle
+import random
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from DroneSwarmSearch import Action, DroneSwarmSearch
+
+MOVES = {
+    Action.LEFT: (-1, 0),
+    Action.RIGHT: (1, 0),
+    Action.UP: (0, -1),
+    Action.DOWN: (0, 1),
+    Action.SEARCH: (0, 0),
+    Action.IDLE: (0, 0),
+}
+
+
+def plain(value: Any) -> Any:
+    """Nested results as data that `==` compares bit for bit, types of numbers included."""
+    if isinstance(value, np.ndarray):
+        return ("array", str(value.dtype), value.shape, value.tobytes())
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [plain(item) for item in value]
+    return (type(value).__name__, repr(value))
+
+
+def whole_state(env: DroneSwarmSearch) -> bytes:
+    """All that the environment holds, the random streams included."""
+    return pickle.dumps(env)
+
+
+def target_of(cell: tuple[int, int], action: int) -> tuple[int, int]:
+    """Where an action leads, inside the grid or out of it."""
+    dx, dy = MOVES[Action(action)]
+    return cell[0] + dx, cell[1] + dy
+
+
+def inside(cell: tuple[int, int], grid_size: int) -> bool:
+    return 0 <= cell[0] < grid_size and 0 <= cell[1] < grid_size
+
+
+def careful_actions(
+    rng: random.Random, observations: Mapping[str, Any], grid_size: int
+) -> dict[str, int]:
+    """Random actions that neither leave the grid nor collide."""
+    cells = {name: seen["observation"][0] for name, seen in observations.items()}
+    taken = set(cells.values())
+    actions = {}
+    for name, cell in cells.items():
+        free = [Action.SEARCH, Action.SEARCH, Action.IDLE]
+        for action in (Action.LEFT, Action.RIGHT, Action.UP, Action.DOWN):
+            target = target_of(cell, action)
+            if inside(target, grid_size) and target not in taken:
+                free.append(action)
+        actions[name] = int(rng.choice(free))
+        taken.add(target_of(cell, actions[name]))
+    return actions
+
+
+def play_on(
+    env: DroneSwarmSearch, observations: Mapping[str, Any], rng: random.Random
+) -> list[Any]:
+    """Play to the end of the episode; returns all that was seen, as plain data."""
+    log = []
+    while env.agents:
+        result = env.step(careful_actions(rng, observations, env.grid_size))
+        observations = result[0]
+        log.append([*plain(result), plain(env.state()), plain(env.frame().persons)])
+    return log
+
+
+def play(env: DroneSwarmSearch, policy_seed: int = 0, **reset: Any) -> list[Any]:
+    """Play a whole episode, from reset to end; returns all that was seen, as plain data."""
+    observations, infos = env.reset(**reset)
+    start = [plain(observations), plain(infos), plain(env.state()), plain(env.frame().persons)]
+    return [start, *play_on(env, observations, random.Random(policy_seed))]
+
+
+def observed(env: DroneSwarmSearch) -> dict[str, Any]:
+    """What the drones are shown now."""
+    frame = env.frame()
+    return {
+        name: {"observation": (cell, frame.matrix)}
+        for name, cell in zip(env.possible_agents, frame.drones, strict=True)
+    }

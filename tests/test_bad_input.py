@@ -1,0 +1,483 @@
+"""Bad input is refused at once, with reasons, and leaves the environment as it was."""
+
+from __future__ import annotations
+
+import copy
+import random
+import types
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError
+from fractions import Fraction
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from helpers import observed, plain, play, play_on, whole_state
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, RewardScheme
+
+NAN, INF = float("nan"), float("inf")
+PERSON = "person_initial_position"
+POD = "probability_of_detection"
+DRONES = "drones_positions"
+
+# The parameter, the bad value, the error, and what the message shows of the value
+# (by default its repr). The grid has 7 x 7 cells.
+CONSTRUCTOR: list[tuple[Any, ...]] = [
+    ("grid_size", 1, ValueError),
+    ("grid_size", 0, ValueError),
+    ("grid_size", -7, ValueError),
+    ("grid_size", True, TypeError),
+    ("grid_size", np.True_, TypeError),
+    ("grid_size", 7.0, TypeError),
+    ("grid_size", "7", TypeError),
+    ("grid_size", None, TypeError),
+    ("grid_size", (7, 7), TypeError),
+    ("n_drones", 0, ValueError),
+    ("n_drones", -1, ValueError),
+    ("n_drones", 50, ValueError),
+    ("n_drones", 2.0, TypeError),
+    ("n_drones", True, TypeError),
+    ("n_drones", "two", TypeError),
+    ("timestep_limit", 0, ValueError),
+    ("timestep_limit", -1, ValueError),
+    ("timestep_limit", 100.0, TypeError),
+    ("timestep_limit", False, TypeError),
+    ("timestep_limit", None, TypeError),
+    ("timestep_limit", INF, TypeError),
+    ("vector", (NAN, 0), ValueError, "nan"),
+    ("vector", (0, INF), ValueError, "inf"),
+    ("vector", (-INF, 0), ValueError, "-inf"),
+    ("vector", (0.5,), ValueError),
+    ("vector", (0.5, 0.5, 0.5), ValueError),
+    ("vector", [], ValueError),
+    ("vector", np.zeros(3), ValueError, "array([0., 0., 0.])"),
+    ("vector", np.zeros((2, 2)), TypeError, "[0.0, 0.0]"),
+    ("vector", (10**400, 0), ValueError, "1000"),
+    ("vector", ("0.5", 0), TypeError, "'0.5'"),
+    ("vector", (True, 0), TypeError, "True"),
+    ("vector", (1j, 0), TypeError, "1j"),
+    ("vector", 0.5, TypeError),
+    ("vector", "ab", TypeError),
+    ("vector", {1, 2}, TypeError),
+    ("vector", None, TypeError),
+    (PERSON, (7, 0), ValueError, "7, 0"),
+    (PERSON, (0, -1), ValueError, "0, -1"),
+    (PERSON, (0.5, 0), ValueError, "0.5, 0"),
+    (PERSON, (NAN, 0), ValueError, "nan, 0"),
+    (PERSON, (1, 2, 3), ValueError, "1, 2, 3"),
+    (PERSON, [], ValueError),
+    (PERSON, [[]], ValueError, "[]"),
+    (PERSON, [(0, 0), (0, 7)], ValueError, "(0, 7)"),
+    (PERSON, [(0, 0), 5], TypeError),
+    (PERSON, ("0", "0"), TypeError, "'0', '0'"),
+    (PERSON, (True, 0), TypeError, "True, 0"),
+    (PERSON, 5, TypeError),
+    (PERSON, "00", TypeError),
+    (PERSON, None, TypeError),
+    (PERSON, np.zeros((1, 2, 2)), TypeError, "[0.0, 0.0]"),
+    ("disperse_constant", -0.1, ValueError),
+    ("disperse_constant", NAN, ValueError),
+    ("disperse_constant", INF, ValueError),
+    ("disperse_constant", "10", TypeError),
+    ("disperse_constant", True, TypeError),
+    ("disperse_constant", None, TypeError),
+    ("disperse_constant", 10j, TypeError),
+    (POD, -0.01, ValueError),
+    (POD, 1.01, ValueError),
+    (POD, NAN, ValueError),
+    (POD, (0.5, 0.5), ValueError),
+    (POD, [], ValueError),
+    (POD, [2.0], ValueError, "2.0"),
+    (POD, [None], TypeError, "None"),
+    (POD, "1", TypeError),
+    (POD, True, TypeError),
+    (POD, None, TypeError),
+    ("render_mode", "Human", ValueError),
+    ("render_mode", "", ValueError),
+    ("render_mode", 1, TypeError),
+    ("render_mode", ["human"], TypeError),
+    ("render_grid", 1, TypeError),
+    ("render_grid", "yes", TypeError),
+    ("render_gradient", None, TypeError),
+    ("bayesian_update", 0, TypeError),
+    ("bayesian_update", "True", TypeError),
+    ("reward_scheme", None, TypeError),
+    ("reward_scheme", {"step": 1}, TypeError),
+    ("reward_scheme", RewardScheme, TypeError),
+]
+
+# The same for reset, with three drones and two persons with a POD each; a name that is
+# no argument of reset is an option.
+RESET: list[tuple[Any, ...]] = [
+    ("seed", -1, ValueError),
+    ("seed", 1.0, TypeError),
+    ("seed", "1", TypeError),
+    ("seed", True, TypeError),
+    ("options", [("vector", (0, 0))], TypeError),
+    ("options", "vector", TypeError),
+    ("vector", (0, NAN), ValueError, "nan"),
+    ("vector", (1,), ValueError),
+    ("vector", (1, "2"), TypeError, "'2'"),
+    ("vector", 0, TypeError),
+    (DRONES, [(0, 0), (1, 0)], ValueError),
+    (DRONES, [(0, 0), (1, 0), (2, 0), (3, 0)], ValueError),
+    (DRONES, [], ValueError),
+    (DRONES, [(0, 0), (1, 0), (0, 7)], ValueError, "(0, 7)"),
+    (DRONES, [(0, 0), (-1, 0), (2, 0)], ValueError, "(-1, 0)"),
+    (DRONES, [(0, 0), (1.5, 0), (2, 0)], ValueError, "(1.5, 0)"),
+    (DRONES, [(0, 0), (1, 0, 0), (2, 0)], ValueError, "(1, 0, 0)"),
+    (DRONES, [(3, 4), (1, 0), (3, 4)], ValueError, "(3, 4) for both drone0 and drone2"),
+    (DRONES, [(0, 0), (True, 0), (2, 0)], TypeError, "(True, 0)"),
+    (DRONES, [0, 1, 2], TypeError, "0"),
+    (DRONES, {"drone0": (0, 0)}, TypeError),
+    (DRONES, "abc", TypeError),
+    (DRONES, 3, TypeError),
+    (PERSON, (7, 7), ValueError, "7, 7"),
+    (PERSON, [(0, 0)], ValueError),
+    (PERSON, [(0, 0), (1, 1), (2, 2)], ValueError),
+    (PERSON, [(0, 0), (1.5, 1)], ValueError, "(1.5, 1)"),
+    (PERSON, [], ValueError),
+    (PERSON, 7, TypeError),
+]
+
+GOOD = {"drone0": 4, "drone1": 4, "drone2": 5}
+
+# Actions for three drones, the error, and what the message says.
+STEP: list[tuple[Any, type[Exception], tuple[str, ...]]] = [
+    ({**GOOD, "drone1": 6}, ValueError, ("actions['drone1']", "6", "from 0 to 5")),
+    ({**GOOD, "drone1": -1}, ValueError, ("actions['drone1']", "-1")),
+    ({**GOOD, "drone2": 256}, ValueError, ("actions['drone2']", "256")),
+    ({**GOOD, "drone0": 10**30}, ValueError, ("actions['drone0']", str(10**30))),
+    ({**GOOD, "drone0": np.int64(6)}, ValueError, ("actions['drone0']", "6")),
+    ({**GOOD, "drone0": np.int8(-1)}, ValueError, ("actions['drone0']", "-1")),
+    ({**GOOD, "drone1": 4.0}, TypeError, ("actions['drone1']", "4.0")),
+    ({**GOOD, "drone1": np.float64(4)}, TypeError, ("actions['drone1']", "4.0")),
+    ({**GOOD, "drone1": True}, TypeError, ("actions['drone1']", "True")),
+    ({**GOOD, "drone1": np.False_}, TypeError, ("actions['drone1']", "False")),
+    ({**GOOD, "drone1": "4"}, TypeError, ("actions['drone1']", "'4'")),
+    ({**GOOD, "drone1": None}, TypeError, ("actions['drone1']", "None")),
+    ({**GOOD, "drone1": [4]}, TypeError, ("actions['drone1']", "[4]")),
+    ({**GOOD, "drone1": np.array([4, 4])}, TypeError, ("actions['drone1']", "array([4, 4])")),
+    ({"drone0": 4, "drone1": 4}, ValueError, ("actions", "'drone2'")),
+    ({}, ValueError, ("actions", "'drone0'")),
+    ({**GOOD, "drone3": 4}, ValueError, ("actions", "'drone3'")),
+    ({**GOOD, "total_reward": 4}, ValueError, ("actions", "'total_reward'")),
+    ({**GOOD, 0: 4}, ValueError, ("actions", "got one for 0")),
+    ({"Drone0": 4, "drone1": 4, "drone2": 4}, ValueError, ("actions", "'Drone0'")),
+    ([4, 4, 5], TypeError, ("actions", "[4, 4, 5]")),
+    (np.array([4, 4, 5]), TypeError, ("actions", "array([4, 4, 5])")),
+    (4, TypeError, ("actions", "4")),
+    (None, TypeError, ("actions", "None")),
+]
+
+
+def make_env(**changes: Any) -> DroneSwarmSearch:
+    """An environment in which everything random and everything remembered takes part."""
+    parameters: dict[str, Any] = {
+        "n_drones": 3,
+        "person_initial_position": [(3, 3), (5, 2)],
+        "probability_of_detection": [0.3, 0.6],
+        "bayesian_update": True,
+        "timestep_limit": 25,
+    }
+    return DroneSwarmSearch(**{**parameters, **changes})
+
+
+def unused() -> DroneSwarmSearch:
+    return make_env()
+
+
+def in_mid_episode() -> DroneSwarmSearch:
+    env = make_env()
+    env.reset(seed=4, vector=(0.25, 0.5), drones_positions=[(3, 3), (5, 2), (0, 6)])
+    for _ in range(5):
+        env.step(GOOD)
+    assert env.agents
+    return env
+
+
+def after_the_end() -> DroneSwarmSearch:
+    env = in_mid_episode()
+    while env.agents:
+        env.step({**GOOD, "drone2": Action.DOWN})
+    return env
+
+
+STAGES = [unused, in_mid_episode, after_the_end]
+
+
+def refused(call: Callable[[], Any], error: type[Exception], *said: str) -> None:
+    with pytest.raises(error) as caught:
+        call()
+    assert type(caught.value) is error
+    for words in said:
+        assert words in str(caught.value)
+
+
+def assert_untouched(env: DroneSwarmSearch, call: Callable[[DroneSwarmSearch], None]) -> None:
+    """A refused call leaves an environment as it was, now and in all that follows."""
+    twin = copy.deepcopy(env)
+    before, agents = whole_state(env), list(env.agents)
+    call(env)
+    assert whole_state(env) == before
+    assert env.agents == agents
+    if agents:
+        seen, seen_by_twin = observed(env), observed(twin)
+        assert plain(seen) == plain(seen_by_twin)
+        assert play_on(env, seen, random.Random(1)) == play_on(twin, seen_by_twin, random.Random(1))
+    if was_seeded(env):
+        assert play(env, 2) == play(twin, 2)
+    assert play(env, 3, seed=8) == play(twin, 3, seed=8)
+    assert play(env, 4) == play(twin, 4)
+    assert env.vector == twin.vector
+
+
+def was_seeded(env: DroneSwarmSearch) -> bool:
+    """Before the first reset there is no stream to go on from."""
+    try:
+        env.frame()
+    except ResetNeeded:
+        return False
+    return True
+
+
+def table(rows: list[tuple[Any, ...]]) -> list[Any]:
+    """Rows with ids, and what the message shows filled in."""
+    return [
+        pytest.param(name, value, error, *(shown or [repr(value)]), id=f"{name}={value!r:.40}")
+        for name, value, error, *shown in rows
+    ]
+
+
+@pytest.mark.parametrize(("name", "value", "error", "shown"), table(CONSTRUCTOR))
+def test_constructor_refuses(name, value, error, shown):
+    refused(lambda: DroneSwarmSearch(**{name: value}), error, name, " must ", "got", shown)
+
+
+def test_constructor_names_each_persons_own_figure():
+    persons = [(0, 0), (1, 1)]
+    for value, error in (([0.5, 1.5], ValueError), ([0.5, "a"], TypeError)):
+        refused(
+            lambda value=value: DroneSwarmSearch(
+                person_initial_position=persons, probability_of_detection=value
+            ),
+            error,
+            "probability_of_detection[1]",
+            repr(value[1]),
+        )
+    refused(
+        lambda: DroneSwarmSearch(
+            person_initial_position=persons, probability_of_detection=[0.1, 0.2, 0.3]
+        ),
+        ValueError,
+        "probability_of_detection",
+        "2",
+        "[0.1, 0.2, 0.3]",
+    )
+
+
+def test_constructor_refuses_what_it_does_not_know():
+    with pytest.raises(TypeError, match="n_persons"):
+        DroneSwarmSearch(n_persons=2)
+    with pytest.raises(TypeError, match="positional"):
+        DroneSwarmSearch(7, "ansi", False, True, 1, (0, 0), (0, 0), 10, 100, 0.5)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize(("name", "value", "error", "shown"), table(RESET))
+def test_reset_refuses(name, value, error, shown, stage):
+    def bad_reset(env: DroneSwarmSearch) -> None:
+        calls = [] if name == PERSON else [{name: value}]
+        if name not in ("seed", "options"):
+            calls.append({"options": {name: value}})
+        for arguments in calls:
+            refused(lambda arguments=arguments: env.reset(**arguments), error, name, "got", shown)
+
+    assert_untouched(stage(), bad_reset)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_reset_refuses_all_or_nothing(stage):
+    """One bad argument beside good ones: the good ones do not take effect either."""
+
+    def bad_reset(env: DroneSwarmSearch) -> None:
+        refused(
+            lambda: env.reset(
+                seed=1,
+                vector=(1, 1),
+                drones_positions=[(0, 0), (0, 1), (0, 2)],
+                options={PERSON: [(0, 0), (9, 9)]},
+            ),
+            ValueError,
+            PERSON,
+            "(9, 9)",
+        )
+        refused(lambda: env.reset(2, vector=(1, 1), drones_positions=[(0, 0)]), ValueError, DRONES)
+
+    assert_untouched(stage(), bad_reset)
+
+
+@pytest.mark.parametrize(
+    ("actions", "error", "said"), STEP, ids=[f"{row[0]!r:.60}" for row in STEP]
+)
+def test_step_refuses(actions, error, said):
+    def bad_step(env: DroneSwarmSearch) -> None:
+        refused(lambda: env.step(actions), error, *said, "got")
+
+    assert_untouched(in_mid_episode(), bad_step)
+
+
+@pytest.mark.parametrize(
+    ("actions", "error"),
+    [
+        ({"drone0": 6}, ValueError),
+        ({"drone0": -1}, ValueError),
+        ({"drone0": 256}, ValueError),
+        ({"drone0": True}, TypeError),
+        ({"drone0": 4.0}, TypeError),
+        ({"drone0": "4"}, TypeError),
+        ({}, ValueError),
+        ({"drone0": 4, "drone1": 4}, ValueError),
+        ([4], TypeError),
+        (b"\x04", TypeError),
+        (None, TypeError),
+    ],
+)
+def test_step_refuses_for_a_lone_drone(actions, error):
+    env = make_env(n_drones=1)
+    env.reset(seed=2)
+    env.step({"drone0": 3})
+    assert_untouched(env, lambda env: refused(lambda: env.step(actions), error, "actions", "got"))
+
+
+@pytest.mark.parametrize("use", ["step", "render", "state", "frame"])
+def test_use_before_reset(use):
+    def too_early(env: DroneSwarmSearch) -> None:
+        arguments = [GOOD] if use == "step" else []
+        refused(lambda: getattr(env, use)(*arguments), ResetNeeded, "reset()")
+
+    assert_untouched(unused(), too_early)
+
+
+@pytest.mark.parametrize("actions", [GOOD, {}, {"drone0": 99}, None])
+def test_step_after_the_end(actions):
+    env = after_the_end()
+    assert_untouched(
+        env, lambda env: refused(lambda: env.step(actions), ResetNeeded, "reset()", "over")
+    )
+
+
+def test_the_last_state_can_be_seen_after_the_end():
+    env = after_the_end()
+    assert env.frame().ending is not None
+    assert env.state().shape == (3, 7, 7)
+    assert "not found" in env.render()
+
+
+def test_reset_needed_is_what_gymnasium_and_python_know():
+    assert issubclass(ResetNeeded, gymnasium.error.ResetNeeded)
+    assert issubclass(ResetNeeded, RuntimeError)
+
+
+@pytest.mark.parametrize("agent", ["drone3", "Drone0", "", 0, None])
+@pytest.mark.parametrize("space", ["observation_space", "action_space"])
+def test_spaces_of_unknown_agents(space, agent):
+    assert_untouched(
+        in_mid_episode(),
+        lambda env: refused(
+            lambda: getattr(env, space)(agent), ValueError, "agent", "drone0", repr(agent)
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "error"),
+    [("1", TypeError), (True, TypeError), (None, TypeError), (1j, TypeError)]
+    + [(NAN, ValueError), (INF, ValueError), (-INF, ValueError)],
+)
+@pytest.mark.parametrize("figure", ["step", "search_threshold", "collision"])
+def test_reward_scheme_refuses(figure, value, error):
+    refused(lambda: RewardScheme(**{figure: value}), error, f"RewardScheme.{figure}", repr(value))
+
+
+def test_reward_scheme_is_frozen():
+    with pytest.raises(FrozenInstanceError):
+        RewardScheme().step = 2
+
+
+# What must be taken alike: each form of an argument beside its plain form.
+ALIKE = [
+    ("vector", (0.5, -2), [[0.5, -2], np.array([0.5, -2]), np.array([0.5, -2], "f4")]),
+    (
+        "vector",
+        (1, 0),
+        [[1.0, 0.0], np.array([1, 0]), (np.int8(1), np.float16(0))],
+    ),
+    (PERSON, (3, 4), [[3, 4], np.array([3, 4]), np.array([3.0, 4.0]), [(3, 4)]]),
+    (
+        PERSON,
+        ((3, 4), (2, 1)),
+        [[[3, 4], [2, 1]], np.array([[3, 4], [2, 1]]), [np.array([3, 4]), (2.0, np.uint8(1))]],
+    ),
+    ("grid_size", 9, [np.int64(9), np.uint8(9), np.array(9)]),
+    ("n_drones", 3, [np.int64(3), np.int8(3)]),
+    ("timestep_limit", 12, [np.int64(12), np.uint16(12)]),
+    ("disperse_constant", 2.5, [np.float64(2.5), np.float32(2.5), Fraction(5, 2)]),
+    ("disperse_constant", 3, [3.0, np.int64(3), np.float16(3)]),
+    (POD, 0.5, [np.float32(0.5), Fraction(1, 2), [0.5], np.array([0.5])]),
+    (POD, 0, [0.0, np.int64(0), (0,)]),
+    ("render_grid", True, [np.True_]),
+    ("bayesian_update", True, [np.True_]),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "usual", "form"),
+    [(name, usual, form) for name, usual, forms in ALIKE for form in forms],
+    ids=lambda value: f"{value!r:.40}".replace("\n", ""),
+)
+def test_constructor_takes_every_form(name, usual, form):
+    parameters = {"n_drones": 2, "timestep_limit": 15}
+    env = DroneSwarmSearch(**{**parameters, name: form})
+    usual_env = DroneSwarmSearch(**{**parameters, name: usual})
+    assert play(env, 1, seed=5) == play(usual_env, 1, seed=5)
+
+
+@pytest.mark.parametrize("make", [list, tuple, np.array])
+@pytest.mark.parametrize("as_option", [False, True])
+def test_reset_takes_every_form(make, as_option):
+    cells = [(6, 6), (0, 3), (2, 2)]
+    forms = {
+        "drones_positions": make([make(cell) for cell in cells]),
+        "vector": make([0.5, -1]),
+    }
+    usual = play(make_env(), seed=3, drones_positions=cells, vector=(0.5, -1))
+    arguments = {"options": forms} if as_option else forms
+    assert play(make_env(), seed=np.int64(3), **arguments) == usual
+
+
+def test_options_of_none_are_as_if_not_given():
+    nothing = {"drones_positions": None, "vector": None, "person_initial_position": None}
+    assert play(make_env(), seed=3, options=nothing) == play(make_env(), seed=3, options={})
+
+
+@pytest.mark.parametrize(
+    "kind", [Action, np.int64, np.int32, np.int8, np.uint8, np.uint64, np.array], ids=str
+)
+@pytest.mark.parametrize("n_drones", [1, 3])
+def test_step_takes_every_kind_of_integer(kind, n_drones):
+    for action in Action:
+        env, usual = make_env(n_drones=n_drones), make_env(n_drones=n_drones)
+        for one in (env, usual):
+            one.reset(seed=1, drones_positions=[(3, 3), (5, 2), (1, 5)][:n_drones])
+        actions = dict.fromkeys(usual.agents, int(action))
+        of_kind = {agent: kind(value) for agent, value in actions.items()}
+        assert plain(env.step(of_kind)) == plain(usual.step(actions))
+
+
+def test_step_takes_any_mapping_in_any_order():
+    env, usual = in_mid_episode(), in_mid_episode()
+    backwards = types.MappingProxyType(dict(reversed(GOOD.items())))
+    assert plain(env.step(backwards)) == plain(usual.step(GOOD))

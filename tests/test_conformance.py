@@ -1,0 +1,435 @@
+"""PettingZoo's own tests, the spaces, the names, and what importing does and does not do."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import pickle
+import random
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pettingzoo
+import pytest
+from gymnasium import spaces
+from helpers import careful_actions
+from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
+
+import DroneSwarmSearch.env as env_module
+from DroneSwarmSearch import DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch.mappings import Infos, Rewards
+
+with warnings.catch_warnings():
+    # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
+    warnings.filterwarnings("ignore", category=DeprecationWarning)
+    from pettingzoo.test import (
+        api_test,
+        parallel_api_test,
+        parallel_seed_test,
+        render_test,
+        seed_test,
+    )
+
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "defaults": {},
+    "smallest grid, full": {"grid_size": 2, "n_drones": 4},
+    "one step": {"n_drones": 2, "timestep_limit": 1},
+    "swarm": {"grid_size": 12, "n_drones": 9, "vector": (0.4, 0.7), "timestep_limit": 30},
+    "persons": {
+        "n_drones": 3,
+        "person_initial_position": [(1, 1), (5, 5), (5, 5)],
+        "probability_of_detection": [0.2, 0.7, 1.0],
+    },
+    "posterior": {
+        "n_drones": 4,
+        "bayesian_update": True,
+        "probability_of_detection": 0.6,
+        "person_initial_position": [(3, 3), (2, 4)],
+    },
+    "certain posterior": {"n_drones": 2, "bayesian_update": True, "disperse_constant": 50},
+    "no dispersion": {"disperse_constant": 0, "vector": (0.3, 1)},
+    "gale": {"vector": (1e300, -1e300), "grid_size": 9, "person_initial_position": (4, 4)},
+    "sparse": {"n_drones": 3, "reward_scheme": RewardScheme.sparse()},
+}
+
+each_parameters = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
+
+unknown_option_is_warned_about = pytest.mark.filterwarnings(
+    "ignore:options may hold .* 'options':UserWarning"
+)
+other_names_are_recommended = pytest.mark.filterwarnings(
+    "ignore:We recommend agents to be named in the format:UserWarning"
+)
+
+
+class FlatObservations(BaseParallelWrapper):
+    """Observations as one vector, which is what PettingZoo's AEC test can digest."""
+
+    def __init__(self, env: DroneSwarmSearch) -> None:
+        super().__init__(env)
+        self._spaces = {
+            agent: spaces.flatten_space(env.observation_space(agent))
+            for agent in env.possible_agents
+        }
+
+    def observation_space(self, agent):
+        return self._spaces[agent]
+
+    def reset(self, seed=None, options=None):
+        observations, infos = self.env.reset(seed, options)
+        return self._flat(observations), infos
+
+    def step(self, actions):
+        observations, *rest = self.env.step(actions)
+        return self._flat(observations), *rest
+
+    def _flat(self, observations):
+        return {
+            agent: spaces.flatten(self.env.observation_space(agent), observation)
+            for agent, observation in observations.items()
+        }
+
+
+# PettingZoo's tests.
+
+
+@unknown_option_is_warned_about
+@each_parameters
+def test_parallel_api(parameters):
+    parallel_api_test(DroneSwarmSearch(**parameters))
+    parallel_api_test(FlatObservations(DroneSwarmSearch(**parameters)))
+
+
+@each_parameters
+def test_parallel_seed(parameters):
+    parallel_seed_test(lambda: DroneSwarmSearch(**parameters))
+
+
+@unknown_option_is_warned_about
+@other_names_are_recommended
+@each_parameters
+def test_aec_api(parameters):
+    api_test(parallel_to_aec(FlatObservations(DroneSwarmSearch(**parameters))), num_cycles=100)
+
+
+@each_parameters
+def test_aec_seed(parameters):
+    seed_test(lambda: env_module.env(**parameters), num_cycles=100)
+
+
+def test_aec_render(monkeypatch):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setitem(DroneSwarmSearch.metadata, "render_fps", 1000)
+    render_test(lambda **mode: env_module.env(grid_size=10, n_drones=2, **mode))
+
+
+# The spaces.
+
+
+def whole_episodes(parameters: dict[str, Any]) -> Any:
+    """The observations of some whole episodes, careful ones and careless ones."""
+    env = DroneSwarmSearch(**parameters)
+    rng = random.Random(1)
+    for episode in range(6):
+        observations, _ = env.reset(seed=episode)
+        yield env, observations
+        while env.agents:
+            if episode % 2:
+                actions = {agent: rng.choice((0, 1, 2, 3, 4, 4, 5)) for agent in env.agents}
+            else:
+                actions = careful_actions(rng, observations, env.grid_size)
+            observations = env.step(actions)[0]
+            yield env, observations
+
+
+@each_parameters
+def test_observations_and_state_lie_in_their_spaces(parameters):
+    for env, observations in whole_episodes(parameters):
+        assert list(observations) == env.possible_agents
+        for agent, observation in observations.items():
+            assert env.observation_space(agent).contains(observation)
+        assert env.state_space.contains(env.state())
+
+
+@each_parameters
+def test_observations_have_the_documented_form(parameters):
+    for env, observations in whole_episodes(parameters):
+        size, n_drones = env.grid_size, env.n_drones
+        (first, *others) = observations.values()
+        matrix = first["observation"][1]
+        for (x, y), shown in (observation["observation"] for observation in observations.values()):
+            assert type(x) is int and type(y) is int
+            assert shown is matrix
+        assert all(set(observation) == {"observation"} for observation in (first, *others))
+        assert matrix.dtype == np.float32 and matrix.shape == (size, size)
+        assert matrix.min() >= 0
+        assert matrix.sum(dtype=np.float64) == pytest.approx(1, abs=1e-5)
+        state = env.state()
+        assert state.dtype == np.float32 and state.shape == (3, size, size)
+        np.testing.assert_array_equal(state[0], matrix)
+        assert state[1].sum() == n_drones
+        for (x, y), _ in (observation["observation"] for observation in observations.values()):
+            assert state[1, y, x] >= 1
+        frame = env.frame()
+        missing = np.zeros((size, size))
+        for (x, y), found in zip(frame.persons, frame.found, strict=True):
+            missing[y, x] += not found
+        np.testing.assert_array_equal(state[2], missing)
+
+
+def test_a_state_belongs_to_who_asked_for_it():
+    env = DroneSwarmSearch()
+    env.reset(seed=0)
+    env.state()[:] = 7
+    assert env.state().max() == 1
+
+
+def test_spaces_are_the_same_objects_at_every_call():
+    env = DroneSwarmSearch(n_drones=3)
+    agents = env.possible_agents
+    before = [
+        *(env.observation_space(agent) for agent in agents),
+        *(env.action_space(agent) for agent in agents),
+        env.state_space,
+    ]
+    env.reset(seed=1, vector=(1, 1))
+    env.step(dict.fromkeys(agents, 4))
+    env.reset()
+    after = [
+        *(env.observation_spaces[agent] for agent in agents),
+        *(env.action_spaces[agent] for agent in agents),
+        env.state_space,
+    ]
+    assert all(one is other for one, other in zip(before, after, strict=True))
+    # Seeding one drone's space must not seed another's.
+    assert len({id(space) for space in before}) == len(before)
+
+
+def test_the_spaces_are_those_of_the_specification():
+    env = DroneSwarmSearch(grid_size=5)
+    assert env.action_space("drone0") == spaces.Discrete(6)
+    assert env.observation_space("drone0") == spaces.Dict(
+        {
+            "observation": spaces.Tuple(
+                (
+                    spaces.Tuple((spaces.Discrete(5), spaces.Discrete(5))),
+                    spaces.Box(0, 1, (5, 5), np.float32),
+                )
+            )
+        }
+    )
+    assert env.state_space.shape == (3, 5, 5) and env.state_space.dtype == np.float32
+
+
+# The names.
+
+
+def test_metadata():
+    metadata = DroneSwarmSearch.metadata
+    assert metadata["render_modes"] == ["human", "ansi", "rgb_array"]
+    assert metadata["render_fps"] > 0
+    assert metadata["is_parallelizable"] is True
+    assert metadata["name"] == "drone_swarm_search_v0"
+
+
+def test_agents():
+    env = DroneSwarmSearch(n_drones=3)
+    assert env.possible_agents == env.get_agents() == ["drone0", "drone1", "drone2"]
+    assert env.max_num_agents == 3
+    assert env.agents == [] and env.num_agents == 0
+    env.reset()
+    assert env.agents == env.possible_agents
+    env.get_agents().clear()
+    env.agents.clear()
+    assert env.get_agents() == ["drone0", "drone1", "drone2"]
+    env.reset()
+    assert env.agents == env.possible_agents
+
+
+def test_the_classes_of_the_two_forms():
+    parallel = env_module.parallel_env(n_drones=2, grid_size=4)
+    assert type(parallel) is DroneSwarmSearch
+    assert isinstance(parallel, pettingzoo.ParallelEnv)
+    assert parallel.unwrapped is parallel
+    assert (parallel.n_drones, parallel.grid_size) == (2, 4)
+    assert importlib.import_module("DroneSwarmSearch").parallel_env is env_module.parallel_env
+    aec = env_module.env(n_drones=2, grid_size=4)
+    assert isinstance(aec, pettingzoo.AECEnv)
+    assert type(aec.unwrapped) is DroneSwarmSearch
+    assert aec.unwrapped.grid_size == 4
+
+
+def test_the_three_import_forms_give_one_class():
+    for name in ("DroneSwarmSearch", "DroneSwarmSearch.env", "DroneSwarmSearchEnvironment.env"):
+        assert importlib.import_module(name).DroneSwarmSearch is DroneSwarmSearch
+
+
+def test_every_public_name_is_there():
+    package = importlib.import_module("DroneSwarmSearch")
+    forward = importlib.import_module("DroneSwarmSearchEnvironment")
+    for name in package.__all__:
+        assert getattr(package, name) is getattr(forward, name)
+
+
+# What importing and stepping do not do.
+
+HEADLESS = """
+import random, sys
+import numpy as np
+random.seed(1); np.random.seed(1)
+python_state, numpy_state = random.getstate(), np.random.get_state()
+import DroneSwarmSearch
+from DroneSwarmSearch.env import env
+for mode in ("ansi", "human", "rgb_array", None):
+    DroneSwarmSearch.DroneSwarmSearch(render_mode=mode)
+for mode in ("ansi", None):
+    for parameters in ({}, {"probability_of_detection": 0.5, "bayesian_update": True}):
+        swarm = DroneSwarmSearch.DroneSwarmSearch(
+            n_drones=2, render_mode=mode, timestep_limit=20, **parameters
+        )
+        for seed in (None, 1):
+            swarm.reset(seed=seed)
+            while swarm.agents:
+                swarm.step({"drone0": 4, "drone1": 5})
+                swarm.state()
+                if mode == "ansi":
+                    swarm.render()
+        swarm.close()
+assert not [name for name in sys.modules if name.split(".")[0] == "pygame"], "pygame"
+assert random.getstate() == python_state, "random"
+for before, after in zip(numpy_state, np.random.get_state()):
+    assert np.array_equal(before, after), "numpy.random"
+"""
+
+
+def test_headless_use_is_quiet_and_leaves_the_world_alone():
+    run = subprocess.run(
+        [sys.executable, "-W", "error::UserWarning:DroneSwarmSearch", "-c", HEADLESS],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+
+
+def test_a_render_mode_of_none_renders_nothing():
+    env = DroneSwarmSearch(render_mode=None)
+    env.reset()
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert env.render() is None
+
+
+def test_render_and_close():
+    env = DroneSwarmSearch()
+    env.close()
+    env.reset(seed=1)
+    assert isinstance(env.render(), str)
+    env.close()
+    env.close()
+    env.step({"drone0": 5})
+    assert "step 1/100" in env.render()
+
+
+def test_gymnasium_error_base():
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        DroneSwarmSearch().step({"drone0": 4})
+
+
+# Rewards and infos: dicts of the drones that answer one further name.
+
+
+def last_mappings() -> tuple[Rewards, Infos]:
+    """Rewards and infos of a step in which one of three drones finds the person."""
+    env = DroneSwarmSearch(n_drones=3, disperse_constant=0, vector=(0, 0))
+    env.reset(seed=1)
+    _, rewards, _, _, infos = env.step({"drone0": 4, "drone1": 4, "drone2": 5})
+    return rewards, infos
+
+
+VALUES = {"drone0": 20_000.0, "drone1": -100.0, "drone2": 1.0}
+
+COPIES = {
+    "itself": lambda mapping: mapping,
+    "copy.copy": copy.copy,
+    ".copy()": lambda mapping: mapping.copy(),
+    "deepcopy": copy.deepcopy,
+    **{
+        f"pickle {protocol}": lambda mapping, protocol=protocol: pickle.loads(
+            pickle.dumps(mapping, protocol)
+        )
+        for protocol in range(2, pickle.HIGHEST_PROTOCOL + 1)
+    },
+}
+
+
+@pytest.mark.parametrize("make", COPIES.values(), ids=COPIES)
+@pytest.mark.parametrize(
+    ("which", "name", "answer", "values"),
+    [
+        (0, "total_reward", 19_901.0, VALUES),
+        (1, "Found", True, {agent: {"Found": True} for agent in VALUES}),
+    ],
+    ids=["rewards", "infos"],
+)
+def test_mappings(which, name, answer, values, make):
+    mapping = make(last_mappings()[which])
+    assert isinstance(mapping, dict)
+    # The one further name is answered on look-up ...
+    assert mapping[name] == answer
+    assert mapping.get(name) == mapping.get(name, "default") == answer
+    assert name in mapping
+    # ... and is nowhere else.
+    assert list(mapping) == list(mapping.keys()) == list(values)
+    assert len(mapping) == len(values)
+    assert list(mapping.values()) == list(values.values())
+    assert list(mapping.items()) == list(values.items())
+    assert mapping == dict(mapping) == {**mapping} == values
+    # Other names are those of a dict.
+    assert "drone0" in mapping and "drone9" not in mapping
+    assert mapping.get("drone9") is None and mapping.get("drone9", 7) == 7
+    with pytest.raises(KeyError, match="drone9"):
+        mapping["drone9"]
+
+
+@pytest.mark.parametrize("make", COPIES.values(), ids=COPIES)
+def test_what_is_set_in_a_mapping_is_answered(make):
+    rewards, infos = (make(mapping) for mapping in last_mappings())
+    rewards["drone0"] = 5.0
+    assert rewards["total_reward"] == -94.0
+    del rewards["drone1"]
+    assert rewards["total_reward"] == 6.0
+    for info in infos.values():
+        info["Found"] = False
+    assert infos["Found"] is False
+    infos["drone2"]["Found"] = True
+    assert infos["Found"] is True
+
+
+def test_a_copy_is_a_mapping_of_its_own():
+    rewards, _ = last_mappings()
+    for make in list(COPIES.values())[1:]:
+        other = make(rewards)
+        other["drone0"] = 0.0
+        assert rewards["total_reward"] == 19_901.0 and other["total_reward"] == -99.0
+
+
+def test_found_before_and_after():
+    env = DroneSwarmSearch(n_drones=2, person_initial_position=[(0, 0), (6, 6)])
+
+    def everyone(found: bool) -> dict[str, dict[str, bool]]:
+        return {agent: {"Found": found} for agent in env.possible_agents}
+
+    _, infos = env.reset(seed=1)
+    assert infos["Found"] is False and infos == everyone(False)
+    infos = env.step({"drone0": 4, "drone1": 5})[4]
+    assert infos["Found"] is True
+    infos = env.step({"drone0": 5, "drone1": 5})[4]
+    assert infos["Found"] is True and infos == everyone(True)
+    _, infos = env.reset()
+    assert infos["Found"] is False

@@ -1,0 +1,544 @@
+"""One seed, one sea: episodes can be repeated, copied, pickled and watched unchanged."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import pickle
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import careful_actions, observed, plain, play, play_on
+
+from DroneSwarmSearch import DroneSwarmSearch
+
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "defaults": {},
+    "swarm": {"grid_size": 12, "n_drones": 9, "vector": (0.4, 0.7)},
+    "unreliable": {"n_drones": 3, "probability_of_detection": 0.3},
+    "posterior": {"n_drones": 3, "bayesian_update": True, "probability_of_detection": 0.4},
+    "persons": {
+        "n_drones": 2,
+        "person_initial_position": [(2, 2), (6, 1), (2, 2)],
+        "probability_of_detection": [0.1, 0.5, 1.0],
+    },
+    "everything": {
+        "grid_size": 9,
+        "n_drones": 4,
+        "person_initial_position": [(2, 2), (6, 1)],
+        "probability_of_detection": [0.1, 0.5],
+        "bayesian_update": True,
+        "disperse_constant": 30,
+        "vector": (0.3, 0.2),
+    },
+    "long": {"grid_size": 15, "timestep_limit": 300, "vector": (0, 0), "disperse_constant": 1},
+}
+
+each_parameters = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
+
+
+def make_env(parameters: dict[str, Any], **changes: Any) -> DroneSwarmSearch:
+    return DroneSwarmSearch(**{"timestep_limit": 60, **parameters, **changes})
+
+
+EVERYTHING = PARAMETERS["everything"]
+
+
+# The same seed.
+
+
+@each_parameters
+def test_same_seed_same_episode(parameters):
+    env, other = make_env(parameters), make_env(parameters)
+    play(other, 5, seed=99)  # what came before a seed does not matter
+    for seed in range(5):
+        assert play(env, seed, seed=seed) == play(other, seed, seed=seed)
+
+
+@each_parameters
+def test_nothing_else_in_the_process_matters(parameters):
+    alone = make_env(parameters)
+    expected = [play(alone, 1, seed=3), play(alone, 2)]
+
+    env, bystander = make_env(parameters), make_env(EVERYTHING)
+    log = []
+    for episode, arguments in enumerate(({"seed": 3}, {})):
+        random.seed(episode)
+        np.random.seed(episode)
+        observations, infos = env.reset(**arguments)
+        bystander.reset()
+        log.append([[*map(plain, (observations, infos, env.state(), env.frame().persons))]])
+        rng = random.Random(episode + 1)
+        while env.agents:
+            random.random(), np.random.random()
+            if not bystander.agents:
+                bystander.reset()
+            bystander.step(dict.fromkeys(bystander.agents, 4))
+            env.action_space("drone0").sample()
+            result = env.step(careful_actions(rng, observations, env.grid_size))
+            observations = result[0]
+            log[-1].append([*plain(result), plain(env.state()), plain(env.frame().persons)])
+    assert log == expected
+
+
+@each_parameters
+def test_global_random_states_are_neither_read_nor_moved(parameters):
+    random.seed(1)
+    np.random.seed(1)
+    python, numpy = random.getstate(), plain(np.random.get_state())
+    env = make_env(parameters)
+    play(env, seed=1)
+    play(env)
+    assert random.getstate() == python
+    assert plain(np.random.get_state()) == numpy
+
+
+def test_global_seeds_do_not_make_episodes_alike():
+    paths = []
+    for _ in range(2):
+        random.seed(1)
+        np.random.seed(1)
+        env = make_env({})
+        paths.append([path(env) for _ in range(3)])
+    assert paths[0] != paths[1]
+
+
+# Different seeds, and episodes that follow each other.
+
+
+def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...]:
+    """Where the persons go while a drone idles."""
+    env.reset(**reset)
+    cells = [env.frame().persons]
+    for _ in range(steps):
+        env.step(dict.fromkeys(env.agents, 5))
+        cells.append(env.frame().persons)
+    return tuple(cells)
+
+
+@each_parameters
+def test_different_seeds_differ(parameters):
+    env = make_env(parameters)
+    paths = {path(env, seed=seed) for seed in range(20)}
+    assert len(paths) >= 18
+
+
+@each_parameters
+def test_episodes_without_a_seed_differ_and_can_be_repeated(parameters):
+    env, twin = make_env(parameters), make_env(parameters)
+    paths = [path(env, seed=7), *(path(env) for _ in range(99))]
+    assert len(set(paths)) >= 90
+    assert [path(twin, seed=7), *(path(twin) for _ in range(99))] == paths
+
+
+def test_environments_never_seeded_differ():
+    env, other = make_env({}), make_env({})
+    assert [path(env) for _ in range(3)] != [path(other) for _ in range(3)]
+
+
+@each_parameters
+def test_two_environments_stay_in_step_over_many_episodes(parameters):
+    env, twin = make_env(parameters), make_env(parameters)
+    assert play(env, seed=11) == play(twin, seed=11)
+    for episode in range(40):
+        assert play(env, episode) == play(twin, episode)
+
+
+def test_a_seed_is_no_offset_of_another():
+    """Episode k + 1 of seed s is not episode k of seed s + 1, and the like."""
+    env = make_env({})
+    paths = [
+        walk
+        for seed in range(10)
+        for walk in [path(env, seed=seed), *(path(env) for _ in range(9))]
+    ]
+    assert len(set(paths)) >= 95
+
+
+# For one seed the sea is the same whatever the drones do.
+
+
+def idle(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
+    return dict.fromkeys(env.agents, 5)
+
+
+def careful(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
+    return careful_actions(rng, observed(env), env.grid_size)
+
+
+def search(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
+    return dict.fromkeys(env.agents, 4)
+
+
+def careless(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
+    return {agent: rng.randrange(6) for agent in env.agents}
+
+
+def hunt(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
+    """Drone 0 goes where the first missing person really is, and searches; others idle."""
+    frame = env.frame()
+    x, y = frame.drones[0]
+    goal = next(cell for cell, found in zip(frame.persons, frame.found, strict=True) if not found)
+    action = 4
+    if goal != (x, y):
+        action = (0 if goal[0] < x else 1) if goal[0] != x else (2 if goal[1] < y else 3)
+    return {**dict.fromkeys(env.agents, 5), "drone0": action}
+
+
+POLICIES: list[Callable[..., dict[str, int]]] = [idle, careful, search, careless, hunt]
+
+
+def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[Any]]:
+    """The persons' cells, step by step, in an episode with a seed and in some after it."""
+    rng = random.Random(1)
+    paths = []
+    for episode in range(episodes):
+        env.reset(seed=5 if episode == 0 else None)
+        paths.append([env.frame().persons])
+        while env.agents:
+            env.step(policy(env, rng))
+            paths[-1].append(env.frame().persons)
+    return paths
+
+
+@pytest.mark.parametrize(
+    "name", ["defaults", "unreliable", "posterior", "persons", "everything", "swarm"]
+)
+def test_the_sea_is_the_same_whatever_the_drones_do(name):
+    env = make_env(PARAMETERS[name])
+    longest = paths_under(env, idle, episodes=40)
+    assert all(len(cells) == 61 for cells in longest)
+    shorter = 0
+    for policy in POLICIES[1:]:
+        for cells, expected in zip(paths_under(env, policy, episodes=40), longest, strict=True):
+            assert cells == expected[: len(cells)]
+            shorter += len(cells) < len(expected)
+    assert shorter > 40  # drones crashed or found somebody early, and the sea went on as it would
+
+
+@each_parameters
+@pytest.mark.parametrize("watched_every", [1, 2, 5, 11, 37])
+def test_watching_does_not_change_the_sea(parameters, watched_every):
+    """The truth may be looked at in every step, in some, or at the end alone."""
+
+    def episodes(watched_every: int) -> list[Any]:
+        env = make_env(parameters)
+        log = []
+        for episode in range(4):
+            rng = random.Random(episode)
+            observations, _ = env.reset(seed=8 if episode == 0 else None)
+            for step in itertools.count(1):
+                result = env.step(careful_actions(rng, observations, env.grid_size))
+                observations = result[0]
+                log.append(plain(result))
+                if not env.agents:
+                    break
+                if step % watched_every == 0:
+                    env.state()
+            log.append([plain(env.state()), plain(env.frame().persons)])
+        return log
+
+    assert episodes(watched_every) == episodes(1000)
+
+
+def test_detections_do_not_depend_on_what_was_searched_before():
+    """Whether a search in step t succeeds is settled by the seed alone."""
+    fixed = {"disperse_constant": 0, "vector": (0, 0), "probability_of_detection": 0.2}
+
+    def step_of_find(env: DroneSwarmSearch, seed: int, begin: int) -> int:
+        env.reset(seed=seed)
+        while env.agents:
+            t = env.frame().step
+            env.step({"drone0": 4 if t >= begin else 5})
+        return env.frame().step if env.frame().found[0] else 1000
+
+    env = make_env(fixed, timestep_limit=40)
+    begins_mattered = 0
+    for seed in range(30):
+        lucky = step_of_find(env, seed, 0)
+        for begin in (1, 5, 20):
+            found = step_of_find(env, seed, begin)
+            assert found == lucky if begin < lucky else found > lucky
+            begins_mattered += found != lucky
+    assert begins_mattered > 30
+
+
+def test_detections_do_not_depend_on_the_episodes_before():
+    fixed = {"disperse_constant": 0, "vector": (0, 0), "probability_of_detection": 0.2}
+
+    def steps_of_find(actions: tuple[int, ...]) -> list[int]:
+        """When searches succeed in episodes between which others use `actions` alone."""
+        env = make_env(fixed, timestep_limit=40)
+        env.reset(seed=1)
+        steps = []
+        for episode in range(60):
+            env.reset()
+            while env.agents:
+                env.step({"drone0": 4 if episode % 2 else actions[episode % len(actions)]})
+            steps.append(env.frame().step)
+        return steps[1::2]
+
+    expected = steps_of_find((5,))
+    assert steps_of_find((4,)) == steps_of_find((0,)) == steps_of_find((4, 5, 0, 5)) == expected
+    assert len(set(expected)) > 5
+
+
+# Copies and pickles.
+
+
+def reloaded(env: DroneSwarmSearch) -> DroneSwarmSearch:
+    return pickle.loads(pickle.dumps(env))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
+@pytest.mark.parametrize("steps", [0, 1, 7, 8, 9, 20, 33])
+@pytest.mark.parametrize("name", ["defaults", "unreliable", "posterior", "everything", "long"])
+def test_copies_in_mid_episode_go_on_identically(name, steps, copied):
+    env = make_env(PARAMETERS[name])
+    rng = random.Random(1)
+    unwatched = env.reset(seed=6, options={"vector": (0.2, -0.1)})[0]
+    for _ in range(steps):
+        if env.agents:
+            unwatched = env.step(careful_actions(rng, unwatched, env.grid_size))[0]
+    other = copied(env)
+    assert plain(other.state()) == plain(env.state())
+    assert plain(vars(other.frame())) == plain(vars(env.frame()))
+    assert other.render() == env.render()
+    seen, seen_by_other = observed(env), observed(other)
+    # One after the other: a copy shares nothing that changes.
+    logs = [
+        [*play_on(one, cells, random.Random(2)), play(one, 3), play(one, 4, seed=1), one.vector]
+        for one, cells in ((env, seen), (other, seen_by_other))
+    ]
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
+def test_copies_before_reset_and_after_the_end(copied):
+    env = make_env(EVERYTHING)
+    other = copied(env)
+    assert not other.agents
+    assert play(other, seed=1) == play(env, seed=1)
+    other = copied(env)
+    assert other.render() == env.render()
+    assert play(other, 1) == play(env, 1)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
+def test_matrices_of_copies_are_read_only_too(copied):
+    env = make_env(EVERYTHING)
+    env.reset(seed=1)
+    env.step(dict.fromkeys(env.agents, 4))
+    other = copied(env)
+    assert not other.frame().matrix.flags.writeable
+    observations = other.step(dict.fromkeys(other.agents, 5))[0]
+    assert not observations["drone0"]["observation"][1].flags.writeable
+
+
+# What was handed out.
+
+
+@each_parameters
+def test_handed_out_matrices_never_change_and_are_read_only(parameters):
+    env = make_env(parameters)
+    kept = []
+    rng = random.Random(3)
+    for _ in range(3):
+        observations, _ = env.reset()
+        while True:
+            matrix = observations["drone0"]["observation"][1]
+            kept.append((matrix, matrix.copy()))
+            if not env.agents:
+                break
+            observations = env.step(careful_actions(rng, observations, env.grid_size))[0]
+    for matrix, as_it_was in kept:
+        np.testing.assert_array_equal(matrix, as_it_was)
+        assert not matrix.flags.writeable
+        with pytest.raises(ValueError, match="read-only"):
+            matrix[0, 0] = 1
+        with pytest.raises(ValueError, match=r"WRITEABLE|writeable"):
+            matrix.view().flags.writeable = True
+
+
+def test_what_step_returns_belongs_to_the_caller():
+    env, twin = make_env(EVERYTHING), make_env(EVERYTHING)
+    log, expected = [], []
+    for one, spoil, seen in ((env, True, log), (twin, False, expected)):
+        results = one.reset(seed=2)
+        rng = random.Random(5)
+        while True:
+            seen.append(plain(results))
+            if not one.agents:
+                break
+            actions = careful(one, rng)
+            if spoil:
+                for mapping in results:
+                    for value in mapping.values():
+                        if isinstance(value, dict):
+                            value.clear()
+                    mapping.clear()
+            results = one.step(actions)
+            actions.clear()
+    assert log == expected
+
+
+def test_infos_are_fresh_and_mutable_for_every_drone():
+    env = make_env({"n_drones": 3})
+    _, before = env.reset(seed=1)
+    infos = env.step(dict.fromkeys(env.agents, 5))[4]
+    dicts = [*before.values(), *infos.values()]
+    assert all(one is not other for one, other in itertools.combinations(dicts, 2))
+    infos["drone0"]["note"] = 1
+    infos["drone1"]["Found"] = True
+    assert infos["drone2"] == {"Found": False}
+    infos = env.step(dict.fromkeys(env.agents, 5))[4]
+    assert infos == {agent: {"Found": False} for agent in env.agents}
+
+
+def test_terminations_and_truncations_are_dicts_of_their_own():
+    env = make_env({})
+    env.reset(seed=1)
+    _, _, terminations, truncations, _ = env.step({"drone0": 5})
+    assert terminations is not truncations
+    terminations["drone0"] = truncations["drone0"] = True
+    assert env.step({"drone0": 5})[2:4] == ({"drone0": False}, {"drone0": False})
+
+
+def test_arguments_may_be_changed_afterwards():
+    persons = np.array([[3, 3], [5, 1]])
+    vector, cells = [0.5, 0.5], [[1, 1], [2, 2]]
+    env = make_env({"n_drones": 2}, person_initial_position=persons, vector=vector)
+    options = {"drones_positions": cells, "person_initial_position": persons}
+    env.reset(seed=1, options=options)
+    persons[:], vector[0], cells[0][0] = 0, -1, 6
+    options.clear()
+    assert env.frame().persons == ((3, 3), (5, 1))
+    assert env.frame().drones == ((1, 1), (2, 2))
+    assert env.vector == (0.5, 0.5)
+    env.reset()
+    assert env.frame().persons == ((3, 3), (5, 1))
+
+
+# What reset is given: how long it stays, and what wins.
+
+
+def test_a_vector_stays_until_another_is_given():
+    env = make_env({}, person_initial_position=(3, 3), vector=(1, 0), disperse_constant=0)
+
+    def drift(**reset: Any) -> tuple[int, int]:
+        env.reset(**reset)
+        env.step({"drone0": 5})
+        x, y = env.frame().persons[0]
+        assert env.frame().vector == env.vector
+        return x - 3, y - 3
+
+    assert drift() == (1, 0)
+    assert drift(vector=(0, -1)) == (0, -1)
+    assert drift() == drift(seed=4) == (0, -1)
+    assert drift(options={"vector": [-1, 1]}) == (-1, 1)
+    assert drift() == drift(options={}) == (-1, 1)
+
+
+def test_an_environment_given_a_vector_is_as_if_made_with_it():
+    made = make_env(EVERYTHING, vector=(-0.5, 0.25))
+    given = make_env(EVERYTHING)
+    given.reset(vector=(-0.5, 0.25))
+    assert play(given, seed=3) == play(made, seed=3)
+
+
+def test_positions_hold_for_one_episode():
+    env = make_env({"n_drones": 3, "person_initial_position": (4, 4)})
+    rows = ((0, 0), (1, 0), (2, 0))
+    cells = ((6, 6), (0, 3), (2, 5))
+    env.reset(drones_positions=cells)
+    assert env.frame().drones == cells
+    env.reset()
+    assert env.frame().drones == rows
+    env.reset(options={"drones_positions": cells, "person_initial_position": (1, 2)})
+    assert env.frame().drones == cells
+    assert env.frame().persons == ((1, 2),)
+    assert env.state()[0, 2, 1] == 1
+    env.reset()
+    assert env.frame().drones == rows
+    assert env.frame().persons == ((4, 4),)
+    assert env.state()[0, 4, 4] == 1
+
+
+def test_the_number_of_persons_may_differ_for_one_episode():
+    env = make_env({}, person_initial_position=(0, 0))
+    env.reset(seed=1, options={"person_initial_position": [(0, 0), (6, 6), (6, 6)]})
+    assert env.state()[2].sum() == 3
+    env.step({"drone0": 4})
+    assert env.agents and env.frame().found == (True, False, False)
+    env.reset()
+    env.step({"drone0": 4})
+    assert not env.agents and env.frame().found == (True,)
+
+
+def test_drones_stand_row_by_row():
+    env = DroneSwarmSearch(grid_size=3, n_drones=7)
+    env.reset()
+    assert env.frame().drones == ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2))
+
+
+def test_a_keyword_wins_over_an_option():
+    env = make_env({"n_drones": 1})
+    options = {"drones_positions": [(1, 1)], "vector": (1, 1), "person_initial_position": (5, 5)}
+    env.reset(options=options, drones_positions=[(2, 3)], vector=(0, 0.5))
+    frame = env.frame()
+    assert (frame.drones, frame.vector, frame.persons) == (((2, 3),), (0, 0.5), ((5, 5),))
+    env.reset(options=options, vector=(0, 0))
+    frame = env.frame()
+    assert (frame.drones, frame.vector) == (((1, 1),), (0, 0))
+
+
+def test_unknown_options_are_warned_about_and_ignored():
+    env, twin = make_env(EVERYTHING), make_env(EVERYTHING)
+    with pytest.warns(UserWarning, match="'wind'") as caught:
+        seen = play(env, seed=1, options={"wind": 3, "vector": (0, 1)})
+    assert len(caught) == 1
+    assert caught[0].filename.endswith("helpers.py")  # the caller's line, not the library's
+    assert seen == play(twin, seed=1, options={"vector": (0, 1)})
+
+
+# Rendering.
+
+
+@pytest.mark.parametrize("name", ["unreliable", "everything"])
+@pytest.mark.parametrize("mode", ["ansi", "rgb_array", "human"])
+def test_rendering_never_changes_the_episode(mode, name, monkeypatch):
+    if mode != "ansi":
+        pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setitem(DroneSwarmSearch.metadata, "render_fps", 1000)
+    parameters = {**PARAMETERS[name], "timestep_limit": 12}
+    unseen, seen = make_env(parameters, render_mode=None), make_env(parameters, render_mode=mode)
+    rng, rng_of_seen = random.Random(1), random.Random(1)
+    for arguments in ({"seed": 4}, {}):
+        assert plain(seen.reset(**arguments)) == plain(unseen.reset(**arguments))
+        while unseen.agents:
+            seen.render()
+            result = unseen.step(careful(unseen, rng))
+            assert plain(seen.step(careful(seen, rng_of_seen))) == plain(result)
+            seen.render()
+            assert plain(seen.state()) == plain(unseen.state())
+    seen.close()
+
+
+def test_the_modes_render_what_they_say(monkeypatch):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = DroneSwarmSearch(render_mode="rgb_array")
+    env.reset(seed=1)
+    first = env.render()
+    assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
+    env.step({"drone0": 3})
+    second = env.render()
+    assert second.shape == first.shape and (second != first).any()
+    window = DroneSwarmSearch(render_mode="human")
+    window.reset(seed=1)
+    assert window.render() is None
+    window.close()

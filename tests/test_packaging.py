@@ -1,0 +1,159 @@
+"""The wheel and the sdist hold what they should, and every way to install works."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tarfile
+import venv
+import zipfile
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+import DroneSwarmSearch
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+PACKAGES = ("DroneSwarmSearch", "DroneSwarmSearchEnvironment")
+NAME = f"droneswarmsearchenvironment-{DroneSwarmSearch.__version__}"
+MEGABYTE = 10**6
+
+pytestmark = [
+    pytest.mark.skipif(
+        not (CHECKOUT / "pyproject.toml").exists(), reason="there is no source tree to build"
+    ),
+    pytest.mark.skipif(
+        any(importlib.util.find_spec(name) is None for name in ("build", "hatchling", "pip")),
+        reason="build, hatchling and pip are needed",
+    ),
+]
+
+# Prints where the package is, and whether the three import forms agree.
+PROBE = """
+import importlib, json, sys
+names = ("DroneSwarmSearch", "DroneSwarmSearch.env", "DroneSwarmSearchEnvironment.env")
+modules = [importlib.import_module(name) for name in names]
+classes = {id(module.DroneSwarmSearch) for module in modules}
+env = modules[0].DroneSwarmSearch()
+env.reset(seed=1)
+env.step({"drone0": 4})
+from importlib.metadata import version
+print(json.dumps({
+    "files": [module.__file__ for module in modules],
+    "classes": len(classes),
+    "version": version("DroneSwarmSearchEnvironment"),
+    "frame": env.render(),
+}))
+"""
+
+
+def run(*command: object, cwd: Path) -> str:
+    """Run a command to its end, away from the checkout; returns what it printed."""
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=cwd,
+        env={**clean, "PIP_DISABLE_PIP_VERSION_CHECK": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sdist, and the wheel built from the sdist."""
+    folder = tmp_path_factory.mktemp("built")
+    run(sys.executable, "-m", "build", "--no-isolation", "-o", folder, CHECKOUT, cwd=folder)
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"{NAME}-py3-none-any.whl",
+        f"{NAME}.tar.gz",
+    ]
+    return folder
+
+
+def dependencies() -> set[str]:
+    """The folders in which the running environment keeps what is needed."""
+    specs = map(importlib.util.find_spec, ("gymnasium", "hatchling", "editables", "pettingzoo"))
+    return {str(Path(spec.origin).parent.parent) for spec in specs if spec and spec.origin}
+
+
+def sources() -> set[str]:
+    """The packages' own files in the checkout."""
+    return {
+        path.relative_to(CHECKOUT).as_posix()
+        for package in PACKAGES
+        for path in (CHECKOUT / package).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def test_the_wheel_holds_the_packages_and_nothing_else(built):
+    path = built / f"{NAME}-py3-none-any.whl"
+    assert path.stat().st_size < MEGABYTE
+    with zipfile.ZipFile(path) as wheel:
+        held = set(wheel.namelist())
+        metadata = wheel.read(f"{NAME}.dist-info/METADATA").decode()
+    info = {f"{NAME}.dist-info/{file}" for file in ("METADATA", "WHEEL", "RECORD")}
+    assert held == sources() | info | {f"{NAME}.dist-info/licenses/LICENSE"}
+    assert {f"{package}/py.typed" for package in PACKAGES} <= held
+    assert {PurePosixPath(file).suffix for file in sources()} <= {".py", ".typed"}
+    assert "Name: DroneSwarmSearchEnvironment\n" in metadata
+    assert "Requires-Python: >=3.10\n" in metadata
+    for dependency in ("gymnasium", "numpy", "pettingzoo", "pygame"):
+        assert f"Requires-Dist: {dependency}>=" in metadata
+
+
+def test_the_sdist_holds_the_sources_the_tests_and_nothing_stray(built):
+    path = built / f"{NAME}.tar.gz"
+    assert path.stat().st_size < MEGABYTE
+    with tarfile.open(path) as sdist:
+        names = [PurePosixPath(member.name) for member in sdist.getmembers() if member.isfile()]
+    assert {name.parts[0] for name in names} == {NAME}
+    held = {name.relative_to(NAME).as_posix() for name in names}
+    assert sources() | {"LICENSE", "README.md", "pyproject.toml", "PKG-INFO"} <= held
+    assert f"tests/{Path(__file__).name}" in held
+    assert {file.split("/")[0] for file in held} <= {
+        *PACKAGES,
+        *("basic_env.py", "docs", "examples", "tests"),
+        *("CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md"),
+        *("pyproject.toml", "PKG-INFO", ".gitignore"),
+    }
+    hidden = [file for file in held if "/." in file or "__pycache__" in file]
+    assert not hidden
+
+
+@pytest.mark.parametrize("what", ["wheel", "sdist", "editable"])
+def test_installed(what, built, tmp_path):
+    """In a fresh environment each, with the running environment's dependencies in view."""
+    home = tmp_path / "environment"
+    builder = venv.EnvBuilder(with_pip=False)
+    builder.create(home)
+    python = builder.ensure_directories(home).env_exe
+    purelib = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    own = Path(run(python, "-c", purelib, cwd=tmp_path).strip())
+    # The last .pth file by name: what is installed here comes first on the path.
+    (own / "zz_dependencies.pth").write_text("\n".join(dependencies()), encoding="utf-8")
+    source = {
+        "wheel": [built / f"{NAME}-py3-none-any.whl"],
+        "sdist": [built / f"{NAME}.tar.gz"],
+        "editable": ["--editable", CHECKOUT],
+    }[what]
+    offline = ("--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed")
+    pip = (sys.executable, "-m", "pip", "--python", python)
+    run(*pip, "install", "--quiet", *offline, *source, cwd=tmp_path)
+
+    told = json.loads(run(python, "-c", PROBE, cwd=tmp_path))
+    assert told["classes"] == 1
+    assert told["version"] == DroneSwarmSearch.__version__
+    assert told["frame"].startswith("step 1/100")
+    expected = CHECKOUT if what == "editable" else own
+    for file in told["files"]:
+        assert Path(file).resolve().is_relative_to(expected.resolve())
+    assert list(own.glob("droneswarmsearchenvironment-*.dist-info"))
