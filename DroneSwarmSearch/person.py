@@ -29,14 +29,22 @@ def walk(
         The cell after each step.
     """
     block = law.block(step)
-    moves = block.moves[step - block.first :]
+    right, left = block.right, block.left
     grid_size = law.grid_size
     y, x = divmod(cell, grid_size)
     path = []
-    for (right_x, moved_x, right_y, moved_y), u, v in zip(moves, for_x, for_y, strict=False):
-        if u < moved_x[x]:
-            x += 1 if u < right_x[x] else -1
-        if v < moved_y[y]:
-            y += 1 if v < right_y[y] else -1
+    # The tables hold a row for x and a row for y of each step, one after another.
+    rows_of_x = range((step - block.first) * 2 * grid_size, len(right), 2 * grid_size)
+    for row, u, v in zip(rows_of_x, for_x, for_y, strict=False):
+        at_x = row + x
+        if u < right[at_x]:
+            x += 1
+        elif u < right[at_x] + left[at_x]:
+            x -= 1
+        at_y = row + grid_size + y
+        if v < right[at_y]:
+            y += 1
+        elif v < right[at_y] + left[at_y]:
+            y -= 1
         path.append(y * grid_size + x)
     return path

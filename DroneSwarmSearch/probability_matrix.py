@@ -20,7 +20,7 @@ steps when somebody asks for them, and kept for later episodes within `KEPT_BYTE
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from threading import Lock
 from typing import NamedTuple
 
@@ -32,8 +32,9 @@ from DroneSwarmSearch import checks
 __all__ = ["Block", "ProbabilityMatrix", "Steps", "dispersion_rate"]
 
 Floats = NDArray[np.float64]
+_Key = tuple[float, ...]  # the parameters of a law
 
-KEPT_BYTES = 48 * 2**20
+KEPT_BYTES = 56 * 2**20
 """Tables of all laws together that are kept for later, in bytes."""
 
 _BLOCK_STEPS = 32
@@ -143,11 +144,6 @@ def follow(first_cdf: Floats, targets: Floats) -> Steps:
     )
 
 
-Moves = tuple[list[float], list[float], list[float], list[float]]
-"""One step's chances per cell, as lists, which scalar code reads fastest: of moving
-right, of moving at all, each for x and then for y."""
-
-
 class Block(NamedTuple):
     """Some consecutive steps of a law.
 
@@ -155,38 +151,51 @@ class Block(NamedTuple):
         first: the step that index 0 of everything below stands for.
         steps: the law and the moves as arrays.
         marginals: the probabilities in single precision, float32, shape (n, 2, N).
-        moves: the moves as lists.
+        right: `steps.right`, flat, in the form that scalar code reads fastest.
+        left: `steps.left` likewise.
         matrices: for every step, its matrix once somebody has asked for it.
     """
 
     first: int
     steps: Steps
     marginals: NDArray[np.float32]
-    moves: list[Moves]
+    right: memoryview
+    left: memoryview
     matrices: list[NDArray[np.float32] | None]
 
 
 class _Kept:
-    """The blocks kept for later, least recently used first, within `KEPT_BYTES`."""
+    """The blocks kept for later, least recently used first, within `KEPT_BYTES`.
+
+    A law that would fill all of it keeps its earliest blocks: every episode begins there.
+    """
 
     def __init__(self) -> None:
-        self._blocks: OrderedDict[tuple[float, ...], tuple[Block, int]] = OrderedDict()
+        self._blocks: OrderedDict[tuple[_Key, int], tuple[Block, int]] = OrderedDict()
+        self._of_law: Counter[_Key] = Counter()  # bytes
         self._bytes = 0
         self._lock = Lock()
 
-    def get(self, key: tuple[float, ...]) -> Block | None:
+    def get(self, law: _Key, first: int) -> Block | None:
         with self._lock:
-            if key not in self._blocks:
-                return None
-            self._blocks.move_to_end(key)
-            return self._blocks[key][0]
+            block, _ = self._blocks.get((law, first), (None, 0))
+            if block is not None:
+                self._blocks.move_to_end((law, first))
+            return block
 
-    def put(self, key: tuple[float, ...], block: Block, size: int) -> None:
+    def put(self, law: _Key, first: int, block: Block, size: int) -> None:
         with self._lock:
-            self._bytes += size - self._blocks.pop(key, (block, 0))[1]
-            self._blocks[key] = (block, size)
+            if (law, first) in self._blocks or self._of_law.get(law, 0) + size > KEPT_BYTES:
+                return
+            self._blocks[law, first] = (block, size)
+            self._of_law[law] += size
+            self._bytes += size
             while self._bytes > KEPT_BYTES:
-                self._bytes -= self._blocks.popitem(last=False)[1][1]
+                (oldest, _), (_, freed) = self._blocks.popitem(last=False)
+                self._bytes -= freed
+                self._of_law[oldest] -= freed
+                if not self._of_law[oldest]:
+                    del self._of_law[oldest]
 
 
 _kept = _Kept()
@@ -258,7 +267,7 @@ class ProbabilityMatrix:
         """
         block = self._block
         index = step - block.first
-        if not 0 <= index < len(block.moves):
+        if not 0 <= index < self.block_steps:
             block = self.block(step)
             index = step - block.first
         matrix = block.matrices[index]
@@ -275,8 +284,8 @@ class ProbabilityMatrix:
         if step < block.first:
             checks.integer("step", step, 0)
             block = self._initial
-        while step >= block.first + len(block.moves):
-            block = self._make_block(block.first + len(block.moves), block)
+        while step >= block.first + self.block_steps:
+            block = self._make_block(block.first + self.block_steps, block)
         self._block = block
         return block
 
@@ -306,12 +315,11 @@ class ProbabilityMatrix:
     def _step_bytes(self) -> int:
         grid_size = self.grid_size
         matrix = 4 * grid_size**2
-        tables = 2 * grid_size * (3 * 8 + 4 + 2 * 32)
-        return matrix + tables + 1024
+        tables = 2 * grid_size * (3 * 8 + 4)
+        return matrix + tables + 512
 
     def _make_block(self, first: int, before: Block | None) -> Block:
-        key = (*self._key, first)
-        block = _kept.get(key)
+        block = _kept.get(self._key, first)
         if block is None:
             grid_size, start, vector, disperse_constant = self._parameters
             ahead = range(first + 1, first + self.block_steps + 1)
@@ -325,14 +333,13 @@ class ProbabilityMatrix:
             steps = follow(
                 point_mass(grid_size, start) if before is None else before.steps.cdf, targets
             )
-            rights = steps.right.tolist()
-            moved = (steps.right + steps.left).tolist()
             block = Block(
                 first=first,
                 steps=steps,
                 marginals=steps.probability.astype(np.float32),
-                moves=[(r[0], m[0], r[1], m[1]) for r, m in zip(rights, moved, strict=True)],
+                right=steps.right.reshape(-1).data,
+                left=steps.left.reshape(-1).data,
                 matrices=[None] * self.block_steps,
             )
-            _kept.put(key, block, self._step_bytes() * self.block_steps)
+            _kept.put(self._key, first, block, self._step_bytes() * self.block_steps)
         return block

@@ -141,6 +141,11 @@ def test_a_million_steps_keep_bounded_memory() -> None:
     law = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
     for t in range(6000):
         law.at(t)
+    assert law.at(3) is ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5).at(3), "the earliest are kept"
+    for start in range(40):
+        other = ProbabilityMatrix(64, (start, 4), (0.1, 0.2), 5)
+        for t in range(100):
+            other.at(t)
     kept = module._kept
     in_use = sum(
         matrix.nbytes
@@ -150,6 +155,7 @@ def test_a_million_steps_keep_bounded_memory() -> None:
     )
     assert 0 < in_use < kept._bytes <= module.KEPT_BYTES < 64 * 2**20
     assert kept._bytes == sum(size for _, size in kept._blocks.values())
+    assert kept._bytes == sum(kept._of_law.values())
 
 
 def test_a_huge_grid_keeps_small_blocks() -> None:

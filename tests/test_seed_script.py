@@ -6,8 +6,6 @@ import os
 import subprocess
 import sys
 
-import pytest
-
 SCRIPT = """\
 from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
 env = DroneSwarmSearch(
@@ -41,7 +39,6 @@ print(rewards)
 
 
 def test_seed_script(tmp_path):
-    pytest.importorskip("pygame")
     script = tmp_path / "script.py"
     script.write_text(SCRIPT, encoding="utf-8")
     run = subprocess.run(
