@@ -20,16 +20,17 @@ MISSING = "P"
 FOUND = "F"
 
 SPACED_UP_TO = 160
-"""Cells are set apart by a space if the lines then have no more characters than this."""
+"""Characters in a line, at most, where nothing is known of the terminal."""
 
 
-def render_text(frame: Frame) -> str:
+def render_text(frame: Frame, columns: int = SPACED_UP_TO) -> str:
     """The frame as lines of ASCII without escape codes, and no newline at the end.
 
     Every cell ends with the character of its probability; before it stands what is in
     the cell: drones by their numbers, `*` after one that searches, `+` between drones
     in the same cell, `P` for a missing and `F` for a found person (with a count if
     there are several). `12*P@` is drone 12 searching the likeliest cell, over a person.
+    Cells are set apart by a space where the rows of the grid then fit some columns.
     """
     tokens = _tokens(frame)
     # A place for the searching mark is kept free: the width stays the same from frame to
@@ -37,7 +38,7 @@ def render_text(frame: Frame) -> str:
     usual = len(str(len(frame.drones) - 1)) + len(SEARCHES)
     width = max([usual, *map(len, tokens.values())]) + 1
     margin = len(str(frame.grid_size - 1)) + 1
-    if margin + (width + 1) * frame.grid_size <= SPACED_UP_TO:
+    if margin + (width + 1) * frame.grid_size <= columns:
         width += 1
     return "\n".join(
         [

@@ -1,0 +1,416 @@
+"""The demo, as its users see it: in the terminal, in a window, flown by hand, as a film."""
+
+from __future__ import annotations
+
+import os
+import re
+import runpy
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from DroneSwarmSearch import demo
+from DroneSwarmSearch.rendering import video
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.text import render_text
+from DroneSwarmSearch.rendering.window import Window
+from DroneSwarmSearch.rules import Ending
+
+pygame = pytest.importorskip("pygame")
+
+ROOT = Path(__file__).parent.parent
+SHORT = ["--grid-size", "9", "--timestep-limit", "8"]
+"""An episode of 8 steps in which nobody is found."""
+FOUND = ["--grid-size", "9"]
+"""One in which the person is, with the default seed."""
+
+
+def run(*command: str, display: str) -> subprocess.CompletedProcess[str]:
+    """Python with some arguments, where SDL has only one way to show anything."""
+    environment = {**os.environ, "SDL_VIDEODRIVER": display, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, "-W", "error", *command],
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """The last line of what the demo says when it refuses its arguments."""
+    with pytest.raises(SystemExit) as stop:
+        demo.main(arguments)
+    captured = capsys.readouterr()
+    assert stop.value.code == 2
+    assert captured.out == ""
+    return captured.err.splitlines()[-1]
+
+
+def figures(output: str) -> dict[str, str]:
+    """The summary at the end of the output, by heading."""
+    return dict(re.findall(r"^(\w+(?: \w+)?) {2,}(.+)$", output, re.MULTILINE))
+
+
+@pytest.fixture
+def unseen_window(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A display that nobody sees, and no waiting at the end."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setattr(demo, "HOLD_WINDOW", 0.01)
+    pygame.quit()
+    yield
+    pygame.quit()
+
+
+def script(monkeypatch: pytest.MonkeyPatch, *events: Any) -> list[Frame]:
+    """After each frame shown in the window the next event happens; returns the frames.
+
+    After the last of several events the window is closed, lest somebody waits for ever.
+    """
+    shown: list[Frame] = []
+    waiting = iter([*events, pygame.event.Event(pygame.QUIT)] if events else [])
+    show = Window.show
+
+    def show_and_act(window: Window, frame: Frame) -> None:
+        show(window, frame)
+        shown.append(frame)
+        event = next(waiting, None)
+        if event is not None:
+            pygame.event.post(event)
+
+    monkeypatch.setattr(Window, "show", show_and_act)
+    return shown
+
+
+def key(which: int) -> Any:
+    return pygame.event.Event(pygame.KEYDOWN, key=which, unicode="", mod=0)
+
+
+class TestText:
+    def test_without_a_display_it_plays_in_the_terminal(self) -> None:
+        done = run("basic_env.py", display="none_such")
+        assert done.returncode == 0
+        assert re.fullmatch(
+            r"no window can be opened \(.*none_such.*\): here it is as text\n", done.stderr
+        )
+        assert "step 0/100" in done.stdout
+        assert "The target was found" in figures(done.stdout)["outcome"]
+
+    def test_module_plays_in_the_terminal_even_with_a_display(self) -> None:
+        done = run("-m", "DroneSwarmSearch", *SHORT, display="dummy")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "step 8/8" in done.stdout
+
+    def test_summary(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["--text", *SHORT]) == 0
+        summary = figures(capsys.readouterr().out)
+        assert summary["outcome"] == "The target was not found (the time was up)"
+        assert summary["return"] == "-400,000.0 (sum over the drones)"
+        assert summary["steps"] == "8 of at most 8"
+        assert summary["persons found"] == "0 of 1"
+        assert re.fullmatch(r"[\d,]+ steps/s \(the environment alone\)", summary["speed"])
+
+    def test_seed_decides(self, capsys: pytest.CaptureFixture[str]) -> None:
+        outputs = []
+        for seed in ("1", "1", "2"):
+            demo.main(["--text", "--seed", seed])
+            outputs.append(capsys.readouterr().out.rsplit("speed", 1)[0])
+        assert outputs[0] == outputs[1] != outputs[2]
+
+    def test_prints_some_frames_of_a_long_search(self, capsys: pytest.CaptureFixture[str]) -> None:
+        demo.main(["--text", "--probability-of-detection", "0", "--timestep-limit", "1000"])
+        steps = re.findall(r"step (\d+)/1000", capsys.readouterr().out)
+        assert steps == ["0", "200", "400", "600", "800", "1000"]
+
+    def test_draws_in_place_on_a_terminal(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+        monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((60, 12)))
+        demo.main(["--text", "--fps", "50", *SHORT])
+        output = capsys.readouterr().out
+        assert re.findall(r"step (\d+)/8", output) == [str(step) for step in range(9)]
+        assert output.count("\x1b[11A") == 8, "every frame but the first starts 11 lines higher"
+
+    @pytest.mark.parametrize("terminal", [(80, 24), (40, 10), (20, 6), (10, 3), (300, 80)])
+    def test_fits_any_terminal(self, terminal: tuple[int, int]) -> None:
+        matrix = np.zeros((20, 20), np.float32)
+        matrix[15, 18] = 1.0
+        frame = Frame(
+            matrix=matrix,
+            drones=((0, 0), (18, 15)),
+            searching=(False, False),
+            persons=((5, 5),),
+            found=(False,),
+            step=3,
+            timestep_limit=10,
+            vector=(0.5, -0.25),
+            ending=Ending.TIME_UP,
+        )
+        columns, rows = terminal
+        lines = demo._fitted(frame, columns, rows)
+        assert len(lines) <= rows
+        assert max(map(len, lines)) <= columns
+        if columns >= 40:
+            assert any("1@" in line for line in lines), "the likeliest cell is shown"
+        if columns == 300:
+            legend = lines.pop()
+            assert [*lines, legend] == render_text(frame, columns).split("\n")
+
+    def test_interrupted_politely(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def interrupt(*_: object) -> str:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(demo, "render_text", interrupt)
+        assert demo.main(["--text"]) == 130
+        assert capsys.readouterr().err == "\ninterrupted\n"
+
+    def test_reader_may_leave(self) -> None:
+        with subprocess.Popen(
+            [sys.executable, "-m", "DroneSwarmSearch"],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        ) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            process.stdout.close()
+            assert process.stderr.read() == b""
+            assert process.wait(timeout=60) == 1
+
+
+class TestOptions:
+    def test_help_names_every_option(self, capsys: pytest.CaptureFixture[str]) -> None:
+        with pytest.raises(SystemExit) as stop:
+            demo.main(["--help"])
+        assert stop.value.code == 0
+        text = capsys.readouterr().out
+        for option in (
+            *("--manual", "--drones", "--grid-size", "--persons", "--vector", "--record"),
+            *("--disperse-constant", "--timestep-limit", "--probability-of-detection"),
+            *("--seed", "--fps", "--grid", "--no-grid", "--gradient", "--no-gradient"),
+            *("--prior", "--text"),
+        ):
+            assert re.search(rf"^ +.*{option}\b(?!-).*\S", text, re.MULTILINE), option
+
+    @pytest.mark.parametrize(
+        ("option", "values", "problem"),
+        [
+            ("--grid-size", ["1"], "must be an integer of at least 2, got 1"),
+            ("--grid-size", ["7.5"], "invalid int value: '7.5'"),
+            ("--drones", ["0"], "must be an integer from 1 to 400, got 0"),
+            ("--drones", ["401"], "must be an integer from 1 to 400, got 401"),
+            ("--persons", ["0"], "must be an integer of at least 1, got '0'"),
+            ("--persons", ["many"], "must be an integer of at least 1, got 'many'"),
+            ("--vector", ["nan", "0"], "must be a finite number, got nan"),
+            ("--vector", ["1"], "expected 2 arguments"),
+            ("--disperse-constant", ["-1"], "must be a finite number of at least 0, got -1.0"),
+            ("--timestep-limit", ["0"], "must be an integer of at least 1, got 0"),
+            (
+                "--probability-of-detection",
+                ["1.5"],
+                "must be a finite number of at least 0 and at most 1, got 1.5",
+            ),
+            ("--seed", ["-1"], "must be an integer of at least 0, got -1"),
+            ("--fps", ["0"], "must be a number from 0.1 to 50, got '0'"),
+            ("--fps", ["fast"], "must be a number from 0.1 to 50, got 'fast'"),
+            ("--record", ["film.avi"], "must end in .gif or .mp4, got 'film.avi'"),
+        ],
+    )
+    def test_bad_values(
+        self, capsys: pytest.CaptureFixture[str], option: str, values: list[str], problem: str
+    ) -> None:
+        line = refusal(capsys, "--text", option, *values)
+        assert line.endswith(f"error: argument {option}: {problem}")
+
+    @pytest.mark.parametrize("other", [["--text"], ["--record", "film.gif"]])
+    def test_manual_needs_the_window(
+        self, capsys: pytest.CaptureFixture[str], other: list[str]
+    ) -> None:
+        assert "argument --manual: needs the window" in refusal(capsys, "--manual", *other)
+
+    def test_a_fault_of_the_program_is_not_blamed_on_an_option(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def fail(*_: object) -> None:
+            raise ValueError("something else")
+
+        monkeypatch.setattr(demo, "_around_the_border", fail)
+        with pytest.raises(ValueError, match="something else"):
+            demo.main(["--text"])
+
+    @pytest.mark.parametrize(("drones", "size"), [(1, 2), (4, 2), (4, 20), (7, 5), (76, 20)])
+    def test_drones_start_around_the_border(self, drones: int, size: int) -> None:
+        cells = demo._around_the_border(drones, size)
+        assert cells is not None
+        assert len(set(cells)) == len(cells) == drones
+        assert all({x, y} & {0, size - 1} and min(x, y) >= 0 for x, y in cells)
+
+    def test_more_drones_than_the_border_holds(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["--text", "--grid-size", "4", "--drones", "16"]) == 0
+        assert "persons found  1 of 1" in capsys.readouterr().out
+
+    def test_several_persons_and_the_prior(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["--text", "--prior", "--persons", "3", *SHORT]) == 0
+        assert figures(capsys.readouterr().out)["persons found"].endswith(" of 3")
+
+
+@pytest.mark.usefixtures("unseen_window")
+class TestWindow:
+    def test_plays_to_the_end_and_closes(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = script(monkeypatch)
+        assert demo.main(["--fps", "50", *FOUND]) == 0
+        captured = capsys.readouterr()
+        assert captured.err == ""
+        assert shown[-1].ending is Ending.FOUND
+        assert [frame.step for frame in shown] == list(range(len(shown)))
+        assert "The target was found" in figures(captured.out)["outcome"]
+        assert not pygame.display.get_init()
+
+    @pytest.mark.parametrize(
+        ("event", "reason"),
+        [
+            (pygame.event.Event(pygame.QUIT), "the window was closed"),
+            (key(pygame.K_ESCAPE), "you quit"),
+            (key(pygame.K_q), "you quit"),
+        ],
+    )
+    @pytest.mark.parametrize("manual", [[], ["--manual"]])
+    def test_quitting(
+        self,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+        event: Any,
+        reason: str,
+        manual: list[str],
+    ) -> None:
+        shown = script(monkeypatch, event)
+        assert demo.main(manual) == 0
+        assert len(shown) == 1
+        assert figures(capsys.readouterr().out)["outcome"] == f"stopped: {reason}"
+        assert not pygame.display.get_init()
+
+    def test_flown_by_hand(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        keys = [
+            *(pygame.K_RIGHT, pygame.K_DOWN, pygame.K_SPACE, pygame.K_i, pygame.K_PERIOD),
+            *(pygame.K_LEFT, pygame.K_UP, pygame.K_LEFT),
+        ]
+        shown = script(monkeypatch, *map(key, keys))
+        assert demo.main(["--manual", "--fps", "50"]) == 0
+        path = [frame.drones[0] for frame in shown]
+        assert path == [(0, 0), (1, 0), *[(1, 1)] * 4, (0, 1), (0, 0), (0, 0)]
+        assert [frame.searching[0] for frame in shown].index(True) == 3
+        assert shown[-1].ending is Ending.LEFT_GRID, "the last key led out of the grid"
+        assert shown[-1].drones[1] != shown[0].drones[1], "the policy flies the others"
+        output = capsys.readouterr().out
+        assert output.startswith("keys in the window")
+        assert "a drone left the grid" in figures(output)["outcome"]
+
+    def test_other_keys_are_no_steps(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def press() -> None:
+            for each in (pygame.K_x, pygame.K_RIGHT):
+                pygame.event.post(key(each))
+
+        shown = script(monkeypatch)
+        show = Window.show
+
+        def show_and_press(window: Window, frame: Frame) -> None:
+            show(window, frame)
+            press()
+
+        monkeypatch.setattr(Window, "show", show_and_press)
+        assert demo.main(["--manual", "--fps", "50", "--drones", "1", *SHORT]) == 0
+        assert [frame.drones[0][0] for frame in shown] == [*range(9)]
+
+    def test_others_keep_clear_of_the_pilot(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        shown = script(monkeypatch, *[key(pygame.K_RIGHT), key(pygame.K_LEFT)] * 20)
+        arguments = ["--manual", "--fps", "50", "--drones", "6", "--grid-size", "4"]
+        demo.main([*arguments, "--timestep-limit", "40", "--probability-of-detection", "0"])
+        assert shown[-1].ending is Ending.TIME_UP
+
+    def test_manual_without_a_display(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
+        assert "--manual needs a display" in refusal(capsys, "--manual")
+
+    def test_script(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(sys, "argv", ["basic_env.py", "--fps", "50", *SHORT])
+        with pytest.raises(SystemExit) as stop:
+            runpy.run_path(str(ROOT / "basic_env.py"), run_name="__main__")
+        assert stop.value.code == 0
+        assert figures(capsys.readouterr().out)["steps"] == "8 of at most 8"
+
+
+class TestFilm:
+    def test_gif(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        image = pytest.importorskip("PIL.Image")
+        film = tmp_path / "search.gif"
+        assert demo.main(["--record", str(film), "--fps", "10", *SHORT]) == 0
+        assert "search.gif" in capsys.readouterr().err
+        with image.open(film) as gif:
+            assert gif.n_frames == 9
+            assert gif.width == 600
+            assert gif.info["loop"] == 0
+            durations = []
+            for step in range(9):
+                gif.seek(step)
+                durations.append(gif.info["duration"])
+            assert durations == [100] * 8 + [2100]
+        assert film.stat().st_size < 150_000
+
+    def test_mp4(self, tmp_path: Path) -> None:
+        imageio = pytest.importorskip("imageio.v2")
+        pytest.importorskip("imageio_ffmpeg")
+        film = tmp_path / "search.mp4"
+        assert demo.main(["--record", str(film), "--fps", "10", *SHORT]) == 0
+        with imageio.get_reader(film) as reader:
+            assert reader.count_frames() == 9 + 20
+            assert reader.get_meta_data()["fps"] == 10
+            first, last = reader.get_data(0), reader.get_data(28)
+        assert first.shape == self.picture().shape
+        assert np.abs(first.astype(int) - self.picture()).mean() < 5
+        assert np.abs(last.astype(int) - first).mean() > 20, "ends on the end screen"
+
+    @staticmethod
+    def picture() -> NDArray[np.uint8]:
+        options = demo._parser().parse_args(SHORT)
+        frame = next(demo._Episode(options).frames())
+        return demo._painter(options).pixels(frame)
+
+    @pytest.mark.parametrize("suffix", video.SUFFIXES)
+    def test_without_the_extra(
+        self,
+        suffix: str,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        for name in ("PIL", "imageio", "imageio.v2", "imageio_ffmpeg"):
+            monkeypatch.setitem(sys.modules, name, None)
+        line = refusal(capsys, "--record", str(tmp_path / f"film{suffix}"), *SHORT)
+        assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
+        assert list(tmp_path.iterdir()) == []
+
+    def test_where_nothing_can_be_written(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        nowhere = tmp_path / "missing" / "film.gif"
+        line = refusal(capsys, "--record", str(nowhere), *SHORT)
+        assert line.endswith(f"error: cannot write {nowhere}: No such file or directory")

@@ -1,0 +1,246 @@
+"""The greedy policy: what it chooses, and that whole episodes go well with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch.policies import GreedyPolicy, Policy
+from DroneSwarmSearch.policies.greedy import DISCOUNT
+
+Actions = dict[str, int]
+
+
+def seen(
+    size: int, cells: list[tuple[int, int]], peaks: Mapping[tuple[int, int], float]
+) -> dict[str, Any]:
+    """Observations of drones in some cells and a matrix with some peaks, by (x, y)."""
+    matrix = np.zeros((size, size), np.float32)
+    for (x, y), probability in peaks.items():
+        matrix[y, x] = probability
+    matrix.flags.writeable = False
+    return {f"drone{i}": {"observation": (cell, matrix)} for i, cell in enumerate(cells)}
+
+
+def choose(
+    size: int, cells: list[tuple[int, int]], peaks: Mapping[tuple[int, int], float]
+) -> list[Action]:
+    actions = GreedyPolicy(size)(seen(size, cells, peaks))
+    assert list(actions) == [f"drone{i}" for i in range(len(cells))]
+    assert all(type(action) is int for action in actions.values())
+    return [Action(action) for action in actions.values()]
+
+
+def a_search(size: int = 20, drones: int = 4, **changes: Any) -> DroneSwarmSearch:
+    parameters = {
+        "grid_size": size,
+        "n_drones": drones,
+        "vector": (0.2, 0.1),
+        "person_initial_position": (size // 2, size // 2),
+        "disperse_constant": 3,
+        "bayesian_update": True,
+    }
+    return DroneSwarmSearch(**{**parameters, **changes})
+
+
+def play(
+    env: DroneSwarmSearch,
+    policy: Callable[[dict[str, Any]], Actions],
+    seed: int,
+    positions: Any = None,
+) -> list[Actions]:
+    """All actions of an episode; the policy is not reset."""
+    observations, _ = env.reset(seed, drones_positions=positions)
+    taken = []
+    while env.agents:
+        taken.append(policy(observations))
+        observations, *_ = env.step(taken[-1])
+    return taken
+
+
+def corners(size: int) -> list[tuple[int, int]]:
+    return [(0, 0), (size - 1, 0), (size - 1, size - 1), (0, size - 1)]
+
+
+class TestChoice:
+    @pytest.mark.parametrize(
+        ("peak", "action"),
+        [
+            ((0, 3), Action.LEFT),
+            ((6, 3), Action.RIGHT),
+            ((3, 0), Action.UP),
+            ((3, 6), Action.DOWN),
+            ((3, 3), Action.SEARCH),
+        ],
+    )
+    def test_goes_to_the_likely_cell_and_searches_it(
+        self, peak: tuple[int, int], action: Action
+    ) -> None:
+        assert choose(7, [(3, 3)], {peak: 1.0}) == [action]
+
+    @pytest.mark.parametrize(("margin", "action"), [(0.99, Action.LEFT), (1.01, Action.RIGHT)])
+    def test_weighs_probability_against_distance(self, margin: float, action: Action) -> None:
+        # One step to the left, three to the right: two steps more.
+        near = 0.1
+        far = near / DISCOUNT**2 * margin
+        assert choose(7, [(3, 3)], {(2, 3): near, (6, 3): far}) == [action]
+
+    def test_goes_through_the_likelier_cells(self) -> None:
+        assert choose(7, [(1, 1)], {(4, 4): 0.9, (1, 2): 0.01}) == [Action.DOWN]
+        assert choose(7, [(1, 1)], {(4, 4): 0.9, (2, 1): 0.01}) == [Action.RIGHT]
+
+    def test_flies_the_longer_leg_first_where_all_is_alike(self) -> None:
+        assert choose(7, [(1, 1)], {(2, 5): 1.0}) == [Action.DOWN]
+        assert choose(7, [(1, 5)], {(2, 1): 1.0}) == [Action.UP]
+        assert choose(7, [(1, 1)], {(5, 2): 1.0}) == [Action.RIGHT]
+
+    def test_different_drones_take_different_cells(self) -> None:
+        # Both are nearer to the left peak; the one in the lead gets it.
+        actions = choose(9, [(3, 4), (4, 4)], {(2, 4): 0.5, (8, 4): 0.5})
+        assert actions == [Action.LEFT, Action.RIGHT]
+
+    def test_drones_without_a_cell_of_their_own_gather_around_the_one_there_is(self) -> None:
+        actions = choose(9, [(0, 4), (8, 4), (4, 0)], {(4, 4): 1.0})
+        assert actions == [Action.RIGHT, Action.LEFT, Action.DOWN]
+
+    def test_never_enters_a_cell_that_another_drone_is_in_or_enters(self) -> None:
+        # Two drones beside the only likely cell, and one in it.
+        actions = choose(5, [(1, 2), (3, 2), (2, 2)], {(2, 2): 1.0})
+        assert actions == [Action.IDLE, Action.IDLE, Action.SEARCH]
+        # Nobody is in it yet: one of them goes.
+        actions = choose(5, [(1, 2), (3, 2)], {(2, 2): 1.0})
+        assert actions == [Action.RIGHT, Action.IDLE]
+        # Not even a cell that is about to be left: that may come to nothing.
+        actions = choose(5, [(1, 2), (2, 2)], {(4, 2): 1.0})
+        assert actions == [Action.IDLE, Action.RIGHT]
+
+    def test_no_drones_no_actions(self) -> None:
+        assert GreedyPolicy(5)({}) == {}
+
+    def test_is_a_policy(self) -> None:
+        policy: Policy = GreedyPolicy(5)
+        assert policy.reset() is None
+
+    @pytest.mark.parametrize(
+        ("grid_size", "error"), [(1, ValueError), (2.5, TypeError), (True, TypeError)]
+    )
+    def test_refuses_a_bad_grid_size(self, grid_size: Any, error: type[Exception]) -> None:
+        with pytest.raises(error, match=f"grid_size.*{grid_size}"):
+            GreedyPolicy(grid_size)
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+@pytest.mark.parametrize(
+    ("size", "drones", "changes"),
+    [
+        (2, 1, {}),
+        (2, 3, {"vector": (1, 1)}),
+        (2, 4, {}),
+        (3, 8, {"disperse_constant": 50}),
+        (3, 9, {"probability_of_detection": 0.1}),
+        (4, 12, {"vector": (-3, 0.5)}),
+        (7, 1, {"disperse_constant": 0}),
+        (7, 5, {"person_initial_position": [(0, 0), (6, 6), (6, 6)]}),
+        (9, 40, {"probability_of_detection": 0.0, "timestep_limit": 40}),
+        (20, 4, {}),
+    ],
+)
+def test_never_collides_nor_leaves_the_grid(
+    size: int, drones: int, changes: dict[str, Any], bayesian_update: bool
+) -> None:
+    env = a_search(size, drones, bayesian_update=bayesian_update, **changes)
+    policy = GreedyPolicy(size)
+    cells = [(i % size, i // size) for i in range(size**2)]
+    for seed in range(8):
+        np.random.default_rng(seed).shuffle(cells)
+        play(env, policy, seed, cells[:drones])
+        assert env.frame().ending in (Ending.FOUND, Ending.TIME_UP)
+
+
+def test_is_deterministic() -> None:
+    env = a_search(bayesian_update=False)
+    policy = GreedyPolicy(20)
+    first = play(env, policy, 31)
+    policy.reset()
+    assert play(env, policy, 31) == first
+    assert play(env, GreedyPolicy(20), 31) == first
+
+
+def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() -> None:
+    here, there = (1, 3), (2, 3)
+    peaks = {here: 0.2, there: 0.19, (6, 6): 0.01}
+    policy = GreedyPolicy(7)
+    search, away = {"drone0": int(Action.SEARCH)}, {"drone0": int(Action.RIGHT)}
+    assert policy(seen(7, [here], peaks)) == search
+    assert policy(seen(7, [here], peaks)) == away
+    # The posterior shows the search: no need to remember it.
+    policy.reset()
+    assert policy(seen(7, [here], {**peaks, here: 0.4})) == search
+    assert policy(seen(7, [here], peaks)) == search
+    # As if it had never been there.
+    policy.reset()
+    assert policy(seen(7, [here], peaks)) == search
+    policy.reset()
+    assert policy(seen(7, [here], peaks)) == search
+    # The same without `reset`: it has never been there in this episode.
+    assert policy(seen(7, [(6, 6)], peaks)) == {"drone0": int(Action.LEFT)}
+    assert policy(seen(7, [here], peaks)) == search
+
+
+class TestSuccess:
+    EPISODES = 60
+
+    def rate(self, policy: Callable[[dict[str, Any]], Actions], **changes: Any) -> float:
+        env = a_search(**changes)
+        found = 0
+        for seed in range(self.EPISODES):
+            play(env, policy, seed, corners(20))
+            found += env.frame().ending is Ending.FOUND
+        return found / self.EPISODES
+
+    @pytest.mark.parametrize(
+        ("changes", "least"),
+        [
+            ({}, 0.8),
+            ({"bayesian_update": False}, 0.75),
+            ({"probability_of_detection": 0.5}, 0.6),
+        ],
+    )
+    def test_finds_the_person_mostly(self, changes: dict[str, Any], least: float) -> None:
+        assert self.rate(GreedyPolicy(20), **changes) >= least
+
+    def test_beats_chance(self) -> None:
+        rng = np.random.default_rng(0)
+
+        def wander(observations: dict[str, Any]) -> Actions:
+            return {name: int(rng.integers(6)) for name in observations}
+
+        assert self.rate(wander) <= 0.2
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+def test_does_not_hover(bayesian_update: bool) -> None:
+    """One drone over a wide area from which the person never turns up."""
+    env = a_search(
+        drones=1,
+        bayesian_update=bayesian_update,
+        probability_of_detection=1.0,
+        person_initial_position=(10, 10),
+        vector=(0, 0),
+        disperse_constant=50,
+        timestep_limit=200,
+    )
+    policy = GreedyPolicy(20)
+    observations, _ = env.reset(31)
+    searched: list[tuple[int, int]] = []
+    while env.agents:
+        actions = policy(observations)
+        if actions["drone0"] == Action.SEARCH:
+            searched.append(observations["drone0"]["observation"][0])
+        observations, *_ = env.step(actions)
+    assert len(searched) > 20
+    assert len(set(searched)) > len(searched) / 4
