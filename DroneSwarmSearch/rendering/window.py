@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import warnings
 import weakref
 
@@ -115,6 +116,7 @@ class Window:
         """Takes the display, starting it if nobody has."""
         try:
             if not pygame.display.get_init():
+                _refuse_without_screen()
                 pygame.display.init()
                 Window._started_display = True
                 _refuse_unasked_blindness()
@@ -161,6 +163,13 @@ class Window:
             picture = pygame.transform.smoothscale(picture, screen.get_size())
         screen.blit(picture, (0, 0))
         pygame.display.flip()
+
+
+def _refuse_without_screen() -> None:
+    """Raise an error where SDL would complain on stderr and find no screen all the same."""
+    told = ("DISPLAY", "WAYLAND_DISPLAY", *DRIVER_VARIABLES)
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in told):
+        raise pygame.error("there is no screen")
 
 
 def _refuse_unasked_blindness() -> None:
