@@ -170,6 +170,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
         # The episode; `reset` fills it in.
         self._search: Scenario | None = None
+        self._sea: Sea
         self._t = 0
         self._cells: list[int] = []  # of the drones
         self._chosen = b""  # the actions of the last step

@@ -75,7 +75,8 @@ class RewardScheme:
         search_unlikely: see `search_threshold`.
         find: finding a person.
         find_early: on top of `find`, times the share of the time limit left.
-        timeout: the return of a drone that found nobody by the time limit.
+        timeout: the return of a drone that found nobody by the time limit; to the last
+            bit with these figures and whole numbers, else to rounding.
         leave_grid: trying to leave the grid.
         collision: being in one cell with another drone.
 
