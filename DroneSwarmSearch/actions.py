@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from operator import getitem, itemgetter
+from operator import getitem, index, itemgetter
 from typing import Any
 
 from DroneSwarmSearch import checks
@@ -21,6 +21,7 @@ TypeError or ValueError as `_refuse` says.
 """
 
 _STAYING = bytes((Action.SEARCH, Action.IDLE))
+_ALONE = {int(action): bytes((action,)) for action in Action}
 
 
 def reader(names: tuple[str, ...]) -> Reader:
@@ -69,11 +70,13 @@ class _One:
     ) -> tuple[bytes, list[int]]:
         try:
             action = actions[self._name]
-            chosen = bytes((action,))
-            if len(actions) == 1 and type(action) is not bool:
-                if not chosen.strip(_STAYING):
+            if type(action) is not int:
+                action = -1 if type(action) is bool else index(action)
+            chosen = _ALONE[action]  # KeyError: out of range
+            if len(actions) == 1:
+                if action in _STAYING:
                     return chosen, cells
-                return chosen, [neighbours[cells[0]][chosen[0]]]
+                return chosen, [neighbours[cells[0]][action]]
         except Exception:
             _refuse(actions, self._names)
             raise

@@ -277,7 +277,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         # 2. Outcomes, rewards and the end; mostly the table's last line is all there is.
         rewards = Rewards(self._all_step)
         over = self._all_false
-        crashed = targets is not cells and (OFF_GRID in targets or len(set(targets)) < len(targets))
+        crashed = targets is not cells and len({OFF_GRID, *targets}) <= len(targets)
         if crashed or _SEARCH in chosen or self._t == self._last_t:
             targets = self._judge(targets, crashed, rewards)
             if self._ending is not None:
@@ -439,14 +439,12 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         Returns:
             The drones' cells after moving.
         """
-        chosen = self._chosen
-        searchers = _places(_SEARCH, chosen) if _SEARCH in chosen else []
-        cells = [self._cells[drone] for drone in searchers]
-        finders = self._sea.search(searchers, cells) if searchers else set()
+        searches = _searches(self._chosen, self._cells)
+        finders = self._sea.search(searches) if searches else set()
         if crashed or finders or self._t == self._last_t:
             self._judge_turning_point(targets, finders, rewards)
         else:
-            self._pay_fruitless_searches(searchers, cells, rewards)
+            self._pay_fruitless_searches(searches, rewards)
         if OFF_GRID in targets:  # who tried to leave has stayed
             return [
                 cell if target == OFF_GRID else target
@@ -487,12 +485,10 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             not self._sea.missing, bool(shared), OFF_GRID in targets, time_up
         )
 
-    def _pay_fruitless_searches(
-        self, searchers: list[int], cells: list[int], rewards: Rewards
-    ) -> None:
+    def _pay_fruitless_searches(self, searches: dict[int, int], rewards: Rewards) -> None:
         """Judge a step in which nothing happened but searches that found nobody."""
         scheme, shown = self._scenario.reward_scheme, self._sea.matrix.item
-        for drone, cell in zip(searchers, cells, strict=True):
+        for cell, drone in searches.items():
             points = rules.fruitless_search_reward(scheme, shown(cell))
             rewards[self._names[drone]] = points
             self._beyond_step[drone] += points - scheme.step
@@ -528,14 +524,14 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             raise ValueError(f"agent must be one of {names_in_words(self._names)}, got {agent!r}")
 
 
-def _places(action: int, chosen: bytes) -> list[int]:
-    """The drones that chose an action, in order."""
-    drones = []
-    drone = chosen.find(action)
+def _searches(chosen: bytes, cells: list[int]) -> dict[int, int]:
+    """The cells that are searched, each with its drone: before a step no two share one."""
+    searches = {}
+    drone = chosen.find(_SEARCH)
     while drone >= 0:
-        drones.append(drone)
-        drone = chosen.find(action, drone + 1)
-    return drones
+        searches[cells[drone]] = drone
+        drone = chosen.find(_SEARCH, drone + 1)
+    return searches
 
 
 def _known_options(options: object) -> dict[str, Any]:

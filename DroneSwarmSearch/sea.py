@@ -8,7 +8,7 @@ a person, so that the portions in which numbers are drawn change nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -130,12 +130,11 @@ class Sea:
 
     # Searches.
 
-    def search(self, searchers: Sequence[int], cells: Sequence[int]) -> set[int]:
+    def search(self, searches: Mapping[int, int]) -> set[int]:
         """Let a step's searches succeed or fail, and take in what they teach.
 
         Args:
-            searchers: the drones that search.
-            cells: the cell of each of them; no two are in one.
+            searches: the drone that searches each cell, by cell.
 
         Returns:
             The drones that have found somebody.
@@ -143,13 +142,13 @@ class Sea:
         finders = set()
         for person in self.missing:
             cell = self.person_cell(person)
-            if cell in cells and self._luck(person):
-                finders.add(searchers[cells.index(cell)])
+            if cell in searches and self._luck(person):
+                finders.add(searches[cell])
                 self.missing = tuple(other for other in self.missing if other != person)
         if finders and len(self.everybody) > 1:
             self._choose_law()
         if self._bayesian:
-            self._learn(cells)
+            self._learn(list(searches))
         return finders
 
     def _luck(self, person: int) -> bool:
