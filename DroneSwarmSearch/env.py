@@ -164,14 +164,13 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._state_space: gymnasium.spaces.Box | None = None
         self._neighbours, self._positions = grid_of(self._scenario.grid_size)
         self._start_cells = list(range(n))
-        self._last_t = self._scenario.timestep_limit - 1
+        self._last_step = self._scenario.timestep_limit - 1
         self._streams: Streams | None = None
         self._episode = 0  # since the seed
 
         # The episode; `reset` fills it in.
         self._search: Scenario | None = None
         self._sea: Sea
-        self._t = 0
         self._cells: list[int] = []  # of the drones
         self._chosen = b""  # the actions of the last step
         self._ending: Ending | None = None
@@ -238,7 +237,6 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             self._episode = 0
         self._sea.begin(self._streams, self._episode)
         self.agents = list(self._names)
-        self._t = 0
         self._cells = cells
         self._chosen = b""
         self._ending = None
@@ -270,7 +268,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if not self.agents:
             raise ResetNeeded("step: the episode is over or has not begun; call reset() first")
         # 1. Every drone moves or searches.
-        cells = self._cells
+        cells, sea = self._cells, self._sea
         chosen, targets = self._read(actions, self._neighbours, cells)
         self._chosen = chosen
 
@@ -278,7 +276,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         rewards = Rewards(self._all_step)
         over = self._all_false
         crashed = targets is not cells and len({OFF_GRID, *targets}) <= len(targets)
-        if crashed or _SEARCH in chosen or self._t == self._last_t:
+        if crashed or _SEARCH in chosen or sea.step == self._last_step:
             targets = self._judge(targets, crashed, rewards)
             if self._ending is not None:
                 over = self._all_true
@@ -286,8 +284,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._cells = targets
 
         # 3. The clock advances, the persons and the matrix drift.
-        self._t += 1
-        matrix = self._sea.advance()
+        matrix = sea.advance()
 
         # 4. The new state is observed.
         if self.render_mode == "human":
@@ -420,7 +417,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             or (False,) * self.n_drones,
             persons=tuple(positions[sea.person_cell(person)] for person in sea.everybody),
             found=tuple(person not in sea.missing for person in sea.everybody),
-            step=self._t,
+            step=sea.step,
             timestep_limit=self.timestep_limit,
             vector=self.vector,
             ending=self._ending,
@@ -441,7 +438,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """
         searches = _searches(self._chosen, self._cells)
         finders = self._sea.search(searches) if searches else set()
-        if crashed or finders or self._t == self._last_t:
+        if crashed or finders or self._sea.step == self._last_step:
             self._judge_turning_point(targets, finders, rewards)
         else:
             self._pay_fruitless_searches(searches, rewards)
@@ -454,10 +451,10 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
     def _judge_turning_point(self, targets: list[int], finders: set[int], rewards: Rewards) -> None:
         """Judge a step in which somebody was found, drones crashed or the time is up."""
-        scenario, t, chosen = self._scenario, self._t, self._chosen
+        scenario, sea, chosen = self._scenario, self._sea, self._chosen
         scheme, limit = scenario.reward_scheme, scenario.timestep_limit
-        beyond, shown = self._beyond_step, self._sea.matrix.item
-        time_up = t == self._last_t
+        beyond, shown, t = self._beyond_step, sea.matrix.item, sea.step
+        time_up = t == self._last_step
         shared = rules.same_cell(targets)
         crashes = {*shared, OFF_GRID}
         for drone, target in enumerate(targets):
@@ -481,9 +478,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if finders:
             self._found = True
             self._finders |= finders
-        self._ending = rules.ending(
-            not self._sea.missing, bool(shared), OFF_GRID in targets, time_up
-        )
+        self._ending = rules.ending(not sea.missing, bool(shared), OFF_GRID in targets, time_up)
 
     def _pay_fruitless_searches(self, searches: dict[int, int], rewards: Rewards) -> None:
         """Judge a step in which nothing happened but searches that found nobody."""
