@@ -50,9 +50,10 @@ class _Several:
             if len(actions) == len(cells):
                 if not chosen.strip(_STAYING):
                     return chosen, cells
-                targets = [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
-                if bool not in map(type, picked):
-                    return chosen, targets
+                for action in picked:
+                    if action is True or action is False:
+                        raise TypeError
+                return chosen, [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
         except Exception:
             _refuse(actions, self._names)
             raise

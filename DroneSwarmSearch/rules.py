@@ -12,6 +12,9 @@ before this one, L = timestep_limit, p = the matrix it was shown at its cell):
 | it searched and found nobody                        | 10000 p if 100 p > 1, else -100 |
 | anything else                                       | 1                           |
 
+All drones act at once, so a search counts even if another drone flies into the searcher:
+the person is found, though the searcher is paid for the collision.
+
 The episode ends for all drones together at a collision, when a drone leaves the
 grid, when all persons are found, and with step number L.
 

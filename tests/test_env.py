@@ -1,0 +1,175 @@
+"""The environment in directed scenes: the order of a step, endings, several persons."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import DroneSwarmSearch, Ending, RewardScheme
+
+LEFT, RIGHT, UP, DOWN, SEARCH, IDLE = range(6)
+
+
+def play(env: DroneSwarmSearch, *actions: int) -> tuple:
+    """One step; an action for each drone."""
+    return env.step(dict(zip(env.agents, actions, strict=True)))
+
+
+def drone_cells(observations: dict) -> list[tuple[int, int]]:
+    return [seen["observation"][0] for seen in observations.values()]
+
+
+def test_searches_look_before_the_person_drifts_and_observations_after() -> None:
+    env = DroneSwarmSearch(grid_size=9, vector=(1, 0), disperse_constant=0)
+    env.reset(seed=0)
+    observations, rewards, _, _, infos = play(env, SEARCH)
+    assert infos["Found"] and rewards == {"drone0": 20_000.0}
+    matrix = observations["drone0"]["observation"][1]
+    assert matrix[0, 1] == 1.0, "the new state is shown, drifted by one cell"
+    assert env.frame().persons == ((1, 0),) and env.frame().ending is Ending.FOUND
+
+
+def test_fruitless_searches_pay_for_the_matrix_that_was_shown() -> None:
+    env = DroneSwarmSearch(
+        grid_size=9, person_initial_position=(1, 1), probability_of_detection=0, vector=(0, 0)
+    )
+    observations, _ = env.reset(seed=0, drones_positions=[(1, 1)])
+    for _ in range(30):
+        shown = float(observations["drone0"]["observation"][1][1, 1])
+        observations, rewards, *_ = play(env, SEARCH)
+        assert rewards["drone0"] == (10_000 * shown if 100 * shown > 1 else -100)
+
+
+@pytest.mark.parametrize(
+    ("starts", "actions", "cells", "points", "ending"),
+    [
+        pytest.param(
+            [(1, 1), (2, 1)], [RIGHT, LEFT], [(2, 1), (1, 1)], [1, 1], None, id="exchange"
+        ),
+        pytest.param(
+            [(1, 1), (3, 1)],
+            [RIGHT, LEFT],
+            [(2, 1), (2, 1)],
+            [-100_000, -100_000],
+            Ending.COLLISION,
+            id="meet",
+        ),
+        pytest.param(
+            [(1, 1), (2, 1)],
+            [RIGHT, IDLE],
+            [(2, 1), (2, 1)],
+            [-100_000, -100_000],
+            Ending.COLLISION,
+            id="fly into one that stays",
+        ),
+        pytest.param(
+            [(0, 1), (1, 1)],
+            [LEFT, LEFT],
+            [(0, 1), (0, 1)],
+            [-100_000, 1],
+            Ending.LEFT_GRID,
+            id="a leaver collides with nobody",
+        ),
+        pytest.param(
+            [(0, 0), (1, 0)],
+            [UP, UP],
+            [(0, 0), (1, 0)],
+            [-100_000, -100_000],
+            Ending.LEFT_GRID,
+            id="two leave",
+        ),
+    ],
+)
+def test_crashes(
+    starts: list, actions: list, cells: list, points: list, ending: Ending | None
+) -> None:
+    env = DroneSwarmSearch(grid_size=5, n_drones=2, person_initial_position=(4, 4))
+    env.reset(seed=0, drones_positions=starts)
+    observations, rewards, terminations, truncations, _ = play(env, *actions)
+    assert drone_cells(observations) == cells
+    assert list(rewards.values()) == points
+    over = ending is not None
+    assert set(terminations.values()) == set(truncations.values()) == {over}
+    assert env.agents == ([] if over else ["drone0", "drone1"])
+    assert env.frame().ending is ending
+
+
+def test_a_search_counts_even_if_another_drone_flies_into_the_searcher() -> None:
+    env = DroneSwarmSearch(grid_size=5, n_drones=2, person_initial_position=(1, 0))
+    env.reset(seed=0)
+    _, rewards, _, _, infos = play(env, RIGHT, SEARCH)
+    assert rewards == {"drone0": -100_000.0, "drone1": -100_000.0}
+    assert infos["Found"] and env.frame().found == (True,)
+
+
+def test_persons_are_found_one_after_another() -> None:
+    env = DroneSwarmSearch(
+        grid_size=6,
+        n_drones=2,
+        vector=(0, 0),
+        disperse_constant=0,
+        person_initial_position=[(1, 0), (3, 0), (3, 0)],
+    )
+    observations, _ = env.reset(seed=0)
+    matrix = observations["drone0"]["observation"][1]
+    np.testing.assert_allclose(matrix[0, [1, 3]], [1 / 3, 2 / 3], rtol=1e-6)
+    observations, rewards, _, _, infos = play(env, IDLE, SEARCH)
+    assert list(rewards.values()) == [1, 20_000] and infos["Found"]
+    assert observations["drone0"]["observation"][1][0, 3] == 1.0, "the mean over those missing"
+    assert env.state()[2].sum() == 2
+    play(env, IDLE, RIGHT)
+    play(env, IDLE, RIGHT)
+    observations, rewards, terminations, _, _ = play(env, SEARCH, SEARCH)
+    # One search finds all who are there.
+    assert list(rewards.values()) == [-100, 10_000 + 10_000 * (1 - 3 / 100)]
+    assert all(terminations.values()) and env.frame().found == (True, True, True)
+    matrix = observations["drone0"]["observation"][1]
+    np.testing.assert_allclose(matrix[0, [1, 3]], [1 / 3, 2 / 3], rtol=1e-6)
+    assert env.state()[2].sum() == 0
+
+
+@pytest.mark.parametrize("limit", [1, 2, 33, 100])
+def test_the_limit_is_the_number_of_steps(limit: int) -> None:
+    env = DroneSwarmSearch(grid_size=5, timestep_limit=limit, probability_of_detection=0)
+    env.reset(seed=0)
+    total = 0.0
+    for step in range(1, limit + 1):
+        _, rewards, terminations, truncations, infos = play(env, SEARCH if step % 3 else IDLE)
+        total += rewards["drone0"]
+        assert terminations == truncations == {"drone0": step == limit}
+    assert total == -100_000 and not infos["Found"]
+    assert env.frame().ending is Ending.TIME_UP
+
+
+def test_a_finder_is_spared_when_the_time_is_up() -> None:
+    env = DroneSwarmSearch(
+        grid_size=5,
+        n_drones=2,
+        vector=(0, 0),
+        disperse_constant=0,
+        timestep_limit=2,
+        person_initial_position=[(0, 0), (4, 4)],
+    )
+    env.reset(seed=0)
+    play(env, SEARCH, IDLE)
+    _, rewards, *_ = play(env, IDLE, IDLE)
+    assert rewards == {"drone0": 1.0, "drone1": -100_001.0}
+
+
+def test_the_posterior_is_shown_after_a_fruitless_search() -> None:
+    env = DroneSwarmSearch(
+        grid_size=7,
+        vector=(0, 0),
+        person_initial_position=(3, 3),
+        probability_of_detection=0.5,
+        bayesian_update=True,
+        reward_scheme=RewardScheme.sparse(),
+    )
+    observations, _ = env.reset(seed=1, drones_positions=[(3, 2)])
+    observations, *_ = play(env, IDLE)
+    plain = observations["drone0"]["observation"][1]
+    observations, *_ = play(env, SEARCH)
+    posterior = observations["drone0"]["observation"][1]
+    assert posterior.sum() == pytest.approx(1)
+    assert posterior[2, 3] < posterior[4, 3], "less where it was searched"
+    assert plain[2, 3] == plain[4, 3]
