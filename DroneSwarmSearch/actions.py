@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from operator import getitem, index, itemgetter
-from typing import Any
+from typing import Any, NoReturn
 
 from DroneSwarmSearch import checks
 from DroneSwarmSearch.grid import Neighbours
@@ -43,22 +43,20 @@ class _Several:
         self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
     ) -> tuple[bytes, list[int]]:
         try:
+            if len(actions) != len(cells):
+                raise TypeError
             picked = self._pick(actions)
             # bytes() takes integers of every kind, from 0 to 255, and nothing else; but a
             # bool is a kind of integer too, 0 or 1.
             chosen = bytes(picked)
-            if len(actions) == len(cells):
-                if not chosen.strip(_STAYING):
-                    return chosen, cells
-                for action in picked:
-                    if action is True or action is False:
-                        raise TypeError
-                return chosen, [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
+            if not chosen.strip(_STAYING):
+                return chosen, cells
+            for action in picked:
+                if action is True or action is False:
+                    raise TypeError
+            return chosen, [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
         except Exception:
-            _refuse(actions, self._names)
-            raise
-        _refuse(actions, self._names)
-        raise AssertionError("unreachable: the actions were refused for no reason")
+            return _refuse(actions, self._names)
 
 
 class _One:
@@ -70,26 +68,24 @@ class _One:
         self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
     ) -> tuple[bytes, list[int]]:
         try:
+            if len(actions) != 1:
+                raise TypeError
             action = actions[self._name]
             if type(action) is not int:
                 action = -1 if type(action) is bool else index(action)
             chosen = _ALONE[action]  # KeyError: out of range
-            if len(actions) == 1:
-                if action in _STAYING:
-                    return chosen, cells
-                return chosen, [neighbours[cells[0]][action]]
+            if action in _STAYING:
+                return chosen, cells
+            return chosen, [neighbours[cells[0]][action]]
         except Exception:
-            _refuse(actions, self._names)
-            raise
-        _refuse(actions, self._names)
-        raise AssertionError("unreachable: the actions were refused for no reason")
+            return _refuse(actions, self._names)
 
 
-def _refuse(actions: object, names: tuple[str, ...]) -> None:
+def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:
     """Say what is wrong with a step's actions.
 
     Raises:
-        TypeError: `actions` is no mapping, or an action is no integer.
+        TypeError: `actions` is no mapping, or a strange one, or an action is no integer.
         ValueError: an action is missing, out of range, or for no drone.
     """
     if not isinstance(actions, Mapping):
@@ -103,3 +99,4 @@ def _refuse(actions: object, names: tuple[str, ...]) -> None:
         if agent not in actions:
             raise ValueError(f"actions must hold an action for every drone, got none for {agent!r}")
         checks.integer(f"actions[{agent!r}]", actions[agent], 0, len(Action) - 1)
+    raise TypeError(f"actions cannot be read, got {actions!r}")

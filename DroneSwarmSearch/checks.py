@@ -52,26 +52,24 @@ def is_number(value: object) -> bool:
 
 def real(name: str, value: object, low: float | None = None, high: float | None = None) -> float:
     """A finite real number within low <= value <= high."""
-    limits = "".join(
-        f" of at {word} {limit}"
-        for word, limit in (("least", low), ("most", high))
-        if limit is not None
-    )
-    limits = limits.replace(" of at most", " and at most") if low is not None else limits
-    message = f"{name} must be a finite number{limits}, got {value!r}"
-    if not is_number(value):
-        raise TypeError(message)
+    number = _finite(value)
+    if number is not None and (low is None or number >= low) and (high is None or number <= high):
+        return number
+    bounds = [
+        f"{word} {limit}" for word, limit in (("least", low), ("most", high)) if limit is not None
+    ]
+    limits = f" of at {' and at '.join(bounds)}" if bounds else ""
+    error = ValueError if is_number(value) else TypeError
+    raise error(f"{name} must be a finite number{limits}, got {value!r}")
+
+
+def _finite(value: object) -> float | None:
+    """A real number as a finite float, if it is one."""
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value) if is_number(value) else math.nan  # type: ignore[arg-type]
     except OverflowError:
-        raise ValueError(message) from None
-    if (
-        not math.isfinite(number)
-        or (low is not None and number < low)
-        or (high is not None and number > high)
-    ):
-        raise ValueError(message)
-    return number
+        return None
+    return number if math.isfinite(number) else None
 
 
 def items(name: str, value: object, what: str) -> list[object]:

@@ -191,26 +191,25 @@ def _film(text: str) -> Path:
     return path
 
 
-def _rate(text: str) -> float:
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = math.nan
-    if not FPS_LEAST <= rate <= FPS_MOST:
-        raise argparse.ArgumentTypeError(
-            f"must be a number from {FPS_LEAST:g} to {FPS_MOST:g}, got {text!r}"
-        )
-    return rate
+def _within(
+    kind: Callable[[str], float], least: float, most: float, words: str
+) -> Callable[[str], float]:
+    """Reads a number within some limits, which the words tell in case of a fault."""
+
+    def read(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"must be {words}, got {text!r}")
+        return value
+
+    return read
 
 
-def _count(text: str) -> int:
-    try:
-        count = int(text)
-    except ValueError:
-        count = 0
-    if count < 1:
-        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r}")
-    return count
+_rate = _within(float, FPS_LEAST, FPS_MOST, f"a number from {FPS_LEAST:g} to {FPS_MOST:g}")
+_count = _within(int, 1, math.inf, "an integer of at least 1")
 
 
 def _refuse(parser: argparse.ArgumentParser, error: Exception) -> NoReturn:

@@ -157,6 +157,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._names = tuple(self.possible_agents)
         self._read = reader(self._names)
         self._all_step = dict.fromkeys(self._names, self._scenario.reward_scheme.step)
+        self._all_idle = bytes([Action.IDLE]) * n
         self._all_false = dict.fromkeys(self._names, False)
         self._all_true = dict.fromkeys(self._names, True)
         self._action_spaces: dict[str, gymnasium.spaces.Discrete] = {}
@@ -238,7 +239,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._sea.begin(self._streams, self._episode)
         self.agents = list(self._names)
         self._cells = cells
-        self._chosen = b""
+        self._chosen = self._all_idle
         self._ending = None
         self._found = False
         self._finders = set()
@@ -413,8 +414,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         return Frame(
             matrix=sea.matrix,
             drones=tuple(positions[cell] for cell in self._cells),
-            searching=tuple(action == _SEARCH for action in self._chosen)
-            or (False,) * self.n_drones,
+            searching=tuple(action == _SEARCH for action in self._chosen),
             persons=tuple(positions[sea.person_cell(person)] for person in sea.everybody),
             found=tuple(person not in sea.missing for person in sea.everybody),
             step=sea.step,

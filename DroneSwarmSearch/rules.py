@@ -27,7 +27,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import Enum, IntEnum
-from numbers import Real
+
+from DroneSwarmSearch import checks
 
 __all__ = [
     "OFF_GRID",
@@ -101,7 +102,7 @@ class RewardScheme:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, Real):
+            if not checks.is_number(value):
                 raise TypeError(f"RewardScheme.{field.name} must be a real number, got {value!r}")
             if not math.isfinite(value):
                 raise ValueError(f"RewardScheme.{field.name} must be finite, got {value!r}")

@@ -51,7 +51,7 @@ class Sea:
             ProbabilityMatrix(size, cell, search.vector, search.disperse_constant)
             for cell in search.persons
         )
-        self._start_cells = [[y * size + x] for x, y in search.persons]
+        self._paths_at_start = [[y * size + x] for x, y in search.persons]
         self._block_steps = self._laws[0].block_steps
         self.everybody = tuple(range(len(self._laws)))
         self._law_at_start = self._one_law(self.everybody)
@@ -72,7 +72,7 @@ class Sea:
     def _rewind(self) -> None:
         self.step = 0
         self.missing = self.everybody
-        self._paths = self._start_cells  # each person's cells for some steps
+        self._paths = self._paths_at_start  # each person's cells for some steps
         self._paths_begin = 0
         self._beliefs: dict[int, NDArray[np.float64]] = {}  # of persons searched for
         self._law = self._law_at_start  # whose matrix is the one to show, if there is one

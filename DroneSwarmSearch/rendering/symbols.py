@@ -25,12 +25,14 @@ PAIR_SHARE = 0.58
 """Side of the room of either symbol where two share a cell, as a share of the cell's."""
 
 DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST = 9, 11, 160
-MARK_MARGIN = 9
-BURST_MARGIN = 1.5
 LEAST_APART = 8
-"""In pixels; symbols are never smaller or nearer, even if they then overlap their cell.
-How much larger than a drone its circle is, in pixels; what the star has around the
-drones, in their sides."""
+"""In pixels; symbols are never smaller or nearer, even if they then overlap their cell."""
+
+MARK_MARGIN = 9
+"""How much larger than a drone its circle of searching is, in pixels."""
+
+BURST_MARGIN = 1.5
+"""What the star has around the drones, in their sides."""
 
 NUMBER_FROM = 24
 """A drone of at least this many pixels carries its number."""
