@@ -19,15 +19,12 @@ IMAGES = Path(__file__).parent / "images"
 FOUND, NOT_FOUND = 12, 31
 """Seeds of a search that succeeds and of one that does not."""
 
-STILL = 24
-"""The step of the first search that makes a good still."""
-
 SIZE, DRONES = 20, 4
 CORNERS = [(0, 0), (SIZE - 1, 0), (SIZE - 1, SIZE - 1), (0, SIZE - 1)]
 
 
-def still(name: str, seed: int, steps: int | None = None) -> None:
-    """Save the picture of a search after some steps, or else of its end."""
+def last_picture(name: str, seed: int) -> None:
+    """Save the picture of a search's end."""
     env = DroneSwarmSearch(
         grid_size=SIZE,
         render_mode="rgb_array",
@@ -40,7 +37,7 @@ def still(name: str, seed: int, steps: int | None = None) -> None:
     )
     policy = GreedyPolicy(SIZE)
     observations, _ = env.reset(seed, drones_positions=CORNERS)
-    while env.agents and env.frame().step != steps:
+    while env.agents:
         observations, *_ = env.step(policy(observations))
     Image.fromarray(env.render()).save(IMAGES / name, optimize=True)
 
@@ -49,9 +46,8 @@ def main() -> None:
     """Make them all."""
     IMAGES.mkdir(exist_ok=True)
     demo.main(["--seed", str(FOUND), "--record", str(IMAGES / "search.gif")])
-    still("frame.png", FOUND, STILL)
-    still("found.png", FOUND)
-    still("not_found.png", NOT_FOUND)
+    last_picture("found.png", FOUND)
+    last_picture("not_found.png", NOT_FOUND)
 
 
 if __name__ == "__main__":
