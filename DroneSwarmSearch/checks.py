@@ -12,7 +12,7 @@ from numbers import Real
 
 import numpy as np
 
-__all__ = ["boolean", "cell", "choice", "integer", "is_number", "items", "pair", "real"]
+__all__ = ["boolean", "cell", "choice", "finite", "integer", "is_number", "items", "pair", "real"]
 
 
 def boolean(name: str, value: object) -> bool:
@@ -52,7 +52,7 @@ def is_number(value: object) -> bool:
 
 def real(name: str, value: object, low: float | None = None, high: float | None = None) -> float:
     """A finite real number within low <= value <= high."""
-    number = _finite(value)
+    number = finite(value)
     if number is not None and (low is None or number >= low) and (high is None or number <= high):
         return number
     bounds = [
@@ -63,7 +63,7 @@ def real(name: str, value: object, low: float | None = None, high: float | None 
     raise error(f"{name} must be a finite number{limits}, got {value!r}")
 
 
-def _finite(value: object) -> float | None:
+def finite(value: object) -> float | None:
     """A real number as a finite float, if it is one."""
     try:
         number = float(value) if is_number(value) else math.nan  # type: ignore[arg-type]

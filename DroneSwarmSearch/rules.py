@@ -23,7 +23,6 @@ grid, when all persons are found, and with step number L.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import Enum, IntEnum
@@ -104,9 +103,10 @@ class RewardScheme:
             value = getattr(self, field.name)
             if not checks.is_number(value):
                 raise TypeError(f"RewardScheme.{field.name} must be a real number, got {value!r}")
-            if not math.isfinite(value):
+            number = checks.finite(value)
+            if number is None:
                 raise ValueError(f"RewardScheme.{field.name} must be finite, got {value!r}")
-            object.__setattr__(self, field.name, float(value))
+            object.__setattr__(self, field.name, number)
 
     @classmethod
     def sparse(cls) -> RewardScheme:

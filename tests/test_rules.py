@@ -118,6 +118,8 @@ def test_reward_scheme_is_frozen_and_checked() -> None:
         RewardScheme(step="a")  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"RewardScheme\.step"):
         RewardScheme(step=True)
+    with pytest.raises(ValueError, match=r"RewardScheme\.step must be finite, got 1000"):
+        RewardScheme(step=10**400)
     assert RewardScheme(step=2).step == 2.0
 
 
