@@ -18,7 +18,8 @@ the person is found, though the searcher is paid for the collision.
 The episode ends for all drones together at a collision, when a drone leaves the
 grid, when all persons are found, and with step number L.
 
-`reward` is that table, one drone at a time; the figures are in `RewardScheme`.
+`reward` is that table, one drone at a time; the figures are in `RewardScheme`. Each rule
+stands here twice, for one environment and, in the plural, for arrays of them.
 """
 
 from __future__ import annotations
@@ -27,19 +28,32 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import Enum, IntEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from DroneSwarmSearch import checks
 
 __all__ = [
+    "ENDINGS",
     "OFF_GRID",
     "Action",
     "Ending",
     "RewardScheme",
+    "collided",
     "ending",
+    "endings",
     "fruitless_search_reward",
+    "fruitless_search_rewards",
     "neighbours",
+    "neighbours_of_all",
     "reward",
+    "rewards",
     "same_cell",
 ]
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Cells = NDArray[np.integer]
 
 
 class Action(IntEnum):
@@ -61,6 +75,9 @@ class Ending(Enum):
     LEFT_GRID = "a drone left the grid"
     TIME_UP = "the time was up"
 
+
+ENDINGS: tuple[Ending | None, ...] = (None, *Ending)
+"""What the numbers of `endings` stand for; 0 is no ending."""
 
 OFF_GRID = -1
 """Stands for the cell a drone tried to go to when that cell is outside the grid."""
@@ -136,6 +153,23 @@ def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]
     )
 
 
+def neighbours_of_all(grid_size: int) -> NDArray[np.int64]:
+    """`neighbours` of every cell: shape (grid_size², 6), indexed [cell, action]."""
+    cells = np.arange(grid_size**2)
+    y, x = np.divmod(cells, grid_size)
+    return np.stack(
+        [
+            np.where(x > 0, cells - 1, OFF_GRID),
+            np.where(x < grid_size - 1, cells + 1, OFF_GRID),
+            np.where(y > 0, cells - grid_size, OFF_GRID),
+            np.where(y < grid_size - 1, cells + grid_size, OFF_GRID),
+            cells,
+            cells,
+        ],
+        axis=1,
+    )
+
+
 def same_cell(targets: Sequence[int]) -> set[int]:
     """The cells that two or more drones are in after moving: those drones have collided.
 
@@ -151,6 +185,27 @@ def same_cell(targets: Sequence[int]) -> set[int]:
             seen.add(cell)
     shared.discard(OFF_GRID)
     return shared
+
+
+def collided(targets: Cells) -> Flags:
+    """Which drones have collided: `same_cell` for many searches.
+
+    Args:
+        targets: where every drone tried to go, shape (n, drones).
+
+    Returns:
+        bool, shape (n, drones).
+    """
+    order = targets.argsort(axis=1, kind="stable")
+    cells = np.take_along_axis(targets, order, axis=1)
+    alike = cells[:, 1:] == cells[:, :-1]
+    shares = np.zeros(targets.shape, np.bool_)
+    shares[:, 1:] = alike
+    shares[:, :-1] |= alike
+    shares &= cells != OFF_GRID
+    flags = np.empty_like(shares)
+    np.put_along_axis(flags, order, shares, axis=1)
+    return flags
 
 
 def reward(
@@ -194,11 +249,39 @@ def reward(
     return scheme.step
 
 
+def rewards(
+    scheme: RewardScheme,
+    collided: Flags,
+    left_grid: Flags,
+    found: Flags,
+    time_up: Flags,
+    found_before: Flags,
+    searched: Flags,
+    probability: Floats,
+    steps_before: Cells,
+    timestep_limit: int,
+    return_so_far: Floats,
+) -> Floats:
+    """`reward` for arrays: the same arguments, which broadcast, in double precision."""
+    points = np.where(searched, fruitless_search_rewards(scheme, probability), scheme.step)
+    points = np.where(time_up & ~found_before, scheme.timeout - return_so_far, points)
+    finding = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
+    points = np.where(found, finding, points)
+    points = np.where(left_grid, scheme.leave_grid, points)
+    return np.where(collided, scheme.collision, points)
+
+
 def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
     """The table's line for a search that found nobody, in a cell shown with a probability."""
     if probability > scheme.search_threshold:
         return scheme.search * probability
     return scheme.search_unlikely
+
+
+def fruitless_search_rewards(scheme: RewardScheme, probability: Floats) -> Floats:
+    """`fruitless_search_reward` for an array of probabilities, in double precision."""
+    likely = probability > scheme.search_threshold
+    return np.where(likely, scheme.search * probability, scheme.search_unlikely)
 
 
 def ending(
@@ -212,3 +295,14 @@ def ending(
     if any_left_grid:
         return Ending.LEFT_GRID
     return Ending.TIME_UP if time_up else None
+
+
+def endings(
+    all_found: Flags, any_collided: Flags, any_left_grid: Flags, time_up: Flags
+) -> NDArray[np.int8]:
+    """`ending` for arrays: int8, each an index to `ENDINGS`."""
+    code = {reason: np.int8(ENDINGS.index(reason)) for reason in Ending}
+    ended = np.where(time_up, code[Ending.TIME_UP], np.int8(0))
+    ended = np.where(any_left_grid, code[Ending.LEFT_GRID], ended)
+    ended = np.where(any_collided, code[Ending.COLLISION], ended)
+    return np.where(all_found, code[Ending.FOUND], ended)
