@@ -6,7 +6,7 @@ searches of a step count together, then the belief is normalised. What normalisa
 takes away is the probability that the searches would have succeeded. Then the belief
 drifts as the person does (Stone, Theory of Optimal Search, 1975, treats both).
 
-Arrays may have leading batch axes; the last two are [y, x].
+Arrays may have trailing batch axes; the first two are [y, x].
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["after_drift", "after_fruitless_search"]
+__all__ = ["after_drift", "after_fruitless_search", "normalise"]
 
 Floats = NDArray[np.float64]
 
@@ -39,11 +39,24 @@ def after_fruitless_search(
     flat = after.reshape(-1)
     for cell in cells:
         flat[cell] *= 1.0 - probability_of_detection
-    kept = float(flat.sum())
-    if kept <= 0.0:
-        return belief, 0.0
-    after /= kept
-    return after, kept
+    kept = float(normalise(after))
+    return (after, kept) if kept > 0.0 else (belief, 0.0)
+
+
+def normalise(belief: Floats) -> Floats:
+    """Scale beliefs in place so that each sums to 1; those that are 0 everywhere stay.
+
+    Args:
+        belief: float64, shape (N, N, ...), indexed [y, x, ...].
+
+    Returns:
+        The sums before, float64, shape (...).
+    """
+    # Columns first, then one after another: an order of summation that does not depend on
+    # the batch, so that one belief and a batch of thousands agree to the last bit.
+    total: Floats = np.add.accumulate(belief.sum(axis=0), axis=0)[-1]
+    belief *= 1.0 / np.where(total > 0.0, total, 1.0)
+    return total
 
 
 def after_drift(
@@ -52,21 +65,42 @@ def after_drift(
     """The belief one step later.
 
     Args:
-        belief: float64, shape (..., N, N), indexed [..., y, x].
-        right_x: shape (..., N): the chance to move from each column to the next higher.
+        belief: float64, shape (N, N, ...), indexed [y, x, ...].
+        right_x: shape (N, ...): the chance to move from each column to the next higher.
         left_x: the same to the next lower.
-        right_y: shape (..., N): the chance to move from each row to the next higher.
+        right_y: shape (N, ...): the chance to move from each row to the next higher.
         left_y: the same to the next lower.
 
     Returns:
         float64, of the belief's shape and with its sum.
     """
-    right, left = right_x[..., None, :], left_x[..., None, :]
-    across = belief * (1.0 - right - left)
-    across[..., :, 1:] += (belief * right)[..., :, :-1]
-    across[..., :, :-1] += (belief * left)[..., :, 1:]
-    down, up = right_y[..., :, None], left_y[..., :, None]
-    after = across * (1.0 - down - up)
-    after[..., 1:, :] += (across * down)[..., :-1, :]
-    after[..., :-1, :] += (across * up)[..., 1:, :]
+    across, spare = np.empty_like(belief), np.empty_like(belief)
+    drift(belief, right_x, left_x, right_y, left_y, across, spare, after := np.empty_like(belief))
     return after
+
+
+def drift(
+    belief: Floats,
+    right_x: Floats,
+    left_x: Floats,
+    right_y: Floats,
+    left_y: Floats,
+    across: Floats,
+    spare: Floats,
+    after: Floats,
+) -> None:
+    """`after_drift` in arrays that are given: two to work in, one for the result.
+
+    The result may be the belief's own array.
+    """
+    np.multiply(belief, 1.0 - right_x - left_x, out=across)
+    np.multiply(belief, right_x, out=spare)
+    across[:, 1:] += spare[:, :-1]
+    np.multiply(belief, left_x, out=spare)
+    across[:, :-1] += spare[:, 1:]
+    down, up = right_y[:, None], left_y[:, None]
+    np.multiply(across, down, out=spare)
+    np.multiply(across, 1.0 - down - up, out=after)
+    after[1:] += spare[:-1]
+    np.multiply(across, up, out=spare)
+    after[:-1] += spare[1:]

@@ -22,16 +22,19 @@ from __future__ import annotations
 import math
 from collections import Counter, OrderedDict
 from threading import Lock
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import checks
+from DroneSwarmSearch.erf import erf
 
 __all__ = ["Block", "ProbabilityMatrix", "Steps", "dispersion_rate"]
 
 Floats = NDArray[np.float64]
+Array = NDArray[Any]
+Number = TypeVar("Number", float, Array)
 _Key = tuple[float, ...]  # the parameters of a law
 
 KEPT_BYTES = 56 * 2**20
@@ -41,59 +44,111 @@ _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
 
 
-def dispersion_rate(disperse_constant: float) -> float:
+def dispersion_rate(disperse_constant: Number) -> Number:
     """Variance gained per step and axis, in cells² per step.
 
-    Zero for a constant of 0, growing with it, and bounded by 2/3: the variance of
+    Takes arrays too. Zero for a constant of 0, growing with it, and bounded by 2/3: the variance of
     somebody who picks one of three neighbouring cells at random.
     """
-    return (2 / 3) * disperse_constant / (disperse_constant + 5)
+    rate: Number = (2 / 3) * disperse_constant / (disperse_constant + 5)
+    return rate
 
 
 def gaussian_cdf(
-    grid_size: int, start: int, drift: float, disperse_constant: float, steps: range
+    grid_size: int, start: Array, drift: Array, disperse_constant: Array, step: Array
 ) -> Floats:
     """The truncated Gaussian's distribution function at the right edge of every cell.
 
     Args:
         grid_size: cells on the axis, N.
-        start: start cell.
+        start: start cell. This and the following broadcast to one shape, (...).
         drift: cells per step.
         disperse_constant: see `dispersion_rate`.
-        steps: the steps wanted, each >= 1.
+        step: completed steps, >= 1.
 
     Returns:
-        float64, shape (len(steps), N), non-decreasing along the cells, 1 in the last.
+        float64, shape (N, ...), non-decreasing along the cells, 1 in the last.
     """
     last = grid_size - 1
     # Beyond one grid per step the mean is at the border anyway, and nothing overflows.
-    drift = min(max(drift, -grid_size), grid_size)
-    mean = np.array([min(max(start + drift * t, 0.0), last) for t in steps])[:, None]
-    rate = dispersion_rate(disperse_constant)
-    if rate == 0.0:
-        reached: NDArray[np.bool_] = np.arange(grid_size) >= np.rint(mean)
-        return reached.astype(np.float64)
-    deviation = np.sqrt(rate * np.array(steps, dtype=np.float64))[:, None]
-    edges = np.arange(-0.5, grid_size)
-    scaled = (edges - mean) / (deviation * math.sqrt(2))
-    # NumPy has no erf. Phi itself is (1 + erf) / 2; the constants cancel below.
-    phi = np.array([math.erf(z) for z in scaled.ravel().tolist()]).reshape(scaled.shape)
-    below = phi[:, :1]
-    cdf: Floats = (phi[:, 1:] - below) / (phi[:, -1:] - below)
-    np.maximum.accumulate(cdf, axis=1, out=cdf)
+    mean = np.clip(start + np.clip(drift, -grid_size, grid_size) * step, 0.0, last)
+    variance: Floats = dispersion_rate(disperse_constant) * step
+    spreads = variance > 0.0
+    deviation = np.sqrt(np.where(spreads, variance, 1.0))
+    edges = np.arange(-0.5, grid_size).reshape(-1, *(1,) * np.broadcast(mean, deviation).ndim)
+    # Phi itself is (1 + erf) / 2; the constants cancel below.
+    phi = erf((edges - mean) / (deviation * math.sqrt(2)))
+    below = phi[:1]
+    cdf: Floats = (phi[1:] - below) / (phi[-1:] - below)
+    np.maximum.accumulate(cdf, axis=0, out=cdf)
+    if not np.all(spreads):
+        reached = edges[1:] - 0.5 >= np.rint(mean)
+        cdf = np.where(spreads, cdf, reached)
     return cdf
 
 
+def point_mass(grid_size: int, start: Array) -> Floats:
+    """F_0 of known start cells.
+
+    Args:
+        grid_size: cells on the axis, N.
+        start: the start cells, shape (...).
+
+    Returns:
+        float64, shape (N + 2, ...): F with F(-1) = 0 in front and F(N) = 1 behind.
+    """
+    cells = np.arange(-1, grid_size + 1).reshape(-1, *(1,) * start.ndim)
+    return (cells >= start).astype(np.float64)
+
+
+def reachable(cdf: Floats, target: Floats, out: Floats) -> None:
+    """The distribution nearest to a target that somebody who moves one cell a step can reach.
+
+    Args:
+        cdf: F of the present step, shape (N + 2, ...), padded as in `point_mass`.
+        target: the Gaussian's G of the next step, shape (N, ...).
+        out: receives F of the next step, without padding, shape (N, ...).
+    """
+    np.maximum(target, cdf[:-2], out=out)
+    np.minimum(out, cdf[2:], out=out)
+
+
+def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats]:
+    """How a person moves that is distributed by one F now and by another one step later.
+
+    Args:
+        before: F of the present step, shape (N + 2, ...), padded as in `point_mass`.
+        after: F of the next step, likewise.
+
+    Returns:
+        float64, shape (N, ...) each: the chance of every cell; the chance to move to the
+        next higher cell, given the present one; the same for the next lower.
+    """
+    probability = np.diff(before[:-1], axis=0)
+    # Across the edge between x and x + 1, from -1|0 to N-1|N; nothing crosses the outer ones.
+    net = before[:-1] - after[:-1]
+    to_right = np.maximum(net, 0.0)
+    to_left = np.maximum(-net, 0.0)
+    stay = np.maximum(probability - to_right[1:] - to_left[:-1], 0.0)
+    exchange = np.minimum(stay[:-1], stay[1:]) / 4
+    to_right[1:-1] += exchange
+    to_left[1:-1] += exchange
+    occupied = np.where(probability > 0.0, probability, 1.0)
+    return probability, to_right[1:] / occupied, to_left[:-1] / occupied
+
+
 class Steps(NamedTuple):
-    """The law and the person's moves over consecutive steps, for x and y (index 0 and 1).
+    """The law and the person's moves over consecutive steps, along some axes.
+
+    An axis is the x or the y axis of a law; laws have two each, x first.
 
     Attributes:
-        probability: float64, shape (n, 2, N): the chance of each column, of each row.
-        right: float64, shape (n, 2, N): the chance to move to the next higher column or
-            row, given the present one.
+        probability: float64, shape (n, axes, N): the chance of each column or row.
+        right: float64, shape (n, axes, N): the chance to move to the next higher column
+            or row, given the present one.
         left: the same for the next lower.
-        cdf: float64, shape (2, N + 2): F of the step after the last, with F(-1) = 0 in
-            front and F(N) = 1 behind; the next steps start from it.
+        cdf: float64, shape (N + 2, axes): F of the step after the last, padded as in
+            `point_mass`; the next steps start from it.
     """
 
     probability: Floats
@@ -102,46 +157,53 @@ class Steps(NamedTuple):
     cdf: Floats
 
 
-def point_mass(grid_size: int, start: tuple[int, int]) -> Floats:
-    """F_0 of a known start cell, padded as in `Steps.cdf`."""
-    return (np.arange(-1, grid_size + 1) >= np.array(start)[:, None]).astype(np.float64)
-
-
 def follow(first_cdf: Floats, targets: Floats) -> Steps:
-    """Follow a Gaussian as closely as somebody can who moves one cell a step.
+    """Follow Gaussians as closely as somebody can who moves one cell a step.
 
     Args:
-        first_cdf: F of the first step, shape (2, N + 2), padded as in `Steps.cdf`.
-        targets: the Gaussian's G of the steps after it, shape (n, 2, N).
+        first_cdf: F of the first step, shape (N + 2, axes), padded as in `point_mass`.
+        targets: the Gaussians' G of the steps after it, shape (N, n, axes).
 
     Returns:
         The n steps from the first on.
     """
-    cdf = np.empty((len(targets) + 1, *first_cdf.shape))
-    cdf[0] = first_cdf
-    cdf[..., 0] = 0.0
-    cdf[..., -1] = 1.0
-    reachable = zip(cdf[:-1, :, :-2], cdf[:-1, :, 2:], cdf[1:, :, 1:-1], targets, strict=True)
-    for lowest, highest, after, target in reachable:
-        np.maximum(target, lowest, out=after)
-        np.minimum(after, highest, out=after)
+    cells, n, axes = targets.shape
+    cdf = np.empty((cells + 2, n + 1, axes))
+    cdf[:, 0] = first_cdf
+    cdf[0] = 0.0
+    cdf[-1] = 1.0
+    for step in range(n):
+        reachable(cdf[:, step], targets[:, step], out=cdf[1:-1, step + 1])
+    tables = moves_between(cdf[:, :-1], cdf[:, 1:])
+    probability, right, left = (np.ascontiguousarray(np.moveaxis(t, 0, -1)) for t in tables)
+    return Steps(probability, right, left, cdf[:, -1].copy())
 
-    probability = np.diff(cdf[:-1, :, :-1])
-    # Across the edge between x and x + 1, from -1|0 to N-1|N; nothing crosses the outer ones.
-    net = cdf[:-1, :, :-1] - cdf[1:, :, :-1]
-    to_right = np.maximum(net, 0.0)
-    to_left = np.maximum(-net, 0.0)
-    stay = np.maximum(probability - to_right[..., 1:] - to_left[..., :-1], 0.0)
-    exchange = np.minimum(stay[..., :-1], stay[..., 1:]) / 4
-    to_right[..., 1:-1] += exchange
-    to_left[..., 1:-1] += exchange
-    occupied = np.where(probability > 0.0, probability, 1.0)
-    return Steps(
-        probability=probability,
-        right=to_right[..., 1:] / occupied,
-        left=to_left[..., :-1] / occupied,
-        cdf=cdf[-1],
-    )
+
+def tabulate(
+    grid_size: int,
+    start: ArrayLike,
+    drift: ArrayLike,
+    disperse_constant: ArrayLike,
+    *,
+    first: int,
+    count: int,
+    cdf: Floats | None,
+) -> Steps:
+    """The tables of consecutive steps along some axes.
+
+    Args:
+        grid_size: cells on each axis, N.
+        start: start cell on each axis, shape (axes,).
+        drift: cells per step along each axis, shape (axes,).
+        disperse_constant: see `dispersion_rate`; a number, or shape (axes,).
+        first: the first step wanted.
+        count: how many steps.
+        cdf: `Steps.cdf` of the steps before; None where `first` is 0.
+    """
+    cells, constants = np.asarray(start), np.asarray(disperse_constant, np.float64)
+    ahead = np.arange(first + 1.0, first + count + 1)[:, None]
+    targets = gaussian_cdf(grid_size, cells, np.asarray(drift), constants, ahead)
+    return follow(point_mass(grid_size, cells) if cdf is None else cdf, targets)
 
 
 class Block(NamedTuple):
@@ -321,18 +383,8 @@ class ProbabilityMatrix:
     def _make_block(self, first: int, before: Block | None) -> Block:
         block = _kept.get(self._key, first)
         if block is None:
-            grid_size, start, vector, disperse_constant = self._parameters
-            ahead = range(first + 1, first + self.block_steps + 1)
-            targets = np.stack(
-                [
-                    gaussian_cdf(grid_size, start[axis], vector[axis], disperse_constant, ahead)
-                    for axis in (0, 1)
-                ],
-                axis=1,
-            )
-            steps = follow(
-                point_mass(grid_size, start) if before is None else before.steps.cdf, targets
-            )
+            cdf = None if before is None else before.steps.cdf
+            steps = tabulate(*self._parameters, first=first, count=self.block_steps, cdf=cdf)
             block = Block(
                 first=first,
                 steps=steps,

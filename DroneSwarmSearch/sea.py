@@ -161,12 +161,13 @@ class Sea:
 
     def _learn(self, cells: Sequence[int]) -> None:
         """Take in that searches of some cells have not found those still missing."""
-        if self._law is not None:
+        if not self._beliefs:
+            self._beliefs = {person: self._belief(person) for person in self.everybody}
             self._law = None
             self._fetch_matrices()
         for person in self.missing:
             self._beliefs[person], _ = after_fruitless_search(
-                self._belief(person), cells, self._detections[person]
+                self._beliefs[person], cells, self._detections[person]
             )
 
     # What is known.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.belief import after_drift, after_fruitless_search, normalise
 
 
 def test_oracle_of_two_cells() -> None:
@@ -62,8 +62,26 @@ def test_drift_takes_batches() -> None:
     laws = [ProbabilityMatrix(9, (4, 4), (drift, 0.1), 5) for drift in (-0.4, 0.0, 0.9)]
     t = 6
     batch = after_drift(
-        np.stack([law.exact(t) for law in laws]),
-        *(np.stack(tables) for tables in zip(*(law.moves(t) for law in laws), strict=True)),
+        np.stack([law.exact(t) for law in laws], axis=-1),
+        *(
+            np.stack(tables, axis=-1)
+            for tables in zip(*(law.moves(t) for law in laws), strict=True)
+        ),
     )
-    for row, law in zip(batch, laws, strict=True):
-        np.testing.assert_allclose(row, law.exact(t + 1), atol=1e-14)
+    for k, law in enumerate(laws):
+        np.testing.assert_allclose(batch[..., k], law.exact(t + 1), atol=1e-14)
+        alone = after_drift(law.exact(t), *law.moves(t))
+        np.testing.assert_array_equal(batch[..., k], alone)
+
+
+@pytest.mark.parametrize("size", [2, 3, 9, 50])
+@pytest.mark.parametrize("batch", [(1,), (2,), (3, 5)])
+def test_normalising_is_the_same_to_the_bit_alone_and_in_a_batch(size: int, batch: tuple) -> None:
+    beliefs = np.random.default_rng(size).random((size, size, *batch))
+    beliefs[..., 0] *= 0.0
+    rows = np.moveaxis(beliefs.reshape(size, size, -1), -1, 0).copy()
+    totals = normalise(beliefs).reshape(-1)
+    for k, alone in enumerate(rows):
+        assert totals[k] == normalise(alone)
+        np.testing.assert_array_equal(beliefs.reshape(size, size, -1)[..., k], alone)
+        assert alone.sum() == pytest.approx(float(totals[k] > 0))
