@@ -1,8 +1,13 @@
 """Random numbers: a stream for each purpose, and in it a sequence for each episode.
 
-The numbers of an episode depend on the seed, on the purpose and on how many resets
-came since the seed, never on what the drones did: for one seed every policy meets the
-same seas.
+Every number has an address: the seed, the purpose, the episode (resets since the seed)
+and its place in the episode's sequence. It is computed from its address alone, so one
+environment and a batch of thousands draw the same numbers, in whatever portions, and
+what the drones did changes none of them: for one seed every policy meets the same seas.
+
+The sequences are those of SplitMix64 (Steele, Lea and Flood, Fast splittable
+pseudorandom number generators, OOPSLA 2014): a counter that grows by an odd constant,
+finished by a mixing function. The seed's words come from NumPy's `SeedSequence`.
 """
 
 from __future__ import annotations
@@ -10,37 +15,95 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["EpisodeStream", "Streams"]
+__all__ = ["EpisodeStream", "Streams", "episode_keys", "numbers", "stream_keys"]
 
-# Episodes of untrained drones last a few steps, and a call of the generator costs more
-# than they do: the first numbers of an episode are drawn for many episodes at once.
-_HEAD = 16
-_EPISODES = 32
+Words = NDArray[np.uint64]
 
-# An odd number near 2**128 / golden ratio: the further numbers of successive episodes lie
-# spread evenly over the generator's period, none near another's.
-_STRETCH = 0x9E3779B97F4A7C15F39CC0605CEDC835
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""The counter's increment, near 2**64 / golden ratio: its multiples lie evenly spread."""
+
+_SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
+_FACTORS = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_ONE = np.uint64(1)
+_LOWEST_BITS = np.uint64(11)  # a double holds the 53 above them
+
+# An array call costs more than an episode of a few steps, the ordinary case of untrained
+# drones: the first numbers of an episode are computed for several episodes at once, and
+# the further ones many at a time. The pairs are (episodes, numbers of each).
+_SHORT = (32, 16)
+_LONG = (8, 256)
+_PORTION = 256
+_NEXT = np.arange(1, _PORTION + 1, dtype=np.uint64) * GOLDEN
+
+
+def stream_keys(seed: int | None) -> Words:
+    """The keys of a seed's streams, uint64: drift, detection, sampling of scenarios.
+
+    Args:
+        seed: an integer >= 0; None takes the system's entropy.
+    """
+    keys: Words = np.random.SeedSequence(seed).generate_state(3, np.uint64)  # type: ignore[assignment]
+    return keys
+
+
+def episode_keys(keys: Words, episodes: Words) -> Words:
+    """The keys of episodes' sequences, uint64.
+
+    Args:
+        keys: of the streams; broadcast with the episodes.
+        episodes: the resets since the seed, from 0, uint64.
+    """
+    return _mixed(keys + (episodes + _ONE) * GOLDEN)
+
+
+def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
+    """Numbers in [0, 1), float64: those at some places of some episodes' sequences.
+
+    Args:
+        keys: of the episodes, see `episode_keys`; broadcast with the places.
+        places: from 0, uint64.
+    """
+    return _unit_numbers(keys + (places + _ONE) * GOLDEN)
+
+
+def _unit_numbers(counters: Words) -> NDArray[np.float64]:
+    """Numbers in [0, 1) from counters, which are overwritten."""
+    words = _mixed(counters)
+    words >>= _LOWEST_BITS
+    return np.multiply(words.view(np.int64), 2.0**-53)
+
+
+def _mixed(words: Words) -> Words:
+    """SplitMix64's mixing function, in place: its output looks random for any input."""
+    spare = np.right_shift(words, _SHIFTS[0])
+    words ^= spare
+    words *= _FACTORS[0]
+    np.right_shift(words, _SHIFTS[1], out=spare)
+    words ^= spare
+    words *= _FACTORS[1]
+    np.right_shift(words, _SHIFTS[2], out=spare)
+    words ^= spare
+    return words
 
 
 class EpisodeStream:
-    """Uniform numbers in [0, 1) for one purpose.
+    """One stream, read episode after episode: uniform numbers in [0, 1) as Python floats.
 
     Args:
-        seed: what the stream grows from.
+        key: the stream's, see `stream_keys`.
     """
 
-    def __init__(self, seed: np.random.SeedSequence) -> None:
-        self._seed = seed
-        self._heads_generator = np.random.PCG64DXSM(seed)
-        self._heads: list[float] = []
-        self._heads_number = -1
+    def __init__(self, key: np.uint64) -> None:
+        self._key = np.array([[key]])
+        self._heads: list[list[float]] = []  # the first numbers of some episodes
+        self._heads_keys: list[int] = []  # the keys of those episodes
+        self._heads_first = 0  # the first of those episodes
         self._episode = -1
-        self._head: list[float] = []
+        self._known: list[float] = []  # some numbers of the episode, from this place on:
+        self._first = 0
         self._drawn = 0
-        self._tail: np.random.Generator | None = None
-        self._tail_episode = -1  # its stretch begins where the heads' numbers lie
-        self._tail_drawn = 0
         self._rows: list[list[float]] = []
         self._first_row = 0
 
@@ -48,21 +111,16 @@ class EpisodeStream:
         """The next numbers of an episode.
 
         Args:
-            episode: the episode's number, which never falls; 0 is the first.
+            episode: the episode's number, from 0.
             count: how many numbers.
         """
         if episode != self._episode:
             self._begin(episode)
-        drawn = self._drawn
-        self._drawn = end = drawn + count
-        if end <= _HEAD:
-            return self._head[drawn:end]
-        numbers = self._head[drawn:]
-        rest = count - len(numbers)
-        tail = self._get_tail()
-        self._tail_drawn += rest
-        numbers += tail.random(rest).tolist()
-        return numbers
+        begin = self._drawn
+        self._drawn = end = begin + count
+        if end > self._first + len(self._known):
+            self._extend(begin, end)
+        return self._known[begin - self._first : end - self._first]
 
     def row(self, episode: int, index: int, width: int) -> list[float]:
         """Row number `index` of an episode's numbers, laid out in rows.
@@ -76,34 +134,34 @@ class EpisodeStream:
             self._begin(episode)
         while index >= self._first_row + len(self._rows):
             self._first_row += len(self._rows)
-            numbers = self.draw(episode, max(_HEAD // width, 1) * width)
-            self._rows = [numbers[i : i + width] for i in range(0, len(numbers), width)]
+            drawn = self.draw(episode, max(_SHORT[1] // width, 1) * width)
+            self._rows = [drawn[i : i + width] for i in range(0, len(drawn), width)]
         return self._rows[index - self._first_row]
 
     def _begin(self, episode: int) -> None:
-        number, place = divmod(episode, _EPISODES)
-        if number != self._heads_number:
-            size = _EPISODES * _HEAD
-            self._heads_generator.advance((number - self._heads_number - 1) * size)
-            self._heads = np.random.Generator(self._heads_generator).random(size).tolist()
-            self._heads_number = number
-        self._head = self._heads[place * _HEAD : (place + 1) * _HEAD]
+        if not 0 <= episode - self._heads_first < len(self._heads):
+            # Episodes are much like the one before.
+            count, width = _LONG if self._drawn > _SHORT[1] else _SHORT
+            episodes = np.arange(episode, episode + count, dtype=np.uint64)
+            keys = episode_keys(self._key, episodes[:, None])
+            self._heads = numbers(keys, np.arange(width, dtype=np.uint64)).tolist()
+            self._heads_keys = keys[:, 0].tolist()
+            self._heads_first = episode
+        self._known = self._heads[episode - self._heads_first]
+        self._first = 0
         self._episode = episode
         self._drawn = 0
         self._rows = []
         self._first_row = 0
 
-    def _get_tail(self) -> np.random.Generator:
-        """The generator of the numbers beyond the head, at their place in the episode."""
-        if self._tail is None:
-            self._tail = np.random.Generator(np.random.PCG64DXSM(self._seed))
-        if self._tail_episode != self._episode:
-            stretches = self._episode - self._tail_episode
-            advance = stretches * _STRETCH - self._tail_drawn
-            self._tail.bit_generator.advance(advance)  # type: ignore[attr-defined]
-            self._tail_episode = self._episode
-            self._tail_drawn = 0
-        return self._tail
+    def _extend(self, begin: int, end: int) -> None:
+        """Know the numbers from one place to another, and some beyond."""
+        self._known = self._known[begin - self._first :]
+        self._first = begin
+        key = self._heads_keys[self._episode - self._heads_first]
+        for place in range(begin + len(self._known), end, _PORTION):
+            counter = np.uint64((key + place * int(GOLDEN)) % 2**64)
+            self._known += _unit_numbers(_NEXT + counter).tolist()
 
 
 class Streams(NamedTuple):
@@ -120,5 +178,5 @@ class Streams(NamedTuple):
     @classmethod
     def from_seed(cls, seed: int | None) -> Streams:
         """Streams grown from a seed, or from the system's entropy without one."""
-        drift, detection = np.random.SeedSequence(seed).spawn(2)
+        drift, detection, _ = stream_keys(seed)
         return cls(EpisodeStream(drift), EpisodeStream(detection))

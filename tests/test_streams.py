@@ -9,11 +9,37 @@ import pickle
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.streams import EpisodeStream
+from DroneSwarmSearch.streams import EpisodeStream, episode_keys, numbers, stream_keys
 
 
 def stream(seed: int = 1) -> EpisodeStream:
-    return EpisodeStream(np.random.SeedSequence(seed))
+    return EpisodeStream(stream_keys(seed)[0])
+
+
+def splitmix(state: int) -> int:
+    """SplitMix64's output for a state, in Python's own integers."""
+    z = state % 2**64
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) % 2**64
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) % 2**64
+    return z ^ (z >> 31)
+
+
+def test_the_generator_is_splitmix64() -> None:
+    # The first outputs of the published generator from the state 0.
+    golden = 0x9E3779B97F4A7C15
+    assert [splitmix(golden * n) for n in (1, 2)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4]
+    key = int(stream_keys(5)[0])
+    episode = splitmix(key + golden * (3 + 1))
+    expected = [(splitmix(episode + golden * (n + 1)) >> 11) / 2**53 for n in range(300)]
+    assert stream(5).draw(3, 300) == expected
+
+
+def test_one_number_is_the_same_alone_and_among_many() -> None:
+    keys = np.array([stream_keys(seed)[0] for seed in range(40)])[:, None]
+    episodes, places = np.arange(50, dtype=np.uint64), np.arange(7, dtype=np.uint64)
+    table = numbers(episode_keys(keys, episodes)[..., None], places)
+    for seed, episode in ((0, 0), (39, 49), (7, 33)):
+        assert stream(seed).draw(episode, 7) == table[seed, episode].tolist()
 
 
 def test_numbers_do_not_depend_on_the_portions_they_are_drawn_in() -> None:
@@ -26,25 +52,25 @@ def test_numbers_do_not_depend_on_the_portions_they_are_drawn_in() -> None:
 
 @pytest.mark.parametrize("drawn", [(0, 0, 0), (3, 1, 100), (500, 16, 17)])
 def test_an_episode_does_not_depend_on_earlier_ones(drawn: tuple[int, ...]) -> None:
-    numbers = stream()
+    sequence = stream()
     for episode, count in enumerate(drawn):
         if count:
-            numbers.draw(episode, count)
+            sequence.draw(episode, count)
     for episode in (3, 31, 32, 100):
-        assert numbers.draw(episode, 60) == stream().draw(episode, 60)
+        assert sequence.draw(episode, 60) == stream().draw(episode, 60)
 
 
 def test_episodes_and_seeds_differ() -> None:
-    numbers = stream()
-    episodes = [tuple(numbers.draw(episode, 100)) for episode in range(70)]
+    sequence = stream()
+    episodes = [tuple(sequence.draw(episode, 100)) for episode in range(70)]
     flat = list(itertools.chain.from_iterable(episodes))
     assert len(set(flat)) == len(flat)
     assert stream(2).draw(0, 100) != stream(1).draw(0, 100)
 
 
 def test_numbers_are_uniform() -> None:
-    numbers = stream()
-    drawn = np.array([numbers.draw(episode, 40) for episode in range(2000)])
+    sequence = stream()
+    drawn = np.array([sequence.draw(episode, 40) for episode in range(2000)])
     # Means of 2000 uniform numbers, before and after the place where the head ends.
     assert np.abs(drawn.mean(axis=0) - 0.5).max() < 5 / np.sqrt(12 * 2000)
     # Successive episodes are uncorrelated.
@@ -64,8 +90,8 @@ def test_rows_are_the_draws_laid_out() -> None:
 @pytest.mark.parametrize("through", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
 @pytest.mark.parametrize("drawn", [0, 5, 16, 90])
 def test_copies_go_on_alike(through, drawn: int) -> None:
-    numbers = stream()
-    numbers.draw(4, drawn)
-    twin = through(numbers)
-    assert twin.draw(4, 50) == numbers.draw(4, 50)
-    assert twin.draw(7, 50) == numbers.draw(7, 50)
+    sequence = stream()
+    sequence.draw(4, drawn)
+    twin = through(sequence)
+    assert twin.draw(4, 50) == sequence.draw(4, 50)
+    assert twin.draw(7, 50) == sequence.draw(7, 50)
