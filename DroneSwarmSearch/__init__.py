@@ -1,6 +1,7 @@
 """Drones search a grid at sea for shipwrecked persons who drift: a PettingZoo ParallelEnv."""
 
-from DroneSwarmSearch.env import DroneSwarmSearch, ResetNeeded, parallel_env
+from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
+from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 

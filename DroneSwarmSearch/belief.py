@@ -43,19 +43,26 @@ def after_fruitless_search(
     return (after, kept) if kept > 0.0 else (belief, 0.0)
 
 
-def normalise(belief: Floats) -> Floats:
+def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
     """Scale beliefs in place so that each sums to 1; those that are 0 everywhere stay.
 
     Args:
         belief: float64, shape (N, N, ...), indexed [y, x, ...].
+        which: the beliefs meant, shape (...); the others stay as well.
 
     Returns:
         The sums before, float64, shape (...).
     """
     # Columns first, then one after another: an order of summation that does not depend on
-    # the batch, so that one belief and a batch of thousands agree to the last bit.
-    total: Floats = np.add.accumulate(belief.sum(axis=0), axis=0)[-1]
-    belief *= 1.0 / np.where(total > 0.0, total, 1.0)
+    # the batch, so that one belief and a batch of thousands agree to the last bit. NumPy
+    # sums so along a first axis, but what lies in one run of memory in another order.
+    columns = belief.sum(axis=0)
+    total: Floats
+    if columns.size > len(columns):
+        total = columns.sum(axis=0)
+    else:
+        total = columns.reshape(-1).cumsum()[-1].reshape(columns.shape[1:])
+    belief *= 1.0 / np.where(which & (total > 0.0), total, 1.0)
     return total
 
 
@@ -66,8 +73,9 @@ def after_drift(
 
     Args:
         belief: float64, shape (N, N, ...), indexed [y, x, ...].
-        right_x: shape (N, ...): the chance to move from each column to the next higher.
-        left_x: the same to the next lower.
+        right_x: shape (N, ...): the chance to move from each column to the next higher;
+            0 in the last.
+        left_x: the same to the next lower; 0 in the first.
         right_y: shape (N, ...): the chance to move from each row to the next higher.
         left_y: the same to the next lower.
 
@@ -91,13 +99,17 @@ def drift(
 ) -> None:
     """`after_drift` in arrays that are given: two to work in, one for the result.
 
-    The result may be the belief's own array.
+    All are C-contiguous. The result may be the belief's own array.
     """
+    # Nobody leaves the grid, so what a shift by a column carries from one row of cells into
+    # the next is zero: everything can be shifted as one run of memory.
+    column = belief[0, 0].size
+    carried, total = spare.reshape(-1), across.reshape(-1)
     np.multiply(belief, 1.0 - right_x - left_x, out=across)
     np.multiply(belief, right_x, out=spare)
-    across[:, 1:] += spare[:, :-1]
+    total[column:] += carried[:-column]
     np.multiply(belief, left_x, out=spare)
-    across[:, :-1] += spare[:, 1:]
+    total[:-column] += carried[column:]
     down, up = right_y[:, None], left_y[:, None]
     np.multiply(across, down, out=spare)
     np.multiply(across, 1.0 - down - up, out=after)

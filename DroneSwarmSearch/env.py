@@ -22,6 +22,7 @@ from pettingzoo.utils import parallel_to_aec
 
 from DroneSwarmSearch import checks, rules
 from DroneSwarmSearch.actions import names_in_words, reader
+from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.mappings import Infos, Rewards
 from DroneSwarmSearch.observations import (
@@ -45,10 +46,6 @@ __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
 _SEARCH = int(Action.SEARCH)
 _OPTIONS = ("drones_positions", "vector", "person_initial_position")
-
-
-class ResetNeeded(gymnasium.error.ResetNeeded, RuntimeError):  # noqa: N818 (Gymnasium's name)
-    """The environment was used before `reset`, or after the end of an episode."""
 
 
 def parallel_env(**kwargs: Any) -> DroneSwarmSearch:

@@ -39,11 +39,9 @@ __all__ = [
     "Action",
     "Ending",
     "RewardScheme",
-    "collided",
     "ending",
     "endings",
     "fruitless_search_reward",
-    "fruitless_search_rewards",
     "neighbours",
     "neighbours_of_all",
     "reward",
@@ -52,8 +50,7 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Cells = NDArray[np.integer]
+Drones = NDArray[np.int64]
 
 
 class Action(IntEnum):
@@ -78,6 +75,8 @@ class Ending(Enum):
 
 ENDINGS: tuple[Ending | None, ...] = (None, *Ending)
 """What the numbers of `endings` stand for; 0 is no ending."""
+
+_FOUND, _COLLISION, _LEFT_GRID, _TIME_UP = map(ENDINGS.index, Ending)
 
 OFF_GRID = -1
 """Stands for the cell a drone tried to go to when that cell is outside the grid."""
@@ -187,27 +186,6 @@ def same_cell(targets: Sequence[int]) -> set[int]:
     return shared
 
 
-def collided(targets: Cells) -> Flags:
-    """Which drones have collided: `same_cell` for many searches.
-
-    Args:
-        targets: where every drone tried to go, shape (n, drones).
-
-    Returns:
-        bool, shape (n, drones).
-    """
-    order = targets.argsort(axis=1, kind="stable")
-    cells = np.take_along_axis(targets, order, axis=1)
-    alike = cells[:, 1:] == cells[:, :-1]
-    shares = np.zeros(targets.shape, np.bool_)
-    shares[:, 1:] = alike
-    shares[:, :-1] |= alike
-    shares &= cells != OFF_GRID
-    flags = np.empty_like(shares)
-    np.put_along_axis(flags, order, shares, axis=1)
-    return flags
-
-
 def reward(
     scheme: RewardScheme,
     collided: bool,
@@ -251,24 +229,48 @@ def reward(
 
 def rewards(
     scheme: RewardScheme,
-    collided: Flags,
-    left_grid: Flags,
-    found: Flags,
-    time_up: Flags,
-    found_before: Flags,
-    searched: Flags,
+    drones: int,
+    *,
+    searched: Drones,
     probability: Floats,
-    steps_before: Cells,
-    timestep_limit: int,
+    timed_out: Drones,
     return_so_far: Floats,
+    found: Drones,
+    steps_before: Drones,
+    timestep_limit: int,
+    left_grid: Drones,
+    collided: Drones,
 ) -> Floats:
-    """`reward` for arrays: the same arguments, which broadcast, in double precision."""
-    points = np.where(searched, fruitless_search_rewards(scheme, probability), scheme.step)
-    points = np.where(time_up & ~found_before, scheme.timeout - return_so_far, points)
-    finding = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-    points = np.where(found, finding, points)
-    points = np.where(left_grid, scheme.leave_grid, points)
-    return np.where(collided, scheme.collision, points)
+    """`reward` for many drones: the table from its last line to its first, which overrules.
+
+    Args:
+        scheme: the figures.
+        drones: their number, n; below, drones are given by number, from 0 to n - 1.
+        searched: who searched.
+        probability: what each of these was shown of its cell.
+        timed_out: for whom the time is up that found nobody before this step.
+        return_so_far: the sum of each of these drones' rewards before this step.
+        found: whose search found a person.
+        steps_before: steps that each of these had completed before this one.
+        timestep_limit: the number of steps in an episode.
+        left_grid: whose move led outside the grid.
+        collided: in whose cell another drone is after moving.
+
+    Returns:
+        float64, shape (n,).
+    """
+    points = np.empty(drones)
+    points.fill(scheme.step)
+    likely = scheme.search * probability
+    likely[probability <= scheme.search_threshold] = scheme.search_unlikely
+    points[searched] = likely
+    if timed_out.size:
+        points[timed_out] = scheme.timeout - return_so_far
+    if found.size:
+        points[found] = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
+    points[left_grid] = scheme.leave_grid
+    points[collided] = scheme.collision
+    return points
 
 
 def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
@@ -276,12 +278,6 @@ def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
     if probability > scheme.search_threshold:
         return scheme.search * probability
     return scheme.search_unlikely
-
-
-def fruitless_search_rewards(scheme: RewardScheme, probability: Floats) -> Floats:
-    """`fruitless_search_reward` for an array of probabilities, in double precision."""
-    likely = probability > scheme.search_threshold
-    return np.where(likely, scheme.search * probability, scheme.search_unlikely)
 
 
 def ending(
@@ -298,11 +294,28 @@ def ending(
 
 
 def endings(
-    all_found: Flags, any_collided: Flags, any_left_grid: Flags, time_up: Flags
+    searches: int,
+    *,
+    all_found: Drones,
+    any_collided: Drones,
+    any_left_grid: Drones,
+    time_up: Drones,
 ) -> NDArray[np.int8]:
-    """`ending` for arrays: int8, each an index to `ENDINGS`."""
-    code = {reason: np.int8(ENDINGS.index(reason)) for reason in Ending}
-    ended = np.where(time_up, code[Ending.TIME_UP], np.int8(0))
-    ended = np.where(any_left_grid, code[Ending.LEFT_GRID], ended)
-    ended = np.where(any_collided, code[Ending.COLLISION], ended)
-    return np.where(all_found, code[Ending.FOUND], ended)
+    """`ending` for many searches, which are given by number, from 0 to n - 1.
+
+    Args:
+        searches: their number, n.
+        all_found: where all persons have been found.
+        any_collided: where drones have collided.
+        any_left_grid: where a drone has left the grid.
+        time_up: where this is the last step.
+
+    Returns:
+        int8, shape (n,), each an index to `ENDINGS`.
+    """
+    ended = np.zeros(searches, np.int8)
+    ended[time_up] = _TIME_UP
+    ended[any_left_grid] = _LEFT_GRID
+    ended[any_collided] = _COLLISION
+    ended[all_found] = _FOUND
+    return ended

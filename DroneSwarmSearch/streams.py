@@ -12,12 +12,22 @@ finished by a mixing function. The seed's words come from NumPy's `SeedSequence`
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EpisodeStream", "Streams", "episode_keys", "numbers", "stream_keys"]
+__all__ = [
+    "EpisodeStream",
+    "RowNumbers",
+    "Streams",
+    "episode_keys",
+    "mixed",
+    "numbers",
+    "stream_keys",
+    "unit_numbers",
+]
 
 Words = NDArray[np.uint64]
 
@@ -55,7 +65,7 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
         keys: of the streams; broadcast with the episodes.
         episodes: the resets since the seed, from 0, uint64.
     """
-    return _mixed(keys + (episodes + _ONE) * GOLDEN)
+    return mixed(keys + (episodes + _ONE) * GOLDEN)
 
 
 def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
@@ -65,17 +75,22 @@ def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
         keys: of the episodes, see `episode_keys`; broadcast with the places.
         places: from 0, uint64.
     """
-    return _unit_numbers(keys + (places + _ONE) * GOLDEN)
+    return unit_numbers(keys + (places + _ONE) * GOLDEN)
 
 
-def _unit_numbers(counters: Words) -> NDArray[np.float64]:
-    """Numbers in [0, 1) from counters, which are overwritten."""
-    words = _mixed(counters)
+def unit_numbers(counters: Words) -> NDArray[np.float64]:
+    """Numbers in [0, 1), float64, from words that count in steps of `GOLDEN`.
+
+    Args:
+        counters: the key of an episode plus `GOLDEN` times the number's place, from 1;
+            overwritten.
+    """
+    words = mixed(counters)
     words >>= _LOWEST_BITS
     return np.multiply(words.view(np.int64), 2.0**-53)
 
 
-def _mixed(words: Words) -> Words:
+def mixed(words: Words) -> Words:
     """SplitMix64's mixing function, in place: its output looks random for any input."""
     spare = np.right_shift(words, _SHIFTS[0])
     words ^= spare
@@ -161,7 +176,48 @@ class EpisodeStream:
         key = self._heads_keys[self._episode - self._heads_first]
         for place in range(begin + len(self._known), end, _PORTION):
             counter = np.uint64((key + place * int(GOLDEN)) % 2**64)
-            self._known += _unit_numbers(_NEXT + counter).tolist()
+            self._known += unit_numbers(_NEXT + counter).tolist()
+
+
+class RowNumbers:
+    """Random numbers for some rows of a batch, each row with a sequence of its own.
+
+    What a row gets depends on its seed, its episode and the calls made, never on which
+    other rows are asked for at the same time. The methods are named as those of NumPy's
+    `Generator`; each result has a first axis for the rows.
+
+    Args:
+        keys: the key of each row's sequence, see `episode_keys`; shape (n,).
+    """
+
+    def __init__(self, keys: Words) -> None:
+        self._keys = keys
+        self._drawn = 0
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def random(self, size: int | tuple[int, ...] = ()) -> NDArray[np.float64]:
+        """Numbers in [0, 1), float64, shape (n, *size)."""
+        shape = (size,) if isinstance(size, int) else tuple(size)
+        count = math.prod(shape)
+        places = np.arange(self._drawn, self._drawn + count, dtype=np.uint64)
+        self._drawn += count
+        return numbers(self._keys[:, None], places).reshape(len(self), *shape)
+
+    def uniform(
+        self, low: ArrayLike = 0.0, high: ArrayLike = 1.0, size: int | tuple[int, ...] = ()
+    ) -> NDArray[np.float64]:
+        """Numbers in [low, high), float64, shape (n, *size)."""
+        low = np.asarray(low, np.float64)
+        drawn: NDArray[np.float64] = low + (np.asarray(high) - low) * self.random(size)
+        return drawn
+
+    def integers(
+        self, low: ArrayLike, high: ArrayLike, size: int | tuple[int, ...] = ()
+    ) -> NDArray[np.int64]:
+        """Integers from low to high - 1, int64, shape (n, *size)."""
+        return np.floor(self.uniform(low, high, size)).astype(np.int64)
 
 
 class Streams(NamedTuple):

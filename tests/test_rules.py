@@ -15,11 +15,9 @@ from DroneSwarmSearch.rules import (
     Action,
     Ending,
     RewardScheme,
-    collided,
     ending,
     endings,
     fruitless_search_reward,
-    fruitless_search_rewards,
     neighbours,
     neighbours_of_all,
     reward,
@@ -161,32 +159,43 @@ SCHEMES = [
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other"])
 @pytest.mark.parametrize("limit", [1, 3, 100])
-def test_the_rewards_of_arrays_are_those_of_single_drones(scheme, limit: int) -> None:
+def test_the_rewards_of_many_drones_are_those_of_each(scheme: RewardScheme, limit: int) -> None:
     """Every combination of events, and figures around each threshold, to the last bit."""
-    single = [0.0, 1e-9, 0.01, float(np.float32(0.01)), 0.0100001, 0.25, 0.3, 1.0]
+    likelihoods = [0.0, 1e-9, 0.01, float(np.float32(0.01)), 0.0100001, 0.25, 0.3, 1.0]
     cases = [
         (*flags, probability, step, so_far)
         for flags in FLAGS
-        for probability in single
+        for probability in likelihoods
         for step in sorted({0, limit // 2, limit - 1})
         for so_far in (0.0, 12345.678, -99.9)
     ]
-    collided, left, found, up, before, searched, probability, step, so_far = (
-        np.array(column) for column in zip(*cases, strict=True)
-    )
+    columns = [np.array(column) for column in zip(*cases, strict=True)]
+    collided, left, found, up, before, searched, probability, step, so_far = columns
+    who = {
+        "searched": searched.nonzero()[0],
+        "timed_out": (up & ~before).nonzero()[0],
+        "found": found.nonzero()[0],
+        "left_grid": left.nonzero()[0],
+        "collided": collided.nonzero()[0],
+    }
     many = rewards(
-        scheme, collided, left, found, up, before, searched, probability, step, limit, so_far
+        scheme,
+        len(cases),
+        probability=probability[who["searched"]],
+        return_so_far=so_far[who["timed_out"]],
+        steps_before=step[who["found"]],
+        timestep_limit=limit,
+        **who,
     )
     assert many.dtype == np.float64
-    one_by_one = [reward(scheme, *case[:8], limit, case[8]) for case in cases]
-    assert many.tolist() == one_by_one
-    likely = fruitless_search_rewards(scheme, np.array(single))
-    assert likely.tolist() == [fruitless_search_reward(scheme, p) for p in single]
+    assert many.tolist() == [reward(scheme, *case[:8], limit, case[8]) for case in cases]
 
 
-def test_the_endings_of_arrays_are_those_of_single_searches() -> None:
+def test_the_endings_of_many_searches_are_those_of_each() -> None:
     cases = list(itertools.product((False, True), repeat=4))
-    codes = endings(*(np.array(column) for column in zip(*cases, strict=True)))
+    flags = [np.array(column).nonzero()[0] for column in zip(*cases, strict=True)]
+    names = ("all_found", "any_collided", "any_left_grid", "time_up")
+    codes = endings(len(cases), **dict(zip(names, flags, strict=True)))
     assert codes.dtype == np.int8
     assert [ENDINGS[code] for code in codes] == [ending(*case) for case in cases]
 
@@ -194,14 +203,6 @@ def test_the_endings_of_arrays_are_those_of_single_searches() -> None:
 @pytest.mark.parametrize("size", [2, 3, 7])
 def test_the_table_of_neighbours_holds_those_of_every_cell(size: int) -> None:
     assert neighbours_of_all(size).tolist() == [list(neighbours(c, size)) for c in range(size**2)]
-
-
-@pytest.mark.parametrize("drones", [1, 2, 3, 4])
-def test_collisions_of_arrays_are_those_of_single_searches(drones: int) -> None:
-    cases = list(itertools.product((OFF_GRID, 0, 1, 2), repeat=drones))
-    flags = collided(np.array(cases))
-    for targets, row in zip(cases, flags.tolist(), strict=True):
-        assert row == [target in same_cell(targets) for target in targets]
 
 
 def test_actions_have_the_seeds_numbers() -> None:

@@ -1,0 +1,9 @@
+"""Errors of this library's own; bad arguments raise ValueError and TypeError."""
+
+import gymnasium
+
+__all__ = ["ResetNeeded"]
+
+
+class ResetNeeded(gymnasium.error.ResetNeeded, RuntimeError):  # noqa: N818 (Gymnasium's name)
+    """An environment was used before `reset`, or after the end of an episode."""

@@ -1,0 +1,166 @@
+"""The beliefs of a batch: what each row knows of its persons once it has searched.
+
+A row's beliefs begin with its first search; until then the law says all there is to know.
+The arithmetic is `belief`'s, and agrees with the single environment to the last bit.
+
+Rows lie in tiles with the row as the last axis: the factors by which a belief drifts
+differ from row to row, and this way they apply to runs of memory, not to single numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.belief import drift, normalise
+from DroneSwarmSearch.vector.laws import Laws
+
+__all__ = ["Beliefs"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+Singles = NDArray[np.float32]
+
+_TILE_ROWS = 256
+_STRIP_CELLS = 16
+
+
+class Beliefs:
+    """What is known of every row's persons.
+
+    Args:
+        grid_size: cells along each side, N.
+        detections: every person's probability of detection.
+        rows: the number of rows.
+
+    Attributes:
+        begun: which rows have beliefs, bool, shape (rows,).
+    """
+
+    def __init__(self, grid_size: int, detections: Sequence[float], rows: int) -> None:
+        self._size = grid_size
+        self._detections = detections
+        self._first = range(0, rows, min(rows, _TILE_ROWS))  # of each tile's rows
+        ends = [*self._first[1:], rows]
+        self._rows = [slice(*ends_of) for ends_of in zip(self._first, ends, strict=True)]
+        # [person, y, x, row of the tile]
+        shape = (len(detections), grid_size, grid_size)
+        self._tiles = [np.zeros((*shape, tile.stop - tile.start)) for tile in self._rows]
+        self._spare = {tile.shape: (tile[0].copy(), tile[0].copy()) for tile in self._tiles}
+        self.begun = np.zeros(rows, np.bool_)
+
+    def forget(self, rows: Ints) -> None:
+        """Some rows have begun anew."""
+        self.begun[rows] = False
+
+    def learn(self, rows: Ints, cells: Ints, missing: Flags, laws: Laws) -> None:
+        """Take in that searches have not found those still missing.
+
+        Args:
+            rows: the row of every search, in rising order.
+            cells: the cell of every search, y * N + x; in a row no two are alike.
+            missing: the persons not found, shape (persons, rows of the batch).
+            laws: of the rows, at the step of the search.
+        """
+        if not rows.size:
+            return
+        new = rows[~self.begun[rows]]
+        if new.size:
+            self._begin(np.unique(new), laws)
+        for tile, here in self._parts(rows):
+            columns, (y, x) = rows[here] - self._first[tile], np.divmod(cells[here], self._size)
+            for person, detection in enumerate(self._detections):
+                still = missing[person, rows[here]]
+                at = y[still], x[still], columns[still]
+                belief = self._tiles[tile][person]
+                before = belief[at]
+                belief[at] = before * (1.0 - detection)
+                searched = np.zeros(belief.shape[-1], np.bool_)
+                searched[columns[still]] = True
+                impossible = normalise(belief, searched) <= 0.0
+                impossible &= searched
+                if impossible.any():  # the searches contradict the belief, which stays
+                    undo = impossible[columns[still]]
+                    belief[tuple(axis[undo] for axis in at)] = before[undo]
+
+    def _begin(self, rows: Ints, laws: Laws) -> None:
+        self.begun[rows] = True
+        for person in range(len(self._detections)):
+            x, y = laws.marginals(person, rows)
+            for tile, here in self._parts(rows):
+                columns = rows[here] - self._first[tile]
+                products = y[here, :, None] * x[here, None, :]
+                self._tiles[tile][person][:, :, columns] = np.moveaxis(products, 0, -1)
+
+    def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
+        """The tiles in which rows in rising order lie, and for each the part of the rows."""
+        ends = np.searchsorted(rows, [tile.stop for tile in self._rows]).tolist()
+        for tile, here in enumerate(map(slice, [0, *ends], ends)):
+            if here.start < here.stop:
+                yield tile, here
+
+    def drift(self, laws: Laws) -> None:
+        """Let the persons drift by a step; the laws are still at the step before."""
+        for tile, rows in zip(self._tiles, self._rows, strict=True):
+            if self.begun[rows].any():
+                across, spare = self._spare[tile.shape]
+                for person, belief in enumerate(tile):
+                    drift(belief, *laws.moves(person, rows), across, spare, belief)
+
+    def write_matrices(self, shown: Flags, out: Singles) -> None:
+        """Write the matrices of all rows that have beliefs: the mean over some persons.
+
+        Args:
+            shown: over which, bool, shape (persons, rows).
+            out: float32, shape (rows, N, N).
+        """
+        cells = self._size**2
+        for tile, rows in zip(self._tiles, self._rows, strict=True):
+            begun = self.begun[rows]
+            if not begun.any():
+                continue
+            mean = self._mean(tile, shown[:, rows]).reshape(cells, -1).astype(np.float32)
+            if not begun.all():
+                others = ~begun
+                mean[:, others] = out[rows].reshape(-1, cells)[others].T
+            # Transposed in strips, which a processor's cache holds.
+            flat = out[rows].reshape(-1, cells)
+            for first in range(0, cells, _STRIP_CELLS):
+                strip = slice(first, first + _STRIP_CELLS)
+                flat[:, strip] = mean[strip].T
+
+    def matrices(self, rows: Ints, shown: Flags) -> Singles:
+        """The matrices of some rows that have beliefs: float32, (n, N, N).
+
+        Args:
+            rows: their numbers, in rising order.
+            shown: the persons over which the mean is taken, bool, shape (persons, n).
+        """
+        out = np.empty((len(rows), self._size, self._size), np.float32)
+        for tile, here in self._parts(rows):
+            beliefs = self._tiles[tile].take(rows[here] - self._first[tile], axis=-1)
+            out[here] = np.moveaxis(self._mean(beliefs, shown[:, here]), -1, 0)
+        return out
+
+    def shown(self, rows: Ints, cells: Ints, shown: Flags) -> Singles:
+        """What the matrices of some rows, in rising order, say of a cell of each: float32, (n,)."""
+        out = np.empty(len(rows), np.float32)
+        for tile, here in self._parts(rows):
+            y, x = np.divmod(cells[here], self._size)
+            beliefs = self._tiles[tile][:, y, x, rows[here] - self._first[tile]]
+            out[here] = self._mean(beliefs, shown[:, here])
+        return out
+
+    @staticmethod
+    def _mean(beliefs: Floats, shown: Flags) -> Floats:
+        """The mean over the persons shown: beliefs of shape (persons, ..., n) and (persons, n)."""
+        mean: Floats = beliefs[0]
+        if len(beliefs) > 1:
+            total = np.zeros(mean.shape)
+            for belief, counts in zip(beliefs, shown, strict=True):
+                np.add(total, belief, out=total, where=counts)
+            mean = total / shown.sum(axis=0)
+        return mean

@@ -1,0 +1,502 @@
+"""The engine: many searches stepped together, arrays in and arrays out.
+
+A step goes through the phases of the single environment's, for all rows at once:
+
+1. all drones move or search, against the state they were shown;
+2. `rules` decides outcomes, rewards and endings: rows in which nothing but searches in
+   vain happens, nearly all of them, by the table's last two lines, the others by all;
+3. the clock advances, the persons and the matrices drift;
+4. the new state can be read: positions, matrices or their places in the shared table.
+
+A row whose episode has ended begins its next one in place of the step that follows, or
+earlier if `restart` is called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from DroneSwarmSearch import rules
+from DroneSwarmSearch.errors import ResetNeeded
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
+from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
+from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables, choose_laws
+from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values
+from DroneSwarmSearch.vector.sea import Seas
+
+__all__ = ["SearchBatch"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Words = NDArray[np.uint64]
+Flags = NDArray[np.bool_]
+Singles = NDArray[np.float32]
+
+_SEARCH, _IDLE = int(Action.SEARCH), int(Action.IDLE)
+_ACTIONS = len(Action)
+_NOBODY: Ints = np.empty(0, np.int64)
+
+
+class SearchBatch:
+    """Independent searches with the rules, the law and the random numbers of one.
+
+    Row i with some seed goes through the very episodes that `DroneSwarmSearch` goes
+    through with that seed and the same actions, to the last bit.
+
+    Args:
+        num_rows: the number of searches, E.
+        grid_size, n_drones, vector, person_initial_position, disperse_constant,
+        timestep_limit, probability_of_detection, bayesian_update, reward_scheme: as in
+            `DroneSwarmSearch`. `vector`, `person_initial_position` and
+            `disperse_constant` also take a value for each row: arrays of shape (E, 2),
+            (E, persons, 2) and (E,).
+        drones_positions: a cell (x, y) for each drone at the beginning of every episode,
+            shape (n_drones, 2) or (E, n_drones, 2); without it drones stand from left
+            to right from (0, 0), row by row.
+        sampler: draws parameters anew for every episode, see `parameters.Sampler`.
+        wants_table: keep the matrices of all laws and steps in one table, however large.
+
+    Attributes:
+        scenario: the parameters that all rows share (`vector`, `persons` and
+            `disperse_constant` are those of row 0).
+        rewards: of the last step: float64, (E, n_drones).
+        endings: why the last step ended episodes, see `rules.ENDINGS`: int8, (E,).
+        found: whether a person has been found in the episode: bool, (E,).
+        over: rows that begin anew in place of the next step: bool, (E,).
+        ready: whether every row has begun an episode.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits.
+    """
+
+    def __init__(
+        self,
+        num_rows: int,
+        *,
+        grid_size: int = 7,
+        n_drones: int = 1,
+        vector: ArrayLike = (-0.5, -0.5),
+        person_initial_position: ArrayLike = (0, 0),
+        disperse_constant: ArrayLike = 10,
+        timestep_limit: int = 100,
+        probability_of_detection: float | Sequence[float] = 1.0,
+        bayesian_update: bool = False,
+        reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
+        drones_positions: ArrayLike | None = None,
+        sampler: Sampler | None = None,
+        wants_table: bool = False,
+    ) -> None:
+        self._usual = Parameters.checked(
+            num_rows,
+            grid_size=grid_size,
+            n_drones=n_drones,
+            vector=vector,
+            person_initial_position=person_initial_position,
+            disperse_constant=disperse_constant,
+            timestep_limit=timestep_limit,
+            probability_of_detection=probability_of_detection,
+            bayesian_update=bayesian_update,
+            reward_scheme=reward_scheme,
+            drones_positions=drones_positions,
+        )
+        self._now = self._usual.copy()  # of the episodes under way
+        self._varies = sampler is not None  # whether these may differ from the usual
+        self._sampler = sampler
+        self.scenario = scenario = self._usual.scenario
+        self._wants_table = wants_table
+        rows, n = self._usual.num_rows, scenario.n_drones
+        self._rows = np.arange(rows)
+        self._row_of = self._rows.repeat(n)
+        self._neighbours = rules.neighbours_of_all(scenario.grid_size).reshape(-1)
+        self._positions = _positions(scenario.grid_size)
+        self._see_pairs()
+
+        # For each stream its key plus what counts the episodes, for the next episode.
+        self._episode_counters = np.zeros((3, rows), np.uint64)
+        self._seeded = np.zeros(rows, np.bool_)
+        self.ready = False
+        self._seas = Seas(self._choose_laws(), scenario.detections, scenario.bayesian_update, rows)
+        self._seas.begin(self._rows, self._episode_counters[:2], self._now.laws)
+        self._cells = np.zeros((rows, n), np.int64)
+        self._chosen = np.full((rows, n), _IDLE)
+        self._beyond_step = np.zeros((rows, n))  # each drone's return less what `step` pays
+        self._finders = np.zeros((rows, n), np.bool_)  # drones that have found somebody
+        self.rewards: Floats = np.zeros((rows, n))
+        self.endings = np.zeros(rows, np.int8)
+        self.found = np.zeros(rows, np.bool_)
+        self.over = np.ones(rows, np.bool_)
+
+    @property
+    def num_rows(self) -> int:
+        """The number of searches, E."""
+        return len(self._rows)
+
+    # Beginning.
+
+    def reset(
+        self,
+        seeds: Sequence[int | None] | None = None,
+        rows: Ints | None = None,
+        given: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Begin episodes.
+
+        Args:
+            seeds: one for each of these rows; with None a row's sequence of episodes goes
+                on, or begins from the system's entropy.
+            rows: which; all of them without it.
+            given: "vector", which stays for later episodes, and for this episode alone
+                "person_initial_position", "disperse_constant" and "drones_positions",
+                each one for all rows or one for each row of the batch.
+
+        Raises:
+            TypeError: a value is of the wrong type.
+            ValueError: a value is out of its limits.
+        """
+        rows = self._rows if rows is None else rows
+        wanted = self._usual.changed(given) if given else self._usual
+        counters = self._episode_counters[:, rows]
+        for k, seed in enumerate([None] * len(rows) if seeds is None else seeds):
+            if seed is not None or not self._seeded[rows[k]]:
+                counters[:, k] = stream_keys(seed)
+                counters[:, k] += GOLDEN
+        episodes = self._drawn(counters)
+
+        # Everything is checked: from here on the batch changes.
+        self._seeded[rows] = True
+        self.ready = bool(self._seeded.all())
+        if given:
+            self._varies = True
+            self._usual.laws.drift[:, rows] = wanted.laws.drift[:, rows]
+            self._now.assign(rows, wanted)
+            if isinstance(self._seas.laws, Tables):
+                self._seas.change_laws(self._choose_laws(), self._now.laws)
+        self._begin(rows, episodes, wanted)
+        self._seas.begin(rows, episodes.keys, self._laws_now())
+        self.rewards[rows] = 0.0
+        self.endings[rows] = 0
+        self.over[rows] = False
+        self._chosen[rows] = _IDLE
+
+    def restart(self, rows: Ints) -> None:
+        """Begin the next episodes of some rows; what the last step brought them stays."""
+        episodes = self._next(rows)
+        self._begin(rows, episodes, self._usual)
+        self._seas.begin(rows, episodes.keys, self._laws_now())
+        self.over[rows] = False
+        self._chosen[rows] = _IDLE
+
+    def _next(self, rows: Ints) -> _Episodes:
+        """The next episodes of some rows; changes nothing."""
+        return self._drawn(self._episode_counters.take(rows, axis=1))
+
+    def _drawn(self, counters: Words) -> _Episodes:
+        """What the random numbers say of some rows' episodes."""
+        keys = mixed(counters.copy())
+        values = {}
+        if self._sampler is not None:
+            values = self._usual.drawn(counters.shape[1], self._sampler, keys[2])
+        return _Episodes(counters, keys[:2], values)
+
+    def _begin(self, rows: Ints, episodes: _Episodes, parameters: Parameters) -> None:
+        """Set the drones of some rows at their places; the seas begin separately."""
+        self._episode_counters[:, rows] = episodes.counters + GOLDEN
+        if self._varies:
+            self._now.assign(rows, parameters)
+            self._now.assign_values(rows, episodes.values)
+        self._cells[rows] = self._now.drones.take(rows, axis=0)
+        self._beyond_step[rows] = 0.0
+        self._finders[rows] = False
+        self.found[rows] = False
+
+    def _laws_now(self) -> LawParameters | None:
+        """The laws' parameters, if they may have changed."""
+        return self._now.laws if self._varies else None
+
+    def _see_pairs(self) -> None:
+        """Make what `_collided` works in: cells by drone, and comparisons of every two."""
+        n, rows = self.scenario.n_drones, len(self._rows)
+        narrow = np.int16 if self.scenario.grid_size**2 <= 2**15 else np.int32
+        self._by_drone = np.empty((n, rows), narrow)
+        self._alike = np.empty((n * (n - 1) // 2, rows), np.bool_)  # a row for each two drones
+        self._drones_of_pair = np.empty((2, len(self._alike)), np.int64)
+        self._pairs: list[tuple[NDArray[Any], ...]] = []  # views of these
+        first = 0
+        for apart in range(1, n):
+            here = slice(first, first + n - apart)
+            views = self._by_drone[apart:], self._by_drone[:-apart], self._alike[here]
+            self._pairs.append(views)
+            self._drones_of_pair[:, here] = np.arange(apart, n), np.arange(n - apart)
+            first = here.stop
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Views would be arrays of their own in a copy."""
+        return {name: value for name, value in self.__dict__.items() if name != "_pairs"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._see_pairs()
+
+    def _choose_laws(self) -> Tables | Followed:
+        size, steps = self.scenario.grid_size, self.scenario.timestep_limit
+        if self._sampler is not None:
+            return Followed(size, self._now.laws)
+        laws = self._usual.laws, self._now.laws
+        return choose_laws(size, steps, *laws, wants_table=self._wants_table)
+
+    # A step.
+
+    def step(self, actions: ArrayLike) -> None:
+        """Let every drone act once; rows that are over begin their next episodes instead.
+
+        Args:
+            actions: integers from 0 to 5, see `rules.Action`; shape (E, n_drones).
+
+        Raises:
+            ResetNeeded: before the first `reset`.
+            TypeError: the actions are no integers.
+            ValueError: they are out of range or of another shape. As with every error, the
+                batch is as it was.
+        """
+        chosen = self._checked(actions)
+        beginning = self.over.nonzero()[0]
+        if beginning.size:
+            next_episodes = self._next(beginning)
+            chosen = chosen.copy()
+            chosen[beginning] = _IDLE
+            self._begin(beginning, next_episodes, self._usual)
+
+        # 1. Every drone moves or searches. Drones are numbered throughout the batch.
+        moves = self._cells * _ACTIONS
+        moves += chosen
+        targets = self._neighbours.take(moves, mode="clip")
+        searches = (chosen == _SEARCH).reshape(-1).nonzero()[0]
+        rows, cells = self._row_of.take(searches), self._cells.reshape(-1).take(searches)
+
+        # 2. Outcomes, rewards and endings.
+        shown = self._seas.shown(rows, cells).astype(np.float64)
+        finds = self._seas.search(rows, cells)
+        self._judge(targets, searches, shown, finds, rows[finds])
+        self._cells, self._chosen = targets, chosen
+
+        # 3. The clock advances, the persons and the matrices drift.
+        self._seas.advance()
+        if beginning.size:
+            self._seas.begin(beginning, next_episodes.keys, self._laws_now())
+            self.rewards[beginning] = 0.0
+
+    def _judge(
+        self, targets: Ints, searches: Ints, shown: Floats, finds: Ints, finds_rows: Ints
+    ) -> None:
+        """Work out rewards and endings; who tried to leave the grid is put back.
+
+        Args:
+            targets: where every drone tried to go.
+            searches: the drones that searched.
+            shown: what each of these was shown of its cell.
+            finds: the searches that have found somebody, by place in `searches`.
+            finds_rows: the row of each of these.
+        """
+        scheme, limit = self.scenario.reward_scheme, self.scenario.timestep_limit
+        wanted, steps = targets.reshape(-1), self._seas.step
+        left_grid = (wanted == OFF_GRID).nonzero()[0]
+        collided = self._collided(targets)
+        last = np.greater(steps == limit - 1, self.over).nonzero()[0]
+        timed_out = finders = all_found = _NOBODY
+        so_far = np.empty(0)
+        if last.size:
+            found_nobody = (~self._finders[last]).nonzero()
+            timed_out = last[found_nobody[0]] * targets.shape[1] + found_nobody[1]
+            so_far = scheme.step * (limit - 1) + self._beyond_step.reshape(-1)[timed_out]
+        if finds.size:
+            finders = searches[finds]
+            self._finders.reshape(-1)[finders] = True
+            self.found[finds_rows] = True
+            all_found = finds_rows[~self._seas.missing[:, finds_rows].any(axis=0)]
+        paid = rules.rewards(
+            scheme,
+            targets.size,
+            searched=searches,
+            probability=shown,
+            timed_out=timed_out,
+            return_so_far=so_far,
+            found=finders,
+            steps_before=steps[finds_rows],
+            timestep_limit=limit,
+            left_grid=left_grid,
+            collided=collided,
+        )
+        self.rewards = paid.reshape(targets.shape)
+        self._beyond_step += self.rewards - scheme.step
+        self.endings = rules.endings(
+            len(steps),
+            all_found=all_found,
+            any_collided=self._row_of.take(collided),
+            any_left_grid=self._row_of.take(left_grid),
+            time_up=last,
+        )
+        self.over = self.endings != 0
+        wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
+
+    def _collided(self, targets: Ints) -> Ints:
+        """The drones in whose cell another is after moving; one may be named repeatedly."""
+        self._by_drone[...] = targets.astype(self._by_drone.dtype).T
+        for ahead, behind, alike in self._pairs:
+            np.equal(ahead, behind, out=alike)
+        together = self._alike.reshape(-1).nonzero()[0]
+        if not together.size:
+            return _NOBODY
+        pair, row = np.divmod(together, len(targets))
+        both: Ints = self._drones_of_pair.take(pair, axis=1) + row * targets.shape[1]
+        inside = targets.take(both[0]) != OFF_GRID  # each tried to leave on its own
+        named: Ints = both[:, inside].reshape(-1)
+        return named
+
+    def _checked(self, actions: ArrayLike) -> Ints:
+        """The actions as int64, shape (E, n_drones)."""
+        if not self.ready:
+            raise ResetNeeded("step: no episode has begun; call reset() first")
+        chosen: NDArray[Any] = np.asarray(actions)
+        if chosen.dtype.kind not in "iu":
+            raise TypeError(f"actions must be integers from 0 to 5, got {chosen.dtype}")
+        if chosen.shape != self._cells.shape:
+            raise ValueError(
+                f"actions must have the shape {self._cells.shape}, one for each drone of each "
+                f"search, got {chosen.shape}"
+            )
+        # Seen without their signs, negative numbers are large.
+        checked: Ints = np.ascontiguousarray(chosen, np.int64)
+        if np.maximum.reduce(checked.view(np.uint64), axis=None) >= _ACTIONS:
+            row, drone = np.argwhere((checked < 0) | (checked >= _ACTIONS))[0].tolist()
+            raise ValueError(
+                f"actions must be integers from 0 to {_ACTIONS - 1}, got {chosen[row, drone]} "
+                f"for drone {drone} of search {row}"
+            )
+        return checked
+
+    # What can be seen.
+
+    @property
+    def steps(self) -> Ints:
+        """Completed steps of every row: int64, (E,)."""
+        return self._seas.step.copy()
+
+    @property
+    def positions(self) -> NDArray[np.int32]:
+        """Every drone's cell (x, y): int32, (E, n_drones, 2); a new array."""
+        pairs = self._positions.take(self._cells, mode="clip")
+        return pairs.view(np.int32).reshape(*self._cells.shape, 2)
+
+    @property
+    def cells(self) -> Ints:
+        """Every drone's cell, y * N + x: int64, (E, n_drones)."""
+        return self._cells.copy()
+
+    @property
+    def searching(self) -> Flags:
+        """Which drones searched in the last step: bool, (E, n_drones)."""
+        searched: Flags = self._chosen == _SEARCH
+        return searched
+
+    @property
+    def missing(self) -> Flags:
+        """Which persons have not been found: bool, (E, persons)."""
+        return self._seas.missing.T.copy()
+
+    @property
+    def person_cells(self) -> Ints:
+        """Where every person is, y * N + x: int64, (E, persons). No drone is shown this."""
+        return self._seas.person_cells.T.copy()
+
+    @property
+    def parameters(self) -> dict[str, NDArray[Any]]:
+        """Every row's parameters in its present episode, as `reset` takes them."""
+        now, size = self._now, self.scenario.grid_size
+        return {
+            "vector": now.laws.drift.T.copy(),
+            "person_initial_position": now.laws.start.transpose(2, 0, 1).copy(),
+            "disperse_constant": now.laws.disperse_constant.copy(),
+            "drones_positions": np.stack(np.divmod(now.drones, size)[::-1], axis=-1),
+        }
+
+    def frame(self, row: int) -> Frame:
+        """Everything a picture of a row's present state shows, the persons included."""
+        size = self.scenario.grid_size
+
+        def positions(cells: Ints) -> tuple[tuple[int, int], ...]:
+            return tuple((cell % size, cell // size) for cell in cells.tolist())
+
+        x, y = self._now.laws.drift[:, row].tolist()
+        return Frame(
+            matrix=self.matrices_of(self._rows[row : row + 1])[0],
+            drones=positions(self._cells[row]),
+            searching=tuple(self.searching[row].tolist()),
+            persons=positions(self._seas.person_cells[:, row]),
+            found=tuple((~self._seas.missing[:, row]).tolist()),
+            step=int(self._seas.step[row]),
+            timestep_limit=self.scenario.timestep_limit,
+            vector=(x, y),
+            ending=rules.ENDINGS[self.endings[row]],
+        )
+
+    def write_matrices(self, out: Singles) -> None:
+        """Write the matrix of every row: float32, (E, N, N), C-contiguous, indexed [y, x]."""
+        self._seas.write_matrices(out)
+
+    def matrices_of(self, rows: Ints) -> Singles:
+        """The matrices of some rows: float32, (n, N, N), indexed [y, x]; a new array.
+
+        Args:
+            rows: their numbers, in rising order.
+        """
+        return self._seas.matrices(rows)
+
+    @property
+    def table(self) -> Singles:
+        """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
+
+        It fills up as episodes go on: entries that `table_index` has named stay as they are.
+
+        Raises:
+            ValueError: matrices depend on what happened, or do not fit into a table.
+        """
+        view = self._table().matrices.view()
+        view.flags.writeable = False
+        return view
+
+    @property
+    def table_index(self) -> Ints:
+        """Which entry of `table` is the matrix of each row: int64, (E,); a new array."""
+        place: Ints = self._table().place[0]
+        return place.copy()
+
+    def _table(self) -> Tables:
+        laws, scenario = self._seas.laws, self.scenario
+        if scenario.bayesian_update or len(scenario.persons) > 1:
+            raise ValueError(
+                "with bayesian_update or several persons there is no table of matrices"
+            )
+        if not isinstance(laws, Tables):
+            raise ValueError("there is no table of matrices: the laws are too many, or sampled")
+        return laws
+
+
+class _Episodes(NamedTuple):
+    """Episodes about to begin."""
+
+    counters: Words  # for each stream its key plus what counts the episodes
+    keys: Words  # for the persons' drift and for the detections
+    values: Values
+
+
+def _positions(grid_size: int) -> NDArray[np.int64]:
+    """The (x, y) of every cell, two int32 seen as one int64, so that one look-up gives both."""
+    y, x = np.divmod(np.arange(grid_size**2, dtype=np.int32), grid_size)
+    pairs: Ints = np.stack([x, y], axis=1).astype(np.int32).view(np.int64).reshape(-1)
+    return pairs

@@ -1,0 +1,381 @@
+"""The laws of a batch: where each row's persons may be, and how they move, at its step.
+
+Both classes answer the same questions about every row at the step it has come to.
+`Tables` looks the answers up: right for the ordinary batch, in which few laws serve many
+rows. `Followed` works them out from step to step: right where every row has a law of its
+own, or an episode lasts too long for a table. Both compute with the functions of
+`probability_matrix` and agree with the single environment to the last bit.
+
+Arrays have the rows of the batch as their last axis: what is looked up for one cell or
+one person of every row then lies side by side in memory.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.probability_matrix import (
+    gaussian_cdf,
+    moves_between,
+    point_mass,
+    reachable,
+    tabulate,
+)
+
+__all__ = ["TABLE_BYTES", "Followed", "LawParameters", "Laws", "Tables", "choose_laws"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Singles = NDArray[np.float32]
+Rows = Any  # a slice or an array of row numbers
+
+TABLE_BYTES = 64 * 2**20
+"""The most that tables may take where they are not asked for; beyond it laws are followed."""
+
+_BLOCK_STEPS = 32
+_CHUNK_BYTES = 2**18  # of one array that is worked on; several of them fit a cache
+
+
+class LawParameters(NamedTuple):
+    """What the laws of a batch depend on.
+
+    Attributes:
+        start: each person's cell at step 0: int64, shape (persons, 2, rows), x first.
+        drift: cells per step: float64, shape (2, rows), x first.
+        disperse_constant: float64, shape (rows,).
+    """
+
+    start: Ints
+    drift: Floats
+    disperse_constant: Floats
+
+
+class Laws:
+    """What both kinds of laws do; every row is at a step of its own.
+
+    Attributes:
+        grid_size: cells along each side, N.
+        right: the chances to move to the next higher column or row, float64, flat.
+        left: the same for the next lower.
+    """
+
+    grid_size: int
+    right: Floats
+    left: Floats
+
+    def places(self, at: Ints) -> Ints:
+        """Where in `right` and `left` the chances of persons stand.
+
+        Args:
+            at: the persons' cells, x and y apart, int64, (persons, 2, rows).
+        """
+        raise NotImplementedError
+
+    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
+        """Put some rows at step 0.
+
+        Args:
+            rows: their numbers.
+            parameters: the laws of all rows, where those of some may have changed.
+        """
+        raise NotImplementedError
+
+    def catch_up(self, steps: Ints) -> None:
+        """Put rows that all stand at step 0 at other steps: int64, (rows,)."""
+        raise NotImplementedError
+
+    def advance(self) -> None:
+        """Every row goes on by a step."""
+        raise NotImplementedError
+
+    def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
+        """The chances of every column and of every row of the grid: (rows, N) each."""
+        raise NotImplementedError
+
+    def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
+        """The chances to move right, left, down and up: (N, rows) each."""
+        raise NotImplementedError
+
+    def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
+        """Write the matrices of some rows, float32, shape (rows, N, N)."""
+        x, y = self.marginals(person, rows)
+        np.multiply(y.astype(np.float32)[:, :, None], x.astype(np.float32)[:, None, :], out=out)
+
+    def shown(self, person: int | Ints, rows: Ints, cells: Ints) -> Singles:
+        """What the matrices of some rows say of a cell of each, y * N + x: float32, (n,)."""
+        raise NotImplementedError
+
+
+class Tables(Laws):
+    """A table of every law, filled as far as the rows have come.
+
+    Args:
+        grid_size: cells along each side, N.
+        steps: the last step that any row comes to.
+        parameters: of the rows, one set or several: a row that begins may have any of
+            the laws in any of them.
+    """
+
+    def __init__(self, grid_size: int, steps: int, *parameters: LawParameters) -> None:
+        self.grid_size = grid_size
+        self._steps = steps
+        laws = np.concatenate([_laws(each).reshape(-1, 5) for each in parameters])
+        self._laws = np.unique(laws, axis=0)
+        count, persons, rows = len(self._laws), *parameters[0].start.shape[::2]
+        shape = (count, steps + 1, 2, grid_size)
+        self._right, self._left, self._probability = (np.zeros(shape) for _ in range(3))
+        self._matrices = np.zeros((count, steps + 1, grid_size, grid_size), np.float32)
+        self._cdf: Floats | None = None
+        self._filled = 0
+        self._latest = 0  # no row has come further
+        self._see_flat()
+        self._first_place = np.zeros((persons, rows), np.int64)
+        self.place = np.zeros((persons, rows), np.int64)
+        self._fill()
+
+    def _see_flat(self) -> None:
+        """Make the views of the tables."""
+        self.right, self.left = self._right.reshape(-1), self._left.reshape(-1)
+        self.matrices = self._matrices.reshape(-1, self.grid_size, self.grid_size)
+        self._flat_probability = self._probability.reshape(-1, 2, self.grid_size)
+        self._flat_matrices = self._matrices.reshape(-1)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Views would be arrays of their own in a copy."""
+        views = ("right", "left", "matrices", "_flat_probability", "_flat_matrices")
+        return {name: value for name, value in self.__dict__.items() if name not in views}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._see_flat()
+
+    def places(self, at: Ints) -> Ints:
+        places = at + (self.place * (2 * self.grid_size))[:, None]
+        places[:, 1] += self.grid_size
+        return places
+
+    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
+        if parameters is not None:
+            self._first_place[:, rows] = self._numbers(parameters, rows) * (self._steps + 1)
+        self.place[:, rows] = self._first_place.take(rows, axis=1)
+
+    def catch_up(self, steps: Ints) -> None:
+        self.place += steps
+        self._latest = int(steps.max())
+        while self._filled <= self._latest:
+            self._fill()
+
+    def advance(self) -> None:
+        self.place += 1
+        self._latest += 1
+        if self._latest == self._filled <= self._steps:
+            # Rows have begun anew since; perhaps none has come that far.
+            self._latest = int((self.place % (self._steps + 1)).max())
+            if self._latest == self._filled:
+                self._fill()
+
+    def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
+        both = self._flat_probability.take(self._at(person, rows), 0, mode="clip")
+        return both[:, 0], both[:, 1]
+
+    def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
+        place, width = self.place[person, rows], 2 * self.grid_size
+        right, left = (
+            np.ascontiguousarray(flat.reshape(-1, width).take(place, 0, mode="clip").T)
+            for flat in (self.right, self.left)
+        )
+        n = self.grid_size
+        return right[:n], left[:n], right[n:], left[n:]
+
+    def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
+        self.matrices.take(self._at(person, rows), 0, out=out, mode="clip")
+
+    def shown(self, person: int | Ints, rows: Ints, cells: Ints) -> Singles:
+        places = self._at(person, rows)
+        places *= self.grid_size**2
+        places += cells
+        return self._flat_matrices.take(places, mode="clip")
+
+    def _at(self, person: int | Ints, rows: Rows) -> Ints:
+        place: Ints
+        if isinstance(person, int) and not isinstance(rows, slice):
+            place = self.place[person].take(rows)
+        else:
+            place = self.place[person, rows]
+        return place
+
+    def _numbers(self, parameters: LawParameters, rows: Ints) -> Ints:
+        """The number of each person's law: (persons, rows)."""
+        if len(self._laws) == 1:
+            return np.zeros((len(self.place), len(rows)), np.int64)
+        wanted = _laws(parameters, rows)
+        merged = np.concatenate([self._laws, wanted.reshape(-1, 5)])
+        _, number = np.unique(merged, axis=0, return_inverse=True)
+        return number.reshape(-1)[len(self._laws) :].reshape(wanted.shape[:2])
+
+    def _fill(self) -> None:
+        """Fill the tables for the next steps."""
+        first = self._filled
+        count = min(_BLOCK_STEPS, self._steps + 1 - first)
+        start, drift, constant = self._laws[:, :2], self._laws[:, 2:4], self._laws[:, 4]
+        tables = tabulate(
+            self.grid_size,
+            start.reshape(-1),
+            drift.reshape(-1),
+            constant.repeat(2),
+            first=first,
+            count=count,
+            cdf=self._cdf,
+        )
+        self._cdf = tables.cdf
+        here = np.s_[:, first : first + count]
+        shape = (count, len(self._laws), 2, self.grid_size)
+        for table, values in (
+            (self._probability, tables.probability),
+            (self._right, tables.right),
+            (self._left, tables.left),
+        ):
+            table[here] = values.reshape(shape).swapaxes(0, 1)
+        x, y = np.moveaxis(self._probability[here].astype(np.float32), 2, 0)
+        np.multiply(y[..., :, None], x[..., None, :], out=self._matrices[here])
+        self._filled = first + count
+
+
+class Followed(Laws):
+    """Every row's laws worked out from step to step.
+
+    Args:
+        grid_size: cells along each side, N.
+        parameters: of the rows.
+    """
+
+    def __init__(self, grid_size: int, parameters: LawParameters) -> None:
+        persons, _, rows = parameters.start.shape
+        self.grid_size = grid_size
+        self._axes = axes = 2 * persons
+        self._start = np.empty((axes, rows), np.int64)
+        self._drift = np.empty((axes, rows))
+        self._constant = np.empty(rows)
+        self._step = np.zeros(rows)
+        self._after = np.empty((grid_size + 2, axes, rows))
+        self._probability, self._right, self._left = (
+            np.empty((grid_size, axes, rows)) for _ in range(3)
+        )
+        self._see_flat()
+        self._offset = np.arange(axes * rows).reshape(persons, 2, rows)
+        self._chunk = max(1, _CHUNK_BYTES // (8 * axes * (grid_size + 2)))
+
+    def _see_flat(self) -> None:
+        """Make the views of the present chances."""
+        self.right, self.left = self._right.reshape(-1), self._left.reshape(-1)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Views would be arrays of their own in a copy."""
+        return {name: v for name, v in self.__dict__.items() if name not in ("right", "left")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._see_flat()
+
+    def places(self, at: Ints) -> Ints:
+        places = at * self._offset.size
+        places += self._offset
+        return places
+
+    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
+        if parameters is not None:
+            persons = len(parameters.start)
+            self._start[:, rows] = parameters.start[..., rows].reshape(self._axes, -1)
+            self._drift[:, rows] = np.tile(parameters.drift[:, rows], (persons, 1))
+            self._constant[rows] = parameters.disperse_constant[rows]
+        self._step[rows] = 0.0
+        for first in range(0, len(rows), self._chunk):
+            some = rows[first : first + self._chunk]
+            self._go_on(some, point_mass(self.grid_size, self._start[:, some]))
+
+    def catch_up(self, steps: Ints) -> None:
+        for step in range(int(steps.max())):
+            rows = np.flatnonzero(steps > step)
+            self._step[rows] += 1.0
+            self._go_on(rows, self._after[..., rows])
+
+    def advance(self) -> None:
+        self._step += 1.0
+        for first in range(0, len(self._step), self._chunk):
+            some = slice(first, first + self._chunk)
+            self._go_on(some, self._after[..., some])
+
+    def _go_on(self, rows: Rows, before: Floats) -> None:
+        """Work out the step of some rows, given its F, and the F of the step after it."""
+        target = gaussian_cdf(
+            self.grid_size,
+            self._start[:, rows],
+            self._drift[:, rows],
+            self._constant[rows],
+            self._step[rows] + 1.0,
+        )
+        after = np.empty_like(before)
+        after[0], after[-1] = 0.0, 1.0
+        reachable(before, target, out=after[1:-1])
+        probability, right, left = moves_between(before, after)
+        self._after[..., rows] = after
+        self._probability[..., rows] = probability
+        self._right[..., rows] = right
+        self._left[..., rows] = left
+
+    def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
+        axis = 2 * np.asarray(person)
+        x, y = self._probability[:, axis, rows], self._probability[:, axis + 1, rows]
+        return np.ascontiguousarray(x.T), np.ascontiguousarray(y.T)
+
+    def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
+        x, y = np.s_[:, 2 * person, rows], np.s_[:, 2 * person + 1, rows]
+        return self._right[x], self._left[x], self._right[y], self._left[y]
+
+    def shown(self, person: int | Ints, rows: Ints, cells: Ints) -> Singles:
+        y, x = np.divmod(cells, self.grid_size)
+        axis = 2 * np.asarray(person)
+        of_x = self._probability[x, axis, rows].astype(np.float32)
+        of_y = self._probability[y, axis + 1, rows].astype(np.float32)
+        values: Singles = of_y * of_x
+        return values
+
+
+def _laws(parameters: LawParameters, rows: Rows = slice(None)) -> Floats:
+    """Each person's law as numbers: (persons, rows, 5)."""
+    start = parameters.start[..., rows]
+    persons, _, count = start.shape
+    laws = np.empty((persons, count, 5))
+    laws[..., :2] = start.swapaxes(1, 2)
+    laws[..., 2:4] = parameters.drift[:, rows].T
+    laws[..., 4] = parameters.disperse_constant[rows]
+    laws += 0.0  # no -0.0, which would count as another law
+    return laws
+
+
+def choose_laws(
+    grid_size: int, steps: int, *parameters: LawParameters, wants_table: bool = False
+) -> Tables | Followed:
+    """Tables where they fit into `TABLE_BYTES` or are asked for, else laws that are followed.
+
+    Args:
+        grid_size: cells along each side, N.
+        steps: the last step that any row comes to.
+        parameters: see `Tables`; the rows have the last ones now.
+        wants_table: take tables, however large.
+    """
+    step_bytes = 4 * grid_size**2 + 3 * 8 * 2 * grid_size
+    affordable = TABLE_BYTES // (step_bytes * (steps + 1))
+    laws = {tuple(law) for each in parameters for law in _some(each, affordable + 1)}
+    if wants_table or len(laws) <= affordable:
+        return Tables(grid_size, steps, *parameters)
+    return Followed(grid_size, parameters[-1])
+
+
+def _some(parameters: LawParameters, count: int) -> list[list[float]]:
+    """The different laws, at most so many."""
+    different: list[list[float]] = np.unique(_laws(parameters).reshape(-1, 5), axis=0).tolist()
+    return different[:count]

@@ -1,0 +1,308 @@
+"""The parameters of a batch: those that all rows share, and those that each has its own of.
+
+Whatever may differ from row to row is held for every row, checked, and can be assigned
+for some: by a reset, or by a sampler that draws them anew for every episode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch import checks
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.streams import RowNumbers
+from DroneSwarmSearch.vector.laws import LawParameters
+
+__all__ = ["Parameters", "Sampler"]
+
+Ints = NDArray[np.int64]
+Words = NDArray[np.uint64]
+
+VARIABLE = ("vector", "person_initial_position", "disperse_constant", "drones_positions")
+"""What may differ from row to row."""
+
+
+class Sampler(Protocol):
+    """Draws parameters for episodes that begin (domain randomisation).
+
+    For example, drift and start at random:
+
+        def sampler(rng):
+            return {
+                "vector": rng.uniform(-0.5, 0.5, 2),
+                "person_initial_position": rng.integers(5, 15, (1, 2)),
+            }
+    """
+
+    def __call__(self, rng: RowNumbers, /) -> Mapping[str, Any]:
+        """The parameters of len(rng) episodes.
+
+        Args:
+            rng: random numbers: an episode gets the same for the same seed, whichever
+                others begin at the same time.
+
+        Returns:
+            Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2), or
+            (n, 2) for one person; "disperse_constant", (n,); "drones_positions",
+            (n, n_drones, 2). What is not among them is as the batch was given it.
+        """
+
+
+@dataclass
+class Parameters:
+    """The parameters of a batch's rows. Make them with `Parameters.checked`.
+
+    Attributes:
+        scenario: what all rows share; its `vector`, `persons` and `disperse_constant` are
+            those of row 0.
+        laws: the persons' starts, the drift and the disperse constant of every row.
+        drones: the drones' start cells, y * N + x: int64, (rows, n_drones).
+    """
+
+    scenario: Scenario
+    laws: LawParameters
+    drones: Ints
+
+    @classmethod
+    def checked(
+        cls,
+        num_rows: object,
+        *,
+        vector: object,
+        person_initial_position: object,
+        disperse_constant: object,
+        drones_positions: object,
+        **shared: object,
+    ) -> Parameters:
+        """Check the arguments of `engine.SearchBatch`.
+
+        Raises:
+            TypeError: an argument is of the wrong type.
+            ValueError: an argument is out of its limits.
+        """
+        rows = checks.integer("num_envs", num_rows, 1)
+        size = checks.integer("grid_size", shared["grid_size"], 2)
+        vectors = _vectors(vector, rows)
+        persons = _persons(person_initial_position, rows, size)
+        constants = _constants(disperse_constant, rows)
+        scenario = Scenario.checked(
+            vector=vectors[0],
+            person_initial_position=persons[0],
+            disperse_constant=constants[0],
+            **shared,
+        )
+        cells = np.arange(scenario.n_drones)
+        if drones_positions is not None:
+            cells = _drones(drones_positions, rows, scenario)
+        return cls(
+            scenario,
+            LawParameters(_by_person(persons), np.ascontiguousarray(vectors.T), constants),
+            np.broadcast_to(cells, (rows, scenario.n_drones)).copy(),
+        )
+
+    @property
+    def num_rows(self) -> int:
+        """The number of rows."""
+        return len(self.drones)
+
+    def copy(self) -> Parameters:
+        """The same parameters in arrays of their own."""
+        start, drift, constant = self.laws
+        laws = LawParameters(start.copy(), drift.copy(), constant.copy())
+        return replace(self, laws=laws, drones=self.drones.copy())
+
+    def changed(self, given: Mapping[str, Any]) -> Parameters:
+        """The same with some of `VARIABLE` given anew, for all rows.
+
+        Raises:
+            TypeError: a value is of the wrong type.
+            ValueError: a value is out of its limits.
+        """
+        changed = self.copy()
+        values = self.checked_values(self.num_rows, given)
+        changed.assign_values(np.arange(self.num_rows), values)
+        return changed
+
+    def assign(self, rows: Ints, other: Parameters) -> None:
+        """Take over the parameters of some rows."""
+        for mine, theirs in zip(self.laws, other.laws, strict=True):
+            mine[..., rows] = theirs[..., rows]
+        self.drones[rows] = other.drones[rows]
+
+    def drawn(self, rows: int, sampler: Sampler, keys: Words) -> Values:
+        """Parameters for some rows, drawn and checked, to be given to `assign_values`.
+
+        Args:
+            rows: how many.
+            sampler: what draws them.
+            keys: of the rows' episodes, for the sampling of scenarios.
+
+        Raises:
+            TypeError: what the sampler returns is of the wrong type.
+            ValueError: it is out of its limits.
+        """
+        values = sampler(RowNumbers(keys))
+        if not isinstance(values, Mapping):
+            raise TypeError(f"sampler must return a mapping, got {values!r}")
+        return self.checked_values(rows, values)
+
+    def checked_values(self, rows: int, values: Mapping[str, Any]) -> Values:
+        """Some of `VARIABLE` checked, from one value for all rows or one for each."""
+        unknown = [name for name in values if name not in VARIABLE]
+        if unknown:
+            raise ValueError(f"parameters of rows are {', '.join(VARIABLE)}, got {unknown[0]!r}")
+        checked: Values = {}
+        for name, value in values.items():
+            if name == "vector":
+                checked[name] = _vectors(value, rows).T
+            elif name == "disperse_constant":
+                checked[name] = _constants(value, rows)
+            elif name == "drones_positions":
+                checked[name] = _drones(value, rows, self.scenario).T
+            else:
+                size, persons = self.scenario.grid_size, len(self.scenario.persons)
+                checked[name] = _by_person(_persons(value, rows, size, persons))
+        return checked
+
+    def assign_values(self, rows: Ints, values: Values) -> None:
+        """Set some of `VARIABLE`, checked, in some rows."""
+        arrays = {
+            "vector": self.laws.drift,
+            "person_initial_position": self.laws.start,
+            "disperse_constant": self.laws.disperse_constant,
+            "drones_positions": self.drones.T,
+        }
+        for name, value in values.items():
+            arrays[name][..., rows] = value
+
+
+Values = dict[str, NDArray[Any]]
+"""Some of `VARIABLE`, checked, with the rows as their last axis."""
+
+
+# Each of these takes one value for all rows or one for each, and returns one for each.
+
+
+def _vectors(value: object, rows: int) -> NDArray[np.float64]:
+    """Drifts: float64, shape (rows, 2)."""
+    name, what = "vector", "two finite numbers (x, y)"
+    vectors = _numbers(name, value, what)
+    if vectors.ndim < 2:
+        return np.tile(checks.pair(name, value), (rows, 1))
+    return _for_each(name, vectors, rows, (2,), what)
+
+
+def _constants(value: object, rows: int) -> NDArray[np.float64]:
+    """Disperse constants: float64, shape (rows,)."""
+    name, what = "disperse_constant", "a finite number of at least 0"
+    constants = _numbers(name, value, what)
+    if constants.ndim == 0:
+        return np.full(rows, checks.real(name, value, 0))
+    constants = _for_each(name, constants, rows, (), what)
+    if constants.min() < 0:
+        raise ValueError(f"{name} must be {what}, got {constants.min()} for a search")
+    return constants
+
+
+def _persons(value: object, rows: int, grid_size: int, persons: int | None = None) -> Ints:
+    """Persons' cells: int64, shape (rows, persons, 2), x first.
+
+    Args:
+        value: a cell; several, one for each person; or for each row, shape
+            (rows, persons, 2) and, where there is known to be one person, (rows, 2).
+        rows: the number of rows.
+        grid_size: cells along each side.
+        persons: how many there are, if that is settled.
+    """
+    name = "person_initial_position"
+    cells = _numbers(name, value, "a cell (x, y), several of them, or cells for each search")
+    if cells.shape == (rows, 2) and rows > 1:
+        if persons is None:
+            raise ValueError(
+                f"{name} of shape {cells.shape} may mean {rows} persons or one in each of {rows} "
+                f"searches: give shape (1, {rows}, 2) for the former, ({rows}, 1, 2) for the latter"
+            )
+        if persons == 1:
+            cells = cells[:, None]
+    if cells.ndim < 3:
+        cells = cells.reshape(1, -1, cells.shape[-1] if cells.ndim else 1)
+    count = persons or cells.shape[1]
+    if cells.shape[1:] != (count, 2) or count == 0:
+        number = "a cell (x, y)" if count < 2 else f"{count} cells (x, y)"
+        raise ValueError(f"{name} must hold {number} for each search, got {value!r}")
+    return _cells(name, cells, rows, (count, 2), grid_size)
+
+
+def _drones(value: object, rows: int, scenario: Scenario) -> Ints:
+    """Drones' cells, y * N + x: int64, shape (rows, n_drones)."""
+    name, n, size = "drones_positions", scenario.n_drones, scenario.grid_size
+    positions = _numbers(name, value, f"{n} cells (x, y), one for each drone")
+    if positions.ndim == 2:
+        positions = positions[None]
+    x, y = np.moveaxis(_cells(name, positions, rows, (n, 2), size), -1, 0)
+    cells: Ints = y * size + x
+    ordered = np.sort(cells, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if twice.size:
+        raise ValueError(
+            f"{name} must hold different cells, got "
+            f"{np.stack([x[twice[0]], y[twice[0]]], axis=1).tolist()} for a search"
+        )
+    return cells
+
+
+def _numbers(name: str, value: object, what: str) -> NDArray[Any]:
+    """Something as an array of numbers."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name} must be {what}, got {value!r}") from None
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be {what}, got {value!r}")
+    return array
+
+
+def _for_each(
+    name: str, values: NDArray[Any], rows: int, shape: tuple[int, ...], what: str
+) -> NDArray[np.float64]:
+    """An array of finite numbers with a value for each row."""
+    if values.shape != (rows, *shape):
+        raise ValueError(
+            f"{name} must be {what}, or one for each search, an array of shape {(rows, *shape)}; "
+            f"got one of shape {values.shape}"
+        )
+    floats = values.astype(np.float64)
+    if not np.isfinite(floats).all():
+        raise ValueError(f"{name} must be {what}, got {floats[~np.isfinite(floats)][0]}")
+    return floats
+
+
+def _cells(
+    name: str, cells: NDArray[Any], rows: int, shape: tuple[int, ...], grid_size: int
+) -> Ints:
+    """Cells of the grid for each row, from those for each or, with a first axis of 1, for all."""
+    if cells.shape == (1, *shape):
+        cells = np.broadcast_to(cells, (rows, *shape))
+    if cells.shape != (rows, *shape):
+        raise ValueError(
+            f"{name} must have the shape {shape}, or {(rows, *shape)} with values for each search; "
+            f"got {cells.shape}"
+        )
+    whole = cells.astype(np.int64)
+    wrong = (whole != cells) | (whole < 0) | (whole >= grid_size)
+    if wrong.any():
+        raise ValueError(
+            f"{name} must hold cells (x, y) with whole numbers from 0 to {grid_size - 1}, "
+            f"got {cells[wrong][0]}"
+        )
+    return whole
+
+
+def _by_person(persons: Ints) -> Ints:
+    """Cells of shape (rows, persons, 2) as (persons, 2, rows)."""
+    return np.ascontiguousarray(persons.transpose(1, 2, 0))

@@ -1,0 +1,588 @@
+"""Gymnasium's views of the engine: a slot is a swarm, or a slot is a drone.
+
+Both step the same batch and differ in what a slot is shown and paid. Names, autoreset and
+infos follow Gymnasium's vector API (1.x).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space, create_empty_array
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import ArrayLike, NDArray
+
+from DroneSwarmSearch import checks
+from DroneSwarmSearch.errors import ResetNeeded
+from DroneSwarmSearch.layouts import mark, scaled_matrices, scaled_positions
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rules import ENDINGS, Action, Ending
+from DroneSwarmSearch.vector.engine import SearchBatch
+from DroneSwarmSearch.vector.parameters import VARIABLE
+
+__all__ = ["Buffers", "DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+Singles = NDArray[np.float32]
+Observations = Any  # an array, or a dict of arrays
+Slots = Any  # an array with a first axis for the slots
+Infos = dict[str, Any]
+
+LAYOUTS = ("dict", "flat", "planes")
+_TIME_UP = ENDINGS.index(Ending.TIME_UP)
+
+
+class Buffers:
+    """Arrays that a view writes into, in place of new ones at every step.
+
+    Attributes:
+        observations: of the batched observation space's form.
+        rewards: real numbers, shape (num_envs,).
+        terminations: bool, shape (num_envs,).
+        truncations: bool, shape (num_envs,).
+    """
+
+    def __init__(
+        self, observations: Observations, rewards: Slots, terminations: Slots, truncations: Slots
+    ) -> None:
+        self.observations = observations
+        self.rewards = rewards
+        self.terminations = terminations
+        self.truncations = truncations
+
+
+class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
+    """What both views share.
+
+    Args:
+        num_envs: the number of swarms, E.
+        observation: "dict", or one float32 array: "flat" or "planes"; each view says what
+            is in them.
+        write_matrices: False shows, in place of matrices, where in the table `matrices`,
+            which all swarms share, the matrix of each stands; for one person, without
+            `bayesian_update` and `sampler`, and with observation="dict".
+        autoreset_mode: when slots whose episodes have ended begin anew: in the next step,
+            in the same step (the last observation is then in the infos, "final_obs"), or
+            never by themselves.
+        separate_flags: False: an episode's end is termination and truncation at once, as
+            in `DroneSwarmSearch`. True: the time limit alone is truncation, all else
+            termination, as value bootstrapping wants it.
+        copy: return new arrays at every step; False returns the same ones every time,
+            overwritten.
+        render_mode: None, "ansi" or "rgb_array": whether `render` returns text or pictures.
+        parameters: those of `engine.SearchBatch`: `DroneSwarmSearch`'s, of which
+            `vector`, `person_initial_position` and `disperse_constant` may differ from
+            swarm to swarm, and `drones_positions` and `sampler`.
+
+    Attributes:
+        batch: the engine, which knows everything about all searches.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 (as in the base class)
+        "name": "drone_swarm_search_v0",
+        "render_modes": ["ansi", "rgb_array"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        observation: str = "dict",
+        write_matrices: bool = True,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        separate_flags: bool = False,
+        copy: bool = True,
+        render_mode: str | None = None,
+        **parameters: Any,
+    ) -> None:
+        self.observation = checks.choice("observation", observation, LAYOUTS)
+        self._writes = checks.boolean("write_matrices", write_matrices)
+        self._separate = checks.boolean("separate_flags", separate_flags)
+        self._copies = checks.boolean("copy", copy)
+        self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
+        if not self._writes and observation != "dict":
+            raise ValueError(
+                f"write_matrices=False needs observation='dict', got observation={observation!r}"
+            )
+        try:
+            self._mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            allowed = ", ".join(str(mode) for mode in AutoresetMode)
+            raise ValueError(
+                f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
+            ) from None
+        self.batch = SearchBatch(num_envs, wants_table=not self._writes, **parameters)
+        if not self._writes:
+            _ = self.batch.table  # ValueError where there is none
+        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
+        scenario = self.batch.scenario
+        self._size, self._drones = scenario.grid_size, scenario.n_drones
+        self._all_rows = np.arange(self.batch.num_rows)
+        # For every drone the drones in the order in which it is shown them: itself first.
+        order = [[k, *(i for i in range(self._drones) if i != k)] for k in range(self._drones)]
+        self._own_first = np.array(order)
+        self.num_envs = self.batch.num_rows * self._per_swarm
+        self.single_observation_space = self._space()
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.single_action_space = self._action_space()
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._buffers: Buffers | None = None
+        if not self._copies:
+            self.use_buffers(self._new_buffers())
+
+    # What a slot is; each view says.
+
+    @property
+    def _per_swarm(self) -> int:
+        raise NotImplementedError
+
+    def _action_space(self) -> spaces.Space[Any]:
+        raise NotImplementedError
+
+    def _space(self) -> spaces.Space[Any]:
+        raise NotImplementedError
+
+    def _rewards(self) -> NDArray[np.float64]:
+        """What every slot is paid for the last step."""
+        raise NotImplementedError
+
+    def _infos(self) -> Infos:
+        """What the slots are told, each an array of shape (slots, ...)."""
+        raise NotImplementedError
+
+    def _observe(self, rows: Ints, out: Observations) -> None:
+        """Write what some swarms' slots are shown."""
+        raise NotImplementedError
+
+    # Gymnasium's API.
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> tuple[Observations, Infos]:
+        """Begin episodes.
+
+        Args:
+            seed: an integer s >= 0, from which swarm i gets s + i; or one for each swarm,
+                None where its sequence of episodes shall go on. Without it all go on.
+            options: may hold "reset_mask", bool, shape (num_envs,), which slots to reset
+                (all slots of a swarm or none); "vector", which stays for later episodes;
+                and "person_initial_position", "disperse_constant" and
+                "drones_positions", for this episode alone. Each takes one value for all
+                swarms or one for each of them.
+
+        Returns:
+            The observations of all slots, and the infos of those that were reset.
+
+        Raises:
+            TypeError: an argument is of the wrong type.
+            ValueError: an argument is out of its limits.
+        """
+        rows, given = self._wanted_rows(options)
+        seeds = self._seeds(seed)
+        self.batch.reset([seeds[row] for row in rows.tolist()] if seeds else None, rows, given)
+        return self._observations(), self._with_masks(rows)
+
+    def step(self, actions: ArrayLike) -> tuple[Observations, Slots, Slots, Slots, Infos]:
+        """Let every drone act once.
+
+        Args:
+            actions: of the batched action space.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos of every slot. With
+            autoreset in the next step, a slot whose episode has ended gets the first
+            observation of the next one and no reward, whatever its action.
+
+        Raises:
+            ResetNeeded: before the first `reset`; with autoreset disabled, where episodes
+                have ended.
+            TypeError: the actions are no integers.
+            ValueError: they are out of range or of another shape.
+        """
+        batch = self.batch
+        if self._mode is AutoresetMode.DISABLED and batch.ready and batch.over.any():
+            over = batch.over.nonzero()[0].tolist()
+            raise ResetNeeded(
+                f"step: the episodes of swarms {over} are over; reset them with "
+                "options={'reset_mask': ...}"
+            )
+        batch.step(self._by_swarm(actions))
+        # Infos are gathered before ended slots begin anew, flags and rewards stay.
+        finals: Infos = {}
+        if self._mode is AutoresetMode.SAME_STEP and batch.over.any():
+            ended: Ints = batch.over.nonzero()[0]
+            finals = self._finals(ended)
+            batch.restart(ended)
+        observations = self._observations()
+        rewards, terminated, truncated = self._rewards(), *self._flags()
+        if self._buffers is not None:
+            into = self._buffers
+            np.copyto(into.rewards, rewards, casting="same_kind")
+            np.copyto(into.terminations, terminated)
+            np.copyto(into.truncations, truncated)
+            rewards, terminated, truncated = into.rewards, into.terminations, into.truncations
+        return observations, rewards, terminated, truncated, {**self._with_masks(), **finals}
+
+    def render(self) -> tuple[Any, ...] | None:
+        """A picture of every swarm, as text or uint8 (H, W, 3), as `render_mode` says."""
+        if self.render_mode is None:
+            return None
+        frames = [self.frame(row) for row in self._all_rows.tolist()]
+        if self.render_mode == "ansi":
+            from DroneSwarmSearch.rendering.text import render_text
+
+            return tuple(render_text(frame) for frame in frames)
+        from DroneSwarmSearch.rendering.painter import Painter
+
+        painter = Painter(self._size, render_grid=False, render_gradient=True)
+        return tuple(painter.pixels(frame) for frame in frames)
+
+    def frame(self, swarm: int) -> Frame:
+        """Everything a picture of one swarm's present state shows, the persons included."""
+        return self.batch.frame(checks.integer("swarm", swarm, 0, self.batch.num_rows - 1))
+
+    def use_buffers(self, buffers: Buffers) -> None:
+        """From now on write what `reset` and `step` return into given arrays.
+
+        They return these arrays, too: what an earlier step wrote is gone. This is the form
+        that collectors with arrays of their own want, PufferLib's for example.
+
+        Raises:
+            ValueError: an array has the wrong shape, or observations the wrong dtype.
+        """
+        wanted = self._new_buffers()
+        for name in ("rewards", "terminations", "truncations"):
+            _check_buffer(name, getattr(buffers, name), getattr(wanted, name), any_dtype=True)
+        if isinstance(wanted.observations, dict):
+            for key, array in wanted.observations.items():
+                _check_buffer(f"observations[{key!r}]", buffers.observations[key], array)
+        else:
+            _check_buffer("observations", buffers.observations, wanted.observations)
+        self._buffers = buffers
+
+    # The parts of `reset` and `step`.
+
+    def _wanted_rows(self, options: Mapping[str, Any] | None) -> tuple[Ints, dict[str, Any]]:
+        """The swarms to reset, and the parameters given for them."""
+        if options is None:
+            return self._all_rows, {}
+        if not isinstance(options, Mapping):
+            raise TypeError(f"options must be a mapping, got {options!r}")
+        known = ("reset_mask", *VARIABLE)
+        unknown = [key for key in options if key not in known]
+        if unknown:
+            warnings.warn(
+                f"options may hold {', '.join(known)}; ignored: {', '.join(map(repr, unknown))}",
+                stacklevel=3,
+            )
+        given = {key: options[key] for key in VARIABLE if key in options}
+        mask = options.get("reset_mask")
+        if mask is None:
+            return self._all_rows, given
+        what = f"options['reset_mask'] must be a bool array of shape ({self.num_envs},)"
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"{what}, got {mask!r}")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(f"{what}, got shape {mask.shape}")
+        by_swarm = mask.reshape(-1, self._per_swarm)
+        wanted: Flags = np.logical_or.reduce(by_swarm, axis=1)
+        if not wanted.any():
+            raise ValueError(f"{what} with at least one True, got none")
+        if (by_swarm != wanted[:, None]).any():
+            raise ValueError(f"{what}, alike for all drones of a swarm, got {mask!r}")
+        return wanted.nonzero()[0], given
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """A seed for each swarm; none if there is none at all."""
+        n = self.batch.num_rows
+        if seed is None:
+            return []
+        if not isinstance(seed, (list, tuple, np.ndarray)):
+            first = checks.integer("seed", seed, 0)
+            super().reset(seed=first)
+            return list(range(first, first + n))
+        if len(seed) != n:
+            raise ValueError(
+                f"seed must be an integer or {n} of them, one a swarm, got {len(seed)}"
+            )
+        return [
+            None if one is None else checks.integer(f"seed[{row}]", one, 0)
+            for row, one in enumerate(seed)
+        ]
+
+    def _by_swarm(self, actions: ArrayLike) -> NDArray[Any]:
+        """The actions as (swarms, drones)."""
+        chosen = np.asarray(actions)
+        if chosen.shape != self.action_space.shape:
+            raise ValueError(
+                f"actions must have the shape {self.action_space.shape}, got {chosen.shape}"
+            )
+        return chosen.reshape(self.batch.num_rows, self._drones)
+
+    def _flags(self) -> tuple[Flags, Flags]:
+        """Terminations and truncations of every slot."""
+        endings = self.batch.endings.repeat(self._per_swarm)
+        over = endings != 0
+        if not self._separate:
+            return over, over.copy()
+        time_up = endings == _TIME_UP
+        return over & ~time_up, time_up
+
+    def _observations(self) -> Observations:
+        out = self._new(self.num_envs) if self._buffers is None else self._buffers.observations
+        self._observe(self._all_rows, out)
+        return out
+
+    def _finals(self, rows: Ints) -> Infos:
+        """The last observations and infos of swarms whose episodes have ended."""
+        slots = (rows[:, None] * self._per_swarm + np.arange(self._per_swarm)).reshape(-1)
+        observed = self._new(len(slots))
+        self._observe(rows, observed)
+        last = np.full(self.num_envs, None, object)
+        for place, slot in enumerate(slots.tolist()):
+            if isinstance(observed, dict):
+                last[slot] = {key: array[place] for key, array in observed.items()}
+            else:
+                last[slot] = observed[place]
+        mask = np.zeros(self.num_envs, np.bool_)
+        mask[slots] = True
+        return {
+            "final_obs": last,
+            "_final_obs": mask,
+            "final_info": self._with_masks(rows),
+            "_final_info": mask.copy(),
+        }
+
+    def _with_masks(self, rows: Ints | None = None) -> Infos:
+        """The infos, each with a mask of the slots for which it is meant."""
+        mask = np.ones(self.num_envs, np.bool_)
+        if rows is not None and len(rows) < self.batch.num_rows:
+            mask[:] = False
+            mask.reshape(-1, self._per_swarm)[rows] = True
+        infos = self._infos()
+        return {**infos, **{f"_{key}": mask.copy() for key in infos}}
+
+    def _new(self, slots: int) -> Observations:
+        return create_empty_array(self.single_observation_space, slots, fn=np.empty)
+
+    def _new_buffers(self) -> Buffers:
+        n = self.num_envs
+        flags = np.zeros(n, np.bool_)
+        return Buffers(self._new(n), np.zeros(n), flags, flags.copy())
+
+    def _matrix_space(self) -> dict[str, spaces.Space[Any]]:
+        """The entry of the dict layout that tells the matrix."""
+        if self._writes:
+            shape = (self._size, self._size)
+            return {"probability_matrix": spaces.Box(0.0, 1.0, shape, np.float32)}
+        return {"matrix_index": spaces.Box(0, np.iinfo(np.int64).max, (), np.int64)}
+
+    def _show_matrices(self, rows: Ints, out: dict[str, Slots]) -> None:
+        """Write the entry of the dict layout that tells the matrix."""
+        if not self._writes:
+            out["matrix_index"][...] = self.batch.table_index[rows].repeat(self._per_swarm)
+            return
+        matrices = out["probability_matrix"]
+        if self._per_swarm == 1:
+            self._write_matrices(rows, matrices)
+        else:
+            by_drone = matrices.reshape(len(rows), self._per_swarm, self._size, self._size)
+            self._write_matrices(rows, by_drone[:, 0])
+            by_drone[:, 1:] = by_drone[:, :1]
+
+    @property
+    def matrices(self) -> Singles:
+        """The table in which `matrix_index` points: float32, (entries, N, N); read-only.
+
+        It fills up as episodes go on; an entry once pointed to stays as it is.
+
+        Raises:
+            ValueError: there is no such table, see `write_matrices`.
+        """
+        return self.batch.table
+
+    def _write_matrices(self, rows: Ints, out: Singles, scaled: bool = False) -> None:
+        """Write some swarms' matrices, float32, (rows, N, N), to an array of any strides."""
+        everything = len(rows) == self.batch.num_rows
+        if everything and out.flags.c_contiguous:
+            self.batch.write_matrices(out)
+        elif everything:
+            matrices = np.empty(out.shape, np.float32)
+            self.batch.write_matrices(matrices)
+            out[...] = matrices
+        else:
+            out[...] = self.batch.matrices_of(rows)
+        if scaled:
+            scaled_matrices(out, out)
+
+
+def _as_matrices(flat: Singles, size: int) -> Singles:
+    """Rows of size² numbers, contiguous in themselves, seen as matrices."""
+    strides = (flat.strides[0], size * flat.itemsize, flat.itemsize)
+    return as_strided(flat, (len(flat), size, size), strides)
+
+
+def _check_buffer(name: str, given: Any, wanted: Slots, any_dtype: bool = False) -> None:
+    if not isinstance(given, np.ndarray):
+        raise TypeError(f"buffers.{name} must be a NumPy array, got {given!r}")
+    if given.shape != wanted.shape or not (any_dtype or given.dtype == wanted.dtype):
+        raise ValueError(
+            f"buffers.{name} must be of shape {wanted.shape} and dtype {wanted.dtype}, "
+            f"got {given.shape} and {given.dtype}"
+        )
+
+
+class SwarmVectorEnv(SearchVectorEnv):
+    """Many searches, each slot a swarm: joint actions, team reward.
+
+    Actions: `MultiDiscrete([6] * n_drones)` for each swarm, see `rules.Action`.
+
+    Observations, for each swarm:
+
+    - "dict": `positions`, every drone's (x, y), int32, shape (n_drones, 2);
+      `probability_matrix`, float32, (N, N), indexed [y, x]; with write_matrices=False
+      `matrix_index` in place of the matrix.
+    - "flat": every drone's x and y, with the grid scaled to 1, then the matrix row by row,
+      with its maximum scaled to 1: float32, (2 n_drones + N²,).
+    - "planes": the matrix, with its maximum scaled to 1, then for every drone a plane with
+      1 at its cell: float32, (1 + n_drones, N, N).
+
+    Rewards: the sum over the drones. Infos: `rewards` of every drone, (E, n_drones);
+    `Found`, whether anybody has been found; `persons_found`, who, (E, persons);
+    `ending`, why the last step ended the episode (`rules.ENDINGS`); `step`, completed
+    steps. Each comes with a mask of the same name behind an underscore.
+
+    Arguments: those of `SearchVectorEnv`.
+    """
+
+    @property
+    def _per_swarm(self) -> int:
+        return 1
+
+    def _action_space(self) -> spaces.Space[Any]:
+        return spaces.MultiDiscrete([len(Action)] * self._drones)
+
+    def _space(self) -> spaces.Space[Any]:
+        n, size = self._drones, self._size
+        if self.observation == "flat":
+            return spaces.Box(0.0, 1.0, (2 * n + size**2,), np.float32)
+        if self.observation == "planes":
+            return spaces.Box(0.0, 1.0, (1 + n, size, size), np.float32)
+        positions = spaces.Box(0, size - 1, (n, 2), np.int32)
+        return spaces.Dict({"positions": positions, **self._matrix_space()})
+
+    def _rewards(self) -> NDArray[np.float64]:
+        total: NDArray[np.float64] = self.batch.rewards.sum(axis=1)
+        return total
+
+    def _infos(self) -> Infos:
+        batch = self.batch
+        return {
+            "rewards": batch.rewards.copy(),
+            "Found": batch.found.copy(),
+            "persons_found": ~batch.missing,
+            "ending": batch.endings.copy(),
+            "step": batch.steps,
+        }
+
+    def _observe(self, rows: Ints, out: Observations) -> None:
+        n, positions = self._drones, self.batch.positions[rows]
+        if self.observation == "flat":
+            scaled_positions(positions.reshape(-1, 2 * n), self._size, out[:, : 2 * n])
+            self._write_matrices(rows, _as_matrices(out[:, 2 * n :], self._size), scaled=True)
+        elif self.observation == "planes":
+            self._write_matrices(rows, out[:, 0], scaled=True)
+            cells = self.batch.cells[rows]
+            for drone in range(n):
+                mark(cells[:, drone : drone + 1], out[:, 1 + drone])
+        else:
+            out["positions"][...] = positions
+            self._show_matrices(rows, out)
+
+
+class DroneVectorEnv(SearchVectorEnv):
+    """Many searches, each slot a drone: the form that parameter sharing wants.
+
+    The drones of a swarm are adjacent: slot i * n_drones + k is drone k of swarm i, and
+    `env.num_envs` is the number of slots, num_envs * n_drones.
+
+    Actions: `Discrete(6)` for each drone, see `rules.Action`.
+
+    Observations, for each drone:
+
+    - "dict": `position`, its (x, y), int32, shape (2,); `probability_matrix`, float32,
+      (N, N), indexed [y, x]; with write_matrices=False `matrix_index` in place of it.
+    - "flat": its x and y, then those of the other drones, with the grid scaled to 1, then
+      the matrix row by row, with its maximum scaled to 1: float32, (2 n_drones + N²,).
+    - "planes": the matrix, with its maximum scaled to 1; itself; the other drones (1 at
+      their cells): float32, (3, N, N).
+
+    Rewards: the drone's own. Infos, alike for all drones of a swarm: `Found`, whether
+    anybody has been found; `persons_found`, who, (slots, persons); `ending`, why the last
+    step ended the episode (`rules.ENDINGS`); `step`, completed steps. Each comes with a
+    mask of the same name behind an underscore.
+
+    Arguments: those of `SearchVectorEnv`.
+    """
+
+    @property
+    def _per_swarm(self) -> int:
+        return self._drones
+
+    def _action_space(self) -> spaces.Space[Any]:
+        return spaces.Discrete(len(Action))
+
+    def _space(self) -> spaces.Space[Any]:
+        n, size = self._drones, self._size
+        if self.observation == "flat":
+            return spaces.Box(0.0, 1.0, (2 * n + size**2,), np.float32)
+        if self.observation == "planes":
+            return spaces.Box(0.0, 1.0, (3, size, size), np.float32)
+        position = spaces.Box(0, size - 1, (2,), np.int32)
+        return spaces.Dict({"position": position, **self._matrix_space()})
+
+    def _rewards(self) -> NDArray[np.float64]:
+        return self.batch.rewards.reshape(-1).copy()
+
+    def _infos(self) -> Infos:
+        batch, n = self.batch, self._drones
+        return {
+            "Found": batch.found.repeat(n),
+            "persons_found": (~batch.missing).repeat(n, axis=0),
+            "ending": batch.endings.repeat(n),
+            "step": batch.steps.repeat(n),
+        }
+
+    def _observe(self, rows: Ints, out: Observations) -> None:
+        n, positions = self._drones, self.batch.positions[rows]
+        if self.observation == "flat":
+            by_drone = out.reshape(len(rows), n, -1)
+            places = by_drone[..., : 2 * n].reshape(len(rows), n, n, 2)
+            scaled_positions(positions[:, self._own_first], self._size, places)
+            matrices = by_drone[:, :, 2 * n :]
+            self._write_matrices(rows, _as_matrices(matrices[:, 0], self._size), scaled=True)
+            matrices[:, 1:] = matrices[:, :1]
+        elif self.observation == "planes":
+            planes = out.reshape(len(rows), n, 3, self._size, self._size)
+            self._write_matrices(rows, planes[:, 0, 0], scaled=True)
+            planes[:, 1:, 0] = planes[:, :1, 0]
+            cells = self.batch.cells[rows][:, self._own_first].reshape(-1, n)
+            mark(cells[:, :1], out[:, 1])
+            mark(cells[:, 1:], out[:, 2])
+        else:
+            out["position"][...] = positions.reshape(-1, 2)
+            self._show_matrices(rows, out)
