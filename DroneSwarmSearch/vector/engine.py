@@ -14,7 +14,7 @@ earlier if `restart` is called.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
+from DroneSwarmSearch.vector.collisions import Collisions
 from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables, choose_laws
 from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values
 from DroneSwarmSearch.vector.sea import Seas
@@ -115,7 +116,7 @@ class SearchBatch:
         self._row_of = self._rows.repeat(n)
         self._neighbours = rules.neighbours_of_all(scenario.grid_size).reshape(-1)
         self._positions = _positions(scenario.grid_size)
-        self._see_pairs()
+        self._collided = Collisions(rows, n, scenario.grid_size**2)
 
         # For each stream its key plus what counts the episodes, for the next episode.
         self._episode_counters = np.zeros((3, rows), np.uint64)
@@ -153,7 +154,8 @@ class SearchBatch:
             rows: which; all of them without it.
             given: "vector", which stays for later episodes, and for this episode alone
                 "person_initial_position", "disperse_constant" and "drones_positions",
-                each one for all rows or one for each row of the batch.
+                each one for all rows or one for each row of the batch. What is given wins
+                over the sampler.
 
         Raises:
             TypeError: a value is of the wrong type.
@@ -166,7 +168,7 @@ class SearchBatch:
             if seed is not None or not self._seeded[rows[k]]:
                 counters[:, k] = stream_keys(seed)
                 counters[:, k] += GOLDEN
-        episodes = self._drawn(counters)
+        episodes = self._drawn(counters, given or {})
 
         # Everything is checked: from here on the batch changes.
         self._seeded[rows] = True
@@ -196,12 +198,13 @@ class SearchBatch:
         """The next episodes of some rows; changes nothing."""
         return self._drawn(self._episode_counters.take(rows, axis=1))
 
-    def _drawn(self, counters: Words) -> _Episodes:
-        """What the random numbers say of some rows' episodes."""
+    def _drawn(self, counters: Words, given: Container[str] = ()) -> _Episodes:
+        """What the random numbers say of some rows' episodes, but for what is given."""
         keys = mixed(counters.copy())
-        values = {}
+        values: Values = {}
         if self._sampler is not None:
-            values = self._usual.drawn(counters.shape[1], self._sampler, keys[2])
+            drawn = self._usual.drawn(counters.shape[1], self._sampler, keys[2])
+            values = {name: value for name, value in drawn.items() if name not in given}
         return _Episodes(counters, keys[:2], values)
 
     def _begin(self, rows: Ints, episodes: _Episodes, parameters: Parameters) -> None:
@@ -218,30 +221,6 @@ class SearchBatch:
     def _laws_now(self) -> LawParameters | None:
         """The laws' parameters, if they may have changed."""
         return self._now.laws if self._varies else None
-
-    def _see_pairs(self) -> None:
-        """Make what `_collided` works in: cells by drone, and comparisons of every two."""
-        n, rows = self.scenario.n_drones, len(self._rows)
-        narrow = np.int16 if self.scenario.grid_size**2 <= 2**15 else np.int32
-        self._by_drone = np.empty((n, rows), narrow)
-        self._alike = np.empty((n * (n - 1) // 2, rows), np.bool_)  # a row for each two drones
-        self._drones_of_pair = np.empty((2, len(self._alike)), np.int64)
-        self._pairs: list[tuple[NDArray[Any], ...]] = []  # views of these
-        first = 0
-        for apart in range(1, n):
-            here = slice(first, first + n - apart)
-            views = self._by_drone[apart:], self._by_drone[:-apart], self._alike[here]
-            self._pairs.append(views)
-            self._drones_of_pair[:, here] = np.arange(apart, n), np.arange(n - apart)
-            first = here.stop
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Views would be arrays of their own in a copy."""
-        return {name: value for name, value in self.__dict__.items() if name != "_pairs"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._see_pairs()
 
     def _choose_laws(self) -> Tables | Followed:
         size, steps = self.scenario.grid_size, self.scenario.timestep_limit
@@ -344,20 +323,6 @@ class SearchBatch:
         self.over = self.endings != 0
         wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
 
-    def _collided(self, targets: Ints) -> Ints:
-        """The drones in whose cell another is after moving; one may be named repeatedly."""
-        self._by_drone[...] = targets.astype(self._by_drone.dtype).T
-        for ahead, behind, alike in self._pairs:
-            np.equal(ahead, behind, out=alike)
-        together = self._alike.reshape(-1).nonzero()[0]
-        if not together.size:
-            return _NOBODY
-        pair, row = np.divmod(together, len(targets))
-        both: Ints = self._drones_of_pair.take(pair, axis=1) + row * targets.shape[1]
-        inside = targets.take(both[0]) != OFF_GRID  # each tried to leave on its own
-        named: Ints = both[:, inside].reshape(-1)
-        return named
-
     def _checked(self, actions: ArrayLike) -> Ints:
         """The actions as int64, shape (E, n_drones)."""
         if not self.ready:
@@ -373,7 +338,7 @@ class SearchBatch:
         # Seen without their signs, negative numbers are large.
         checked: Ints = np.ascontiguousarray(chosen, np.int64)
         if np.maximum.reduce(checked.view(np.uint64), axis=None) >= _ACTIONS:
-            row, drone = np.argwhere((checked < 0) | (checked >= _ACTIONS))[0].tolist()
+            row, drone = np.argwhere(checked.view(np.uint64) >= _ACTIONS)[0].tolist()
             raise ValueError(
                 f"actions must be integers from 0 to {_ACTIONS - 1}, got {chosen[row, drone]} "
                 f"for drone {drone} of search {row}"

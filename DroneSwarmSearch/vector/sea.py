@@ -63,9 +63,9 @@ class Seas:
     def _see_state(self) -> None:
         """Make the views of the state."""
         persons, state = len(self._detections), self._state
-        self._at = state[: 2 * persons].reshape(persons, 2, -1)  # each person's x and y
-        self.person_cells = state[2 * persons : 3 * persons]
-        self.step = state[3 * persons]
+        self._at: Ints = state[: 2 * persons].reshape(persons, 2, -1)  # each person's x and y
+        self.person_cells: Ints = state[2 * persons : 3 * persons]
+        self.step: Ints = state[3 * persons]
         # The key of the episode's drift plus what counts the numbers drawn.
         self._drift_counters, self._detection_keys = state[-2:].view(np.uint64)
 

@@ -1,0 +1,57 @@
+"""Drones of a batch that share a cell: both ways to find them agree with the rule."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch.rules import OFF_GRID, same_cell
+from DroneSwarmSearch.vector import collisions
+from DroneSwarmSearch.vector.collisions import Collisions
+
+
+def named(targets: np.ndarray, cells: int) -> list[set[int]]:
+    """The drones named in each row."""
+    rows, drones = targets.shape
+    found = Collisions(rows, drones, cells)(targets)
+    sets: list[set[int]] = [set() for _ in range(rows)]
+    for number in found.tolist():
+        sets[number // drones].add(number % drones)
+    return sets
+
+
+def expected(targets: np.ndarray) -> list[set[int]]:
+    return [
+        {drone for drone, cell in enumerate(row) if cell in same_cell(row)}
+        for row in targets.tolist()
+    ]
+
+
+@pytest.mark.parametrize("few", [0, 32], ids=["sorted", "compared"])
+@pytest.mark.parametrize("drones", [1, 2, 3, 4])
+def test_every_constellation_of_few_drones(monkeypatch, few: int, drones: int) -> None:
+    monkeypatch.setattr(collisions, "_FEW", few)
+    targets = np.array(list(itertools.product((OFF_GRID, 0, 1, 2), repeat=drones)))
+    assert named(targets, 3) == expected(targets)
+
+
+@pytest.mark.parametrize("drones", [7, 31, 32, 33, 60])
+@pytest.mark.parametrize("cells", [100, 40_000])
+def test_many_drones(drones: int, cells: int) -> None:
+    """Large cell numbers do not fit the narrow integers of small grids."""
+    rng = np.random.default_rng(drones)
+    targets = rng.integers(OFF_GRID, cells, (200, drones))
+    targets[::3, 0] = targets[::3, -1]
+    assert named(targets, cells) == expected(targets)
+    assert any(expected(targets))
+
+
+def test_a_copy_shares_nothing() -> None:
+    finder = Collisions(2, 3, 9)
+    twin = copy.deepcopy(finder)
+    first = finder(np.array([[1, 1, 2], [0, 1, 2]]))
+    twin(np.array([[0, 3, 4], [5, 5, 5]]))
+    assert sorted(first.tolist()) == [0, 1]
