@@ -14,7 +14,6 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, create_empty_array
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import checks
@@ -138,6 +137,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.single_action_space = self._action_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._buffers: Buffers | None = None
+        self._scratch: Singles | None = None
         if not self._copies:
             self.use_buffers(self._new_buffers())
 
@@ -394,15 +394,16 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _show_matrices(self, rows: Ints, out: dict[str, Slots]) -> None:
         """Write the entry of the dict layout that tells the matrix."""
         if not self._writes:
-            out["matrix_index"][...] = self.batch.table_index[rows].repeat(self._per_swarm)
+            index = self._of_rows(self.batch.table_index, rows)
+            out["matrix_index"][...] = index.repeat(self._per_swarm)
             return
         matrices = out["probability_matrix"]
-        if self._per_swarm == 1:
-            self._write_matrices(rows, matrices)
+        direct = len(matrices) == len(rows) == self.batch.num_rows
+        if direct and matrices.flags.c_contiguous:
+            self.batch.write_matrices(matrices)
         else:
-            by_drone = matrices.reshape(len(rows), self._per_swarm, self._size, self._size)
-            self._write_matrices(rows, by_drone[:, 0])
-            by_drone[:, 1:] = by_drone[:, :1]
+            by_drone = matrices.reshape(len(rows), -1, self._size, self._size)
+            by_drone[...] = self._matrices(rows)[:, None]
 
     @property
     def matrices(self) -> Singles:
@@ -415,25 +416,24 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         return self.batch.table
 
-    def _write_matrices(self, rows: Ints, out: Singles, scaled: bool = False) -> None:
-        """Write some swarms' matrices, float32, (rows, N, N), to an array of any strides."""
-        everything = len(rows) == self.batch.num_rows
-        if everything and out.flags.c_contiguous:
-            self.batch.write_matrices(out)
-        elif everything:
-            matrices = np.empty(out.shape, np.float32)
-            self.batch.write_matrices(matrices)
-            out[...] = matrices
-        else:
-            out[...] = self.batch.matrices_of(rows)
-        if scaled:
-            scaled_matrices(out, out)
+    def _matrices(self, rows: Ints) -> Singles:
+        """Some swarms' matrices: float32, (rows, N, N); overwritten by the next call."""
+        if len(rows) < self.batch.num_rows:
+            return self.batch.matrices_of(rows)
+        if self._scratch is None:
+            self._scratch = np.empty((len(rows), self._size, self._size), np.float32)
+        self.batch.write_matrices(self._scratch)
+        return self._scratch
 
+    def _scaled_matrices(self, rows: Ints) -> Singles:
+        """The same with their maximum scaled to 1."""
+        matrices = self._matrices(rows)
+        scaled_matrices(matrices, matrices)
+        return matrices
 
-def _as_matrices(flat: Singles, size: int) -> Singles:
-    """Rows of size² numbers, contiguous in themselves, seen as matrices."""
-    strides = (flat.strides[0], size * flat.itemsize, flat.itemsize)
-    return as_strided(flat, (len(flat), size, size), strides)
+    def _of_rows(self, values: Slots, rows: Ints) -> Slots:
+        """Values of all swarms, cut down to some."""
+        return values if len(rows) == self.batch.num_rows else values[rows]
 
 
 def _check_buffer(name: str, given: Any, wanted: Slots, any_dtype: bool = False) -> None:
@@ -486,7 +486,8 @@ class SwarmVectorEnv(SearchVectorEnv):
         return spaces.Dict({"positions": positions, **self._matrix_space()})
 
     def _rewards(self) -> NDArray[np.float64]:
-        total: NDArray[np.float64] = self.batch.rewards.sum(axis=1)
+        # Drone by drone, as one adds up a dict of rewards, and faster than over short rows.
+        total: NDArray[np.float64] = np.ascontiguousarray(self.batch.rewards.T).sum(axis=0)
         return total
 
     def _infos(self) -> Infos:
@@ -500,13 +501,13 @@ class SwarmVectorEnv(SearchVectorEnv):
         }
 
     def _observe(self, rows: Ints, out: Observations) -> None:
-        n, positions = self._drones, self.batch.positions[rows]
+        n, positions = self._drones, self._of_rows(self.batch.positions, rows)
         if self.observation == "flat":
             scaled_positions(positions.reshape(-1, 2 * n), self._size, out[:, : 2 * n])
-            self._write_matrices(rows, _as_matrices(out[:, 2 * n :], self._size), scaled=True)
+            out[:, 2 * n :] = self._scaled_matrices(rows).reshape(len(rows), -1)
         elif self.observation == "planes":
-            self._write_matrices(rows, out[:, 0], scaled=True)
-            cells = self.batch.cells[rows]
+            out[:, 0] = self._scaled_matrices(rows)
+            cells = self._of_rows(self.batch.cells, rows)
             for drone in range(n):
                 mark(cells[:, drone : drone + 1], out[:, 1 + drone])
         else:
@@ -568,19 +569,17 @@ class DroneVectorEnv(SearchVectorEnv):
         }
 
     def _observe(self, rows: Ints, out: Observations) -> None:
-        n, positions = self._drones, self.batch.positions[rows]
+        n, positions = self._drones, self._of_rows(self.batch.positions, rows)
         if self.observation == "flat":
             by_drone = out.reshape(len(rows), n, -1)
             places = by_drone[..., : 2 * n].reshape(len(rows), n, n, 2)
             scaled_positions(positions[:, self._own_first], self._size, places)
-            matrices = by_drone[:, :, 2 * n :]
-            self._write_matrices(rows, _as_matrices(matrices[:, 0], self._size), scaled=True)
-            matrices[:, 1:] = matrices[:, :1]
+            matrices = self._scaled_matrices(rows).reshape(len(rows), 1, -1)
+            by_drone[:, :, 2 * n :] = matrices
         elif self.observation == "planes":
             planes = out.reshape(len(rows), n, 3, self._size, self._size)
-            self._write_matrices(rows, planes[:, 0, 0], scaled=True)
-            planes[:, 1:, 0] = planes[:, :1, 0]
-            cells = self.batch.cells[rows][:, self._own_first].reshape(-1, n)
+            planes[:, :, 0] = self._scaled_matrices(rows)[:, None]
+            cells = self._of_rows(self.batch.cells, rows)[:, self._own_first].reshape(-1, n)
             mark(cells[:, :1], out[:, 1])
             mark(cells[:, 1:], out[:, 2])
         else:
