@@ -217,7 +217,10 @@ class RowNumbers:
         self, low: ArrayLike, high: ArrayLike, size: int | tuple[int, ...] = ()
     ) -> NDArray[np.int64]:
         """Integers from low to high - 1, int64, shape (n, *size)."""
-        return np.floor(self.uniform(low, high, size)).astype(np.int64)
+        low = np.asarray(low)
+        above = np.floor((np.asarray(high) - low) * self.random(size)).astype(np.int64)
+        drawn: NDArray[np.int64] = low + above
+        return drawn
 
 
 class Streams(NamedTuple):

@@ -152,10 +152,10 @@ class SearchBatch:
             seeds: one for each of these rows; with None a row's sequence of episodes goes
                 on, or begins from the system's entropy.
             rows: which; all of them without it.
-            given: "vector", which stays for later episodes, and for this episode alone
-                "person_initial_position", "disperse_constant" and "drones_positions",
-                each one for all rows or one for each row of the batch. What is given wins
-                over the sampler.
+            given: "vector", which stays for later episodes (unless a sampler draws it), and
+                for this episode alone "person_initial_position", "disperse_constant" and
+                "drones_positions", each one for all rows or one for each row of the batch.
+                What is given wins over the sampler.
 
         Raises:
             TypeError: a value is of the wrong type.
@@ -163,6 +163,8 @@ class SearchBatch:
         """
         rows = self._rows if rows is None else rows
         wanted = self._usual.changed(given) if given else self._usual
+        if seeds is not None and len(seeds) != len(rows):
+            raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
         counters = self._episode_counters[:, rows]
         for k, seed in enumerate([None] * len(rows) if seeds is None else seeds):
             if seed is not None or not self._seeded[rows[k]]:
@@ -181,16 +183,21 @@ class SearchBatch:
                 self._seas.change_laws(self._choose_laws(), self._now.laws)
         self._begin(rows, episodes, wanted)
         self._seas.begin(rows, episodes.keys, self._laws_now())
+        self.rewards, self.endings = self.rewards.copy(), self.endings.copy()
         self.rewards[rows] = 0.0
         self.endings[rows] = 0
-        self.over[rows] = False
-        self._chosen[rows] = _IDLE
+        self._clear(rows)
 
     def restart(self, rows: Ints) -> None:
         """Begin the next episodes of some rows; what the last step brought them stays."""
         episodes = self._next(rows)
         self._begin(rows, episodes, self._usual)
         self._seas.begin(rows, episodes.keys, self._laws_now())
+        self._clear(rows)
+
+    def _clear(self, rows: Ints) -> None:
+        """Forget what drones did, and that rows were over."""
+        self.over = self.over.copy()  # a caller may have kept it
         self.over[rows] = False
         self._chosen[rows] = _IDLE
 
@@ -247,7 +254,6 @@ class SearchBatch:
         beginning = self.over.nonzero()[0]
         if beginning.size:
             next_episodes = self._next(beginning)
-            chosen = chosen.copy()
             chosen[beginning] = _IDLE
             self._begin(beginning, next_episodes, self._usual)
 
@@ -327,16 +333,18 @@ class SearchBatch:
         """The actions as int64, shape (E, n_drones)."""
         if not self.ready:
             raise ResetNeeded("step: no episode has begun; call reset() first")
-        chosen: NDArray[Any] = np.asarray(actions)
+        shape = self._cells.shape
+        wanted = f"actions must have the shape {shape}, one for each drone of each search"
+        try:
+            chosen: NDArray[Any] = np.asarray(actions)
+        except ValueError:  # rows of different lengths
+            raise ValueError(f"{wanted}, got {actions!r}") from None
         if chosen.dtype.kind not in "iu":
             raise TypeError(f"actions must be integers from 0 to 5, got {chosen.dtype}")
-        if chosen.shape != self._cells.shape:
-            raise ValueError(
-                f"actions must have the shape {self._cells.shape}, one for each drone of each "
-                f"search, got {chosen.shape}"
-            )
+        if chosen.shape != shape:
+            raise ValueError(f"{wanted}, got {chosen.shape}")
+        checked: Ints = np.array(chosen, np.int64, order="C")  # the caller's stay the caller's
         # Seen without their signs, negative numbers are large.
-        checked: Ints = np.ascontiguousarray(chosen, np.int64)
         if np.maximum.reduce(checked.view(np.uint64), axis=None) >= _ACTIONS:
             row, drone = np.argwhere(checked.view(np.uint64) >= _ACTIONS)[0].tolist()
             raise ValueError(
@@ -426,7 +434,8 @@ class SearchBatch:
     def table(self) -> Singles:
         """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
 
-        It fills up as episodes go on: entries that `table_index` has named stay as they are.
+        It fills up as episodes go on: entries that `table_index` has named stay as they
+        are. A reset with parameters given makes another table.
 
         Raises:
             ValueError: matrices depend on what happened, or do not fit into a table.

@@ -85,7 +85,7 @@ class Parameters:
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        rows = checks.integer("num_envs", num_rows, 1)
+        rows = checks.integer("num_rows", num_rows, 1)
         size = checks.integer("grid_size", shared["grid_size"], 2)
         vectors = _vectors(vector, rows)
         persons = _persons(person_initial_position, rows, size)
@@ -230,7 +230,8 @@ def _persons(value: object, rows: int, grid_size: int, persons: int | None = Non
         if persons == 1:
             cells = cells[:, None]
     if cells.ndim < 3:
-        cells = cells.reshape(1, -1, cells.shape[-1] if cells.ndim else 1)
+        last = cells.shape[-1] if cells.ndim else 0
+        cells = cells.reshape(1, cells.size // last if last else 0, last)
     count = persons or cells.shape[1]
     if cells.shape[1:] != (count, 2) or count == 0:
         number = "a cell (x, y)" if count < 2 else f"{count} cells (x, y)"
@@ -257,14 +258,20 @@ def _drones(value: object, rows: int, scenario: Scenario) -> Ints:
 
 
 def _numbers(name: str, value: object, what: str) -> NDArray[Any]:
-    """Something as an array of numbers."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"{name} must be {what}, got {value!r}") from None
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"{name} must be {what}, got {value!r}")
-    return array
+    """Something as an array of numbers, of the kinds that `checks` takes."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
+        return value
+    entries = np.asarray(value, object)
+    numbers = np.empty(entries.shape)
+    for place, entry in enumerate(entries.flat):
+        if not checks.is_number(entry):
+            ragged = isinstance(entry, (list, tuple, np.ndarray))
+            raise (ValueError if ragged else TypeError)(f"{name} must be {what}, got {value!r}")
+        try:
+            numbers.flat[place] = float(entry)
+        except OverflowError:
+            numbers.flat[place] = np.inf
+    return numbers
 
 
 def _for_each(
@@ -293,7 +300,8 @@ def _cells(
             f"{name} must have the shape {shape}, or {(rows, *shape)} with values for each search; "
             f"got {cells.shape}"
         )
-    whole = cells.astype(np.int64)
+    with np.errstate(invalid="ignore"):  # what is no integer differs from what it becomes
+        whole = cells.astype(np.int64)
     wrong = (whole != cells) | (whole < 0) | (whole >= grid_size)
     if wrong.any():
         raise ValueError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -51,12 +52,14 @@ class SB3VecEnv(VecEnv):
 
     def reset(self) -> Any:
         """Begin episodes everywhere; returns the observations."""
+        if any(options != self._options[0] for options in self._options):
+            raise ValueError("options must be the same for all slots: a reset is one for all")
         # `seed` of the base class notes a seed for every slot; the first begins the count.
         observations, _ = self.env.reset(seed=self._seeds[0], options=self._options[0] or None)
         self._reset_seeds()
         self._reset_options()
         self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        return observations
+        return self._kept(observations)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions of a step."""
@@ -73,7 +76,15 @@ class SB3VecEnv(VecEnv):
                 "terminal_observation": infos["final_obs"][slot],
                 "TimeLimit.truncated": bool(truncated[slot] and not terminated[slot]),
             }
-        return observations, rewards.astype(np.float32), dones, told
+        return self._kept(observations), rewards.astype(np.float32), dones, told
+
+    def _kept(self, observations: Any) -> Any:
+        """Observations that the next step leaves alone: Stable-Baselines3 keeps the last ones."""
+        return deepcopy(observations) if self.env.reuses_arrays else observations
+
+    def get_images(self) -> list[Any]:
+        """A picture of every swarm, if the view has render_mode="rgb_array"."""
+        return list(self.env.render() or ())
 
     def close(self) -> None:
         """Close the view."""

@@ -121,7 +121,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             raise ValueError(
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
-        self.batch = SearchBatch(num_envs, wants_table=not self._writes, **parameters)
+        swarms = checks.integer("num_envs", num_envs, 1)
+        self.batch = SearchBatch(swarms, wants_table=not self._writes, **parameters)
         if not self._writes:
             _ = self.batch.table  # ValueError where there is none
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
@@ -194,6 +195,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         rows, given = self._wanted_rows(options)
         seeds = self._seeds(seed)
         self.batch.reset([seeds[row] for row in rows.tolist()] if seeds else None, rows, given)
+        if isinstance(seed, int):
+            super().reset(seed=seed)  # which numbers of Gymnasium's own follow from
         return self._observations(), self._with_masks(rows)
 
     def step(self, actions: ArrayLike) -> tuple[Observations, Slots, Slots, Slots, Infos]:
@@ -251,6 +254,11 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         painter = Painter(self._size, render_grid=False, render_gradient=True)
         return tuple(painter.pixels(frame) for frame in frames)
 
+    @property
+    def reuses_arrays(self) -> bool:
+        """Whether what `reset` and `step` return is overwritten by the next step."""
+        return self._buffers is not None
+
     def frame(self, swarm: int) -> Frame:
         """Everything a picture of one swarm's present state shows, the persons included."""
         return self.batch.frame(checks.integer("swarm", swarm, 0, self.batch.num_rows - 1))
@@ -262,12 +270,19 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         that collectors with arrays of their own want, PufferLib's for example.
 
         Raises:
-            ValueError: an array has the wrong shape, or observations the wrong dtype.
+            TypeError: something is no array, or the observations are of another form.
+            ValueError: an array is read-only, or has the wrong shape or dtype.
         """
         wanted = self._new_buffers()
         for name in ("rewards", "terminations", "truncations"):
-            _check_buffer(name, getattr(buffers, name), getattr(wanted, name), any_dtype=True)
+            _check_buffer(name, getattr(buffers, name), getattr(wanted, name), exact=False)
         if isinstance(wanted.observations, dict):
+            keys = list(wanted.observations)
+            if not isinstance(buffers.observations, Mapping) or {*buffers.observations} != {*keys}:
+                raise TypeError(
+                    f"buffers.observations must be a mapping with the keys {keys}, "
+                    f"got {buffers.observations!r}"
+                )
             for key, array in wanted.observations.items():
                 _check_buffer(f"observations[{key!r}]", buffers.observations[key], array)
         else:
@@ -311,9 +326,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         n = self.batch.num_rows
         if seed is None:
             return []
-        if not isinstance(seed, (list, tuple, np.ndarray)):
+        if not isinstance(seed, (Sequence, np.ndarray)) or isinstance(seed, str):
             first = checks.integer("seed", seed, 0)
-            super().reset(seed=first)
             return list(range(first, first + n))
         if len(seed) != n:
             raise ValueError(
@@ -389,7 +403,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if self._writes:
             shape = (self._size, self._size)
             return {"probability_matrix": spaces.Box(0.0, 1.0, shape, np.float32)}
-        return {"matrix_index": spaces.Box(0, np.iinfo(np.int64).max, (), np.int64)}
+        return {"matrix_index": spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)}
 
     def _show_matrices(self, rows: Ints, out: dict[str, Slots]) -> None:
         """Write the entry of the dict layout that tells the matrix."""
@@ -409,7 +423,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def matrices(self) -> Singles:
         """The table in which `matrix_index` points: float32, (entries, N, N); read-only.
 
-        It fills up as episodes go on; an entry once pointed to stays as it is.
+        It fills up as episodes go on; an entry once pointed to stays as it is. A reset with
+        parameters given makes another table.
 
         Raises:
             ValueError: there is no such table, see `write_matrices`.
@@ -436,14 +451,18 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         return values if len(rows) == self.batch.num_rows else values[rows]
 
 
-def _check_buffer(name: str, given: Any, wanted: Slots, any_dtype: bool = False) -> None:
+def _check_buffer(name: str, given: Any, wanted: Slots, exact: bool = True) -> None:
+    """Refuse an array that values like some others cannot be written into."""
     if not isinstance(given, np.ndarray):
         raise TypeError(f"buffers.{name} must be a NumPy array, got {given!r}")
-    if given.shape != wanted.shape or not (any_dtype or given.dtype == wanted.dtype):
+    fits = np.can_cast(wanted.dtype, given.dtype, "same_kind")
+    if given.shape != wanted.shape or not fits or (exact and given.dtype != wanted.dtype):
         raise ValueError(
             f"buffers.{name} must be of shape {wanted.shape} and dtype {wanted.dtype}, "
             f"got {given.shape} and {given.dtype}"
         )
+    if not given.flags.writeable:
+        raise ValueError(f"buffers.{name} must be writeable, got a read-only array")
 
 
 class SwarmVectorEnv(SearchVectorEnv):

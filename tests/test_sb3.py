@@ -1,0 +1,283 @@
+"""The adapter for Stable-Baselines3, with Stable-Baselines3 itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import plain
+
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector.views import SearchVectorEnv
+
+pytest.importorskip("stable_baselines3")
+
+from stable_baselines3 import PPO
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import (
+    VecCheckNan,
+    VecMonitor,
+    VecNormalize,
+    unwrap_vec_normalize,
+)
+
+from DroneSwarmSearch.vector.sb3 import SB3VecEnv
+
+both_views = pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
+all_layouts = pytest.mark.parametrize("layout", ["flat", "dict", "planes"])
+
+SMALL: dict[str, Any] = {
+    "grid_size": 4,
+    "n_drones": 2,
+    "vector": (0.3, -0.2),
+    "person_initial_position": (2, 1),
+    "timestep_limit": 7,
+}
+
+
+def made(view: type[SearchVectorEnv], num_envs: int = 3, **arguments: Any) -> SB3VecEnv:
+    """A view of small searches in Stable-Baselines3's form."""
+    return SB3VecEnv(view(num_envs, autoreset_mode="SameStep", **{**SMALL, **arguments}))
+
+
+def random_actions(rng: np.random.Generator, env: SB3VecEnv) -> np.ndarray:
+    """Actions for all slots; moves are rare, since they end most episodes."""
+    shape = (env.num_envs, *env.action_space.shape)
+    return rng.choice(len(Action), shape, p=[0.04, 0.11, 0.04, 0.11, 0.4, 0.3])
+
+
+@both_views
+@all_layouts
+def test_ppo_learns_from_every_layout(view: type[SearchVectorEnv], layout: str) -> None:
+    env = VecMonitor(made(view, 8, observation=layout))
+    policy = "MultiInputPolicy" if layout == "dict" else "MlpPolicy"
+    model = PPO(policy, env, n_steps=16, batch_size=32, n_epochs=2, seed=1, device="cpu")
+    before = [parameter.detach().clone() for parameter in model.policy.parameters()]
+    model.learn(3 * 16 * env.num_envs)
+    assert model.num_timesteps == 3 * 16 * env.num_envs
+    after = list(model.policy.parameters())
+    assert any((old != new).any() for old, new in zip(before, after, strict=True))
+    assert all(bool(parameter.isfinite().all()) for parameter in after)
+    assert len(model.ep_info_buffer) > 0
+    actions, _ = model.predict(env.reset(), deterministic=True)
+    assert actions.shape == (env.num_envs, *env.action_space.shape)
+
+
+@both_views
+@pytest.mark.parametrize("separate", [False, True])
+@all_layouts
+def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout: str) -> None:
+    """Observations, rewards and ends; an end's last observation and whether time was up."""
+    env = made(view, observation=layout, separate_flags=separate)
+    plainly = view(
+        3, autoreset_mode="SameStep", observation=layout, separate_flags=separate, **SMALL
+    )
+    env.seed(5)
+    assert plain(env.reset()) == plain(plainly.reset(seed=5)[0])
+    rng, time_ups, ended = np.random.default_rng(0), 0, 0
+    for _ in range(80):
+        actions = random_actions(rng, env)
+        seen, rewards, dones, infos = env.step(actions.copy())
+        theirs, their_rewards, terminated, truncated, told = plainly.step(actions.copy())
+        assert plain(seen) == plain(theirs)
+        assert plain(rewards) == plain(their_rewards.astype(np.float32))
+        assert plain(dones) == plain(terminated | truncated)
+        for slot, info in enumerate(infos):
+            if not dones[slot]:
+                assert info == {}
+                continue
+            ended += 1
+            assert sorted(info) == ["TimeLimit.truncated", "terminal_observation"]
+            assert plain(info["terminal_observation"]) == plain(told["final_obs"][slot])
+            time_up = truncated[slot] and not terminated[slot]
+            assert info["TimeLimit.truncated"] is bool(time_up)
+            time_ups += int(time_up)
+    assert ended > 10
+    assert (time_ups > 0) == separate
+
+
+def test_the_last_observation_is_the_single_environments() -> None:
+    env = made(DroneVectorEnv, 1, observation="dict")
+    single = DroneSwarmSearch(**SMALL)
+    env.seed(3)
+    env.reset()
+    single.reset(seed=3)
+    rng, episodes = np.random.default_rng(1), 0
+    while episodes < 12:
+        actions = random_actions(rng, env)
+        observations, *_ = single.step(dict(zip(single.agents, actions.tolist(), strict=True)))
+        _, _, dones, infos = env.step(actions)
+        assert dones.all() == (not single.agents)
+        if dones.all():
+            for info, seen in zip(infos, observations.values(), strict=True):
+                position, matrix = seen["observation"]
+                last = info["terminal_observation"]
+                assert last["position"].tolist() == list(position)
+                assert plain(last["probability_matrix"]) == plain(matrix)
+            single.reset()
+            episodes += 1
+
+
+@both_views
+def test_monitored_returns_are_right(view: type[SearchVectorEnv]) -> None:
+    env = VecMonitor(made(view))
+    env.seed(2)
+    env.reset()
+    returns, lengths = np.zeros(env.num_envs), np.zeros(env.num_envs, int)
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(60):
+        _, rewards, dones, infos = env.step(random_actions(rng, env))
+        returns += rewards
+        lengths += 1
+        for slot in dones.nonzero()[0]:
+            ended += 1
+            assert infos[slot]["episode"]["r"] == pytest.approx(returns[slot], rel=1e-5)
+            assert infos[slot]["episode"]["l"] == lengths[slot]
+            returns[slot], lengths[slot] = 0.0, 0
+    assert ended > 5
+
+
+@both_views
+def test_a_seed_holds_for_one_reset(view: type[SearchVectorEnv]) -> None:
+    env, other = made(view), made(view)
+    plainly = view(3, autoreset_mode="SameStep", **SMALL)
+    for each in (env, other):
+        each.seed(7)
+    rng = np.random.default_rng(0)
+
+    def both_go_on() -> list[Any]:
+        log = []
+        for _ in range(15):
+            actions = random_actions(rng, env)
+            results = [plain(each.step(actions.copy())) for each in (env, other)]
+            assert results[0] == results[1]
+            log.append(results[0])
+        return log
+
+    first, also = env.reset(), other.reset()
+    assert plain(first) == plain(also) == plain(plainly.reset(seed=7)[0])
+    begun = env.batch.person_cells
+    for _ in range(5):
+        env.step(idle(env)), other.step(idle(env)), plainly.step(idle(env))
+        assert env.batch.person_cells.tolist() == plainly.batch.person_cells.tolist()
+    both_go_on()
+    assert plain(env.reset()) == plain(other.reset())
+    both_go_on()
+    drifts = []
+    for seed in (7, None, 7):
+        if seed is not None:
+            env.seed(seed)
+        env.reset()
+        assert env.batch.person_cells.tolist() == begun.tolist()
+        cells = []
+        for _ in range(5):
+            env.step(idle(env))
+            cells.append(env.batch.person_cells.tolist())
+        drifts.append(cells)
+    assert drifts[0] == drifts[2] != drifts[1]
+
+
+def idle(env: SB3VecEnv) -> np.ndarray:
+    return np.full((env.num_envs, *env.action_space.shape), Action.IDLE)
+
+
+@both_views
+def test_options_hold_for_one_reset(view: type[SearchVectorEnv]) -> None:
+    env = made(view)
+    env.set_options({"drones_positions": [(3, 3), (0, 2)], "vector": (1.0, 0.0)})
+    env.reset()
+    assert env.batch.positions.tolist() == [[[3, 3], [0, 2]]] * 3
+    env.reset()
+    assert env.batch.positions.tolist() == [[[0, 0], [1, 0]]] * 3
+    assert env.batch.parameters["vector"].tolist() == [[1.0, 0.0]] * 3  # a drift stays
+
+
+@both_views
+def test_what_was_returned_never_changes(view: type[SearchVectorEnv]) -> None:
+    """Collectors keep the last observations over a step: a view without copies would not do."""
+    for copies in (True, False):
+        env = made(view, observation="flat", copy=copies)
+        rng = np.random.default_rng(0)
+        env.seed(1)
+        results: list[Any] = [env.reset()]
+        as_it_was = [plain(results[0])]
+        for _ in range(15):
+            results.append(env.step(random_actions(rng, env)))
+            as_it_was.append(plain(results[-1]))
+        assert [plain(result) for result in results] == as_it_was
+
+
+@both_views
+def test_attributes_and_methods_are_the_views(view: type[SearchVectorEnv]) -> None:
+    env = made(view)
+    n = env.num_envs
+    env.reset()
+    assert env.get_attr("observation") == ["dict"] * n
+    assert env.get_attr("batch", indices=[0, 2]) == [env.batch] * 2
+    assert env.get_attr("render_mode", indices=1) == [None]
+    env.set_attr("note", "here")
+    assert env.env.note == "here"  # type: ignore[attr-defined]
+    steps = [frame.step for frame in env.env_method("frame", 1, indices=[0])]
+    assert steps == [0]
+    assert env.env_is_wrapped(Monitor) == [False] * n
+    assert env.env_is_wrapped(Monitor, indices=[0]) == [False]
+    assert VecMonitor(env).get_attr("observation") == ["dict"] * n
+    with pytest.raises(AttributeError, match="nothing"):
+        env.get_attr("nothing")
+    env.close()
+    assert env.env.closed
+
+
+@both_views
+def test_spaces_are_those_of_a_slot(view: type[SearchVectorEnv]) -> None:
+    env = made(view, 4, observation="planes")
+    assert env.num_envs == env.env.num_envs == (4 if view is SwarmVectorEnv else 8)
+    assert env.observation_space == env.env.single_observation_space
+    assert env.action_space == env.env.single_action_space
+    for observation in env.reset():
+        assert observation in env.observation_space
+
+
+@both_views
+def test_wrappers_work(view: type[SearchVectorEnv]) -> None:
+    env = VecNormalize(VecCheckNan(made(view, 8, observation="flat"), raise_exception=True))
+    plainly = made(view, 8, observation="flat")
+    assert unwrap_vec_normalize(env) is env
+    env.seed(1)
+    plainly.seed(1)
+    env.reset()
+    plainly.reset()
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        actions = random_actions(rng, env)
+        seen, rewards, dones, infos = env.step(actions.copy())
+        theirs, their_rewards, _, told = plainly.step(actions.copy())
+        assert plain(env.get_original_obs()) == plain(theirs)
+        assert plain(env.get_original_reward()) == plain(their_rewards)
+        assert np.abs(seen).max() <= env.clip_obs
+        assert np.abs(rewards).max() <= env.clip_reward
+        for slot in dones.nonzero()[0]:
+            last = env.unnormalize_obs(infos[slot]["terminal_observation"])
+            inside = np.abs(infos[slot]["terminal_observation"]) < env.clip_obs
+            assert last[inside] == pytest.approx(
+                told[slot]["terminal_observation"][inside], abs=1e-4
+            )
+    assert seen.std() == pytest.approx(1, abs=0.5)
+
+
+def test_other_environments_are_refused() -> None:
+    with pytest.raises(TypeError, match="env must be a SwarmVectorEnv or a DroneVectorEnv, got <"):
+        SB3VecEnv(DroneSwarmSearch())  # type: ignore[arg-type]
+    for mode in ("NextStep", "Disabled"):
+        words = rf"env must have autoreset_mode='SameStep', got '{mode}'"
+        with pytest.raises(ValueError, match=words):
+            SB3VecEnv(DroneVectorEnv(2, autoreset_mode=mode))
+
+
+def test_step_wait_comes_after_step_async() -> None:
+    env = made(DroneVectorEnv)
+    env.reset()
+    with pytest.raises(AssertionError, match="step_async comes first"):
+        env.step_wait()

@@ -1,0 +1,1261 @@
+"""Gymnasium's views of the batch, against the single environment and Gymnasium's own vectors."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers import vector as wrappers
+from helpers import plain
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch.errors import ResetNeeded
+from DroneSwarmSearch.layouts import mark, scaled_matrices, scaled_positions
+from DroneSwarmSearch.rules import ENDINGS
+from DroneSwarmSearch.vector import Buffers, DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector.views import SearchVectorEnv
+
+VIEWS = [SwarmVectorEnv, DroneVectorEnv]
+MODES = list(AutoresetMode)
+LAYOUTS = [("dict", True), ("dict", False), ("flat", True), ("planes", True)]  # matrices written?
+
+both_views = pytest.mark.parametrize("view", VIEWS)
+all_modes = pytest.mark.parametrize("mode", MODES)
+all_layouts = pytest.mark.parametrize(("layout", "writes"), LAYOUTS)
+
+# So small and so crowded that every ending is met often.
+SMALL: dict[str, Any] = {
+    "grid_size": 4,
+    "n_drones": 3,
+    "vector": (0.3, -0.2),
+    "person_initial_position": (2, 1),
+    "timestep_limit": 9,
+}
+ALONE: dict[str, Any] = {**SMALL, "grid_size": 3, "n_drones": 1, "bayesian_update": True}
+MISSION: dict[str, Any] = {
+    **SMALL,
+    "person_initial_position": [(2, 1), (1, 2)],
+    "probability_of_detection": 0.7,
+    "bayesian_update": True,
+    "timestep_limit": 14,
+}
+CASES = pytest.mark.parametrize("case", [SMALL, ALONE, MISSION], ids=["small", "alone", "mission"])
+
+_CHANCES = [0.06, 0.09, 0.06, 0.09, 0.5, 0.2]  # moves are rare: they end most episodes
+
+
+def random_actions(rng: np.random.Generator, env: VectorEnv) -> np.ndarray:
+    """Actions of all slots, in the form of the batched action space."""
+    return rng.choice(len(Action), env.action_space.shape, p=_CHANCES)
+
+
+def slot_of(observations: Any, slot: int) -> Any:
+    """What one slot is shown."""
+    if isinstance(observations, Mapping):
+        return with_arrays({key: array[slot] for key, array in observations.items()})
+    return observations[slot]
+
+
+def with_arrays(observation: Any) -> Any:
+    """An observation with numbers as arrays without axes: a Box warns of anything else."""
+    if isinstance(observation, Mapping):
+        return {key: np.asarray(value) for key, value in observation.items()}
+    return observation
+
+
+def rollout(env: SearchVectorEnv, steps: int, policy_seed: int = 0) -> list[Any]:
+    """All that some steps return, as plain data; slots that are over are reset if they must be."""
+    rng = np.random.default_rng(policy_seed)
+    log = []
+    for _ in range(steps):
+        result = env.step(random_actions(rng, env))
+        log.append(told(result))
+        over = result[2] | result[3]
+        if env.metadata["autoreset_mode"] is AutoresetMode.DISABLED and over.any():
+            log.append(told(env.reset(options={"reset_mask": over})))
+    return log
+
+
+def told(result: tuple[Any, ...]) -> Any:
+    """A result as plain data; arrays of objects as lists."""
+    infos = dict(result[-1])
+    if "final_obs" in infos:
+        infos["final_obs"] = list(infos["final_obs"])
+    return plain([*result[:-1], infos])
+
+
+class Swarm(gymnasium.Env):
+    """A swarm of the single environment, as a slot of `SwarmVectorEnv` ought to be."""
+
+    def __init__(self, separate_flags: bool = False, **parameters: Any) -> None:
+        self.metadata = {}  # Gymnasium 1.1 writes the mode into it, which a class would keep
+        self.env = DroneSwarmSearch(render_mode=None, **parameters)
+        self.separate_flags = separate_flags
+        n, size = self.env.n_drones, self.env.grid_size
+        self.action_space = spaces.MultiDiscrete([6] * n)
+        self.observation_space = spaces.Dict(
+            {
+                "positions": spaces.Box(0, size - 1, (n, 2), np.int32),
+                "probability_matrix": spaces.Box(0.0, 1.0, (size, size), np.float32),
+            }
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        observations, infos = self.env.reset(seed=seed, options=options)
+        return self._seen(observations), self._told(np.zeros(self.env.n_drones), infos)
+
+    def step(
+        self, action: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        names = self.env.agents
+        observations, rewards, over, _, infos = self.env.step(
+            dict(zip(names, action.tolist(), strict=True))
+        )
+        ended = over[names[0]]
+        time_up = self.env.frame().ending is Ending.TIME_UP
+        flags = (ended and not time_up, time_up) if self.separate_flags else (ended, ended)
+        by_drone = np.array([rewards[name] for name in names])
+        seen, told = self._seen(observations), self._told(by_drone, infos)
+        return seen, by_drone.sum(), *flags, told
+
+    @staticmethod
+    def _seen(observations: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        cells, matrices = zip(*[seen["observation"] for seen in observations.values()], strict=True)
+        return {"positions": np.array(cells, np.int32), "probability_matrix": matrices[0]}
+
+    def _told(self, rewards: np.ndarray, infos: Mapping[str, Any]) -> dict[str, Any]:
+        frame = self.env.frame()
+        return {
+            "rewards": rewards,
+            "Found": bool(infos["Found"]),
+            "persons_found": np.array(frame.found),
+            "ending": ENDINGS.index(frame.ending),
+            "step": frame.step,
+        }
+
+
+def gymnasiums(
+    num_envs: int, mode: AutoresetMode, separate_flags: bool = False, **parameters: Any
+) -> SyncVectorEnv:
+    """Single environments in Gymnasium's own vector."""
+    swarms = [lambda: Swarm(separate_flags, **parameters)] * num_envs
+    return SyncVectorEnv(swarms, autoreset_mode=mode)
+
+
+# What spaces, observations and infos are.
+
+
+@both_views
+@all_layouts
+@all_modes
+def test_everything_lies_in_its_space(
+    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode
+) -> None:
+    env = view(5, observation=layout, write_matrices=writes, autoreset_mode=mode, **SMALL)
+    n, per_swarm = env.num_envs, env.num_envs // 5
+    assert per_swarm == (1 if view is SwarmVectorEnv else SMALL["n_drones"])
+    assert env.metadata["autoreset_mode"] is mode
+    for whole, single in (
+        (env.observation_space, env.single_observation_space),
+        (env.action_space, env.single_action_space),
+    ):
+        assert whole == batch_space(single, n)
+    env.action_space.seed(1)
+
+    def check(observations: Any) -> None:
+        assert observations in env.observation_space
+        for slot in range(n):
+            assert slot_of(observations, slot) in env.single_observation_space
+
+    observations, infos = env.reset(seed=3)
+    check(observations)
+    ended = 0
+    for _ in range(30):
+        actions = env.action_space.sample()
+        assert actions in env.action_space
+        observations, rewards, terminated, truncated, infos = env.step(actions)
+        check(observations)
+        assert (rewards.dtype, rewards.shape) == (np.float64, (n,))
+        for flags in (terminated, truncated):
+            assert (flags.dtype, flags.shape) == (np.bool_, (n,))
+        masks = [key for key in infos if key.startswith("_")]
+        assert sorted(infos) == sorted([key[1:] for key in masks] + masks)
+        for key in masks:
+            assert (infos[key].dtype, infos[key].shape) == (np.bool_, (n,))
+        ended += int(terminated.sum())
+        if mode is AutoresetMode.SAME_STEP and terminated.any():
+            for last in infos["final_obs"][terminated]:
+                assert with_arrays(last) in env.single_observation_space
+        if mode is AutoresetMode.DISABLED and terminated.any():
+            check(env.reset(options={"reset_mask": terminated})[0])
+    assert ended > n
+
+
+@both_views
+@all_layouts
+def test_spaces_can_be_sampled(view: type[SearchVectorEnv], layout: str, writes: bool) -> None:
+    env = view(3, observation=layout, write_matrices=writes, **SMALL)
+    assert env.observation_space.sample() in env.observation_space
+
+
+@pytest.mark.parametrize(
+    ("view", "layout", "shapes"),
+    [
+        (SwarmVectorEnv, "dict", {"positions": (3, 2), "probability_matrix": (4, 4)}),
+        (SwarmVectorEnv, "flat", (2 * 3 + 16,)),
+        (SwarmVectorEnv, "planes", (1 + 3, 4, 4)),
+        (DroneVectorEnv, "dict", {"position": (2,), "probability_matrix": (4, 4)}),
+        (DroneVectorEnv, "flat", (2 * 3 + 16,)),
+        (DroneVectorEnv, "planes", (3, 4, 4)),
+    ],
+)
+def test_shapes_are_the_documented_ones(
+    view: type[SearchVectorEnv], layout: str, shapes: Any
+) -> None:
+    env = view(2, observation=layout, **SMALL)
+    observations, _ = env.reset(seed=0)
+    if layout == "dict":
+        single = env.single_observation_space
+        assert {key: space.shape for key, space in single.items()} == shapes
+        dtypes = {key: array.dtype for key, array in observations.items()}
+        assert dtypes == {min(shapes): np.int32, "probability_matrix": np.float32}
+    else:
+        assert env.single_observation_space.shape == shapes
+        assert (observations.dtype, observations.shape) == (np.float32, (env.num_envs, *shapes))
+
+
+def test_action_spaces_are_the_documented_ones() -> None:
+    swarms, drones = SwarmVectorEnv(2, **SMALL), DroneVectorEnv(2, **SMALL)
+    assert swarms.single_action_space == spaces.MultiDiscrete([6, 6, 6])
+    assert drones.single_action_space == spaces.Discrete(6)
+    assert (swarms.num_envs, drones.num_envs) == (2, 6)
+    assert swarms.single_observation_space == Swarm(**SMALL).observation_space
+
+
+@CASES
+def test_both_views_show_the_same_searches(case: dict[str, Any]) -> None:
+    """Slot i * n_drones + k of one is drone k of swarm i of the other."""
+    swarms, drones = SwarmVectorEnv(4, **case), DroneVectorEnv(4, **case)
+    n, rng = case["n_drones"], np.random.default_rng(1)
+    seen, by_drone = swarms.reset(seed=5)[0], drones.reset(seed=5)[0]
+    for _ in range(60):
+        for swarm in range(4):
+            for drone in range(n):
+                slot = slot_of(by_drone, swarm * n + drone)
+                assert plain(slot["position"]) == plain(seen["positions"][swarm, drone])
+                assert plain(slot["probability_matrix"]) == plain(seen["probability_matrix"][swarm])
+        actions = random_actions(rng, swarms)
+        seen, rewards, terminated, truncated, infos = swarms.step(actions)
+        by_drone, *rest = drones.step(actions.reshape(-1))
+        assert np.array_equal(infos["rewards"].sum(axis=1), rewards)
+        assert np.array_equal(rest[0].reshape(4, n), infos["rewards"])
+        assert np.array_equal(rest[1], terminated.repeat(n))
+        assert np.array_equal(rest[2], truncated.repeat(n))
+        assert "rewards" not in rest[3]
+        for key in ("Found", "persons_found", "ending", "step"):
+            assert plain(rest[3][key]) == plain(infos[key].repeat(n, axis=0)), key
+
+
+# Flat vectors and planes, worked out from the dict layout.
+
+
+def flat_by_hand(positions: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Positions, in the order in which they are shown, and a matrix as one vector."""
+    size = len(matrix)
+    numbers = [number / (size - 1) for position in positions.tolist() for number in position]
+    return np.concatenate([np.float32(numbers), (matrix / matrix.max()).reshape(-1)])
+
+
+def planes_by_hand(groups: list[np.ndarray], matrix: np.ndarray) -> np.ndarray:
+    """A matrix and, for every group of drones, a plane."""
+    planes = np.zeros((1 + len(groups), *matrix.shape), np.float32)
+    planes[0] = matrix / matrix.max()
+    for plane, positions in zip(planes[1:], groups, strict=True):
+        for x, y in positions.tolist():
+            plane[y, x] = 1
+    return planes
+
+
+def by_hand(view: type[SearchVectorEnv], layout: str, seen: dict[str, np.ndarray]) -> np.ndarray:
+    """A whole batch of observations from those that `SwarmVectorEnv` gives as a dict."""
+    shown = []
+    for positions, matrix in zip(seen["positions"], seen["probability_matrix"], strict=True):
+        n = len(positions)
+        if view is SwarmVectorEnv:
+            orders = [list(range(n))]
+        else:
+            orders = [[k, *[other for other in range(n) if other != k]] for k in range(n)]
+        for order in orders:
+            ordered = positions[order]
+            if layout == "flat":
+                shown.append(flat_by_hand(ordered, matrix))
+            elif view is SwarmVectorEnv:
+                shown.append(planes_by_hand(list(ordered[:, None]), matrix))
+            else:
+                shown.append(planes_by_hand([ordered[:1], ordered[1:]], matrix))
+    return np.stack(shown)
+
+
+@both_views
+@pytest.mark.parametrize("layout", ["flat", "planes"])
+@CASES
+def test_layouts_follow_from_the_dict(
+    view: type[SearchVectorEnv], layout: str, case: dict[str, Any]
+) -> None:
+    env = view(3, observation=layout, autoreset_mode="SameStep", **case)
+    swarms = SwarmVectorEnv(3, autoreset_mode="SameStep", **case)
+    rng, ended = np.random.default_rng(2), 0
+    seen, shown = swarms.reset(seed=8)[0], env.reset(seed=8)[0]
+    for _ in range(60):
+        assert plain(shown) == plain(by_hand(view, layout, seen))
+        actions = random_actions(rng, swarms)
+        seen, _, over, _, infos = swarms.step(actions)
+        shown, *_, also = env.step(actions.reshape(env.action_space.shape))
+        for swarm in over.nonzero()[0]:
+            last = {key: array[None] for key, array in infos["final_obs"][swarm].items()}
+            per_swarm = env.num_envs // 3
+            slots = also["final_obs"][swarm * per_swarm : (swarm + 1) * per_swarm]
+            assert plain(np.stack(list(slots))) == plain(by_hand(view, layout, last))
+            ended += 1
+    assert ended > 5
+
+
+def test_layouts_take_any_leading_axes() -> None:
+    rng = np.random.default_rng(0)
+    matrices = rng.random((2, 3, 5, 5), np.float32)
+    wanted = np.stack([[m / m.max() for m in row] for row in matrices])
+    out = np.full_like(matrices, 7)
+    scaled_matrices(matrices, out)
+    assert plain(out) == plain(wanted)
+    scaled_matrices(matrices, matrices)
+    assert plain(matrices) == plain(wanted)
+    positions = rng.integers(0, 5, (2, 3, 4, 2))
+    out = np.empty(positions.shape, np.float32)
+    scaled_positions(positions, 5, out)
+    assert plain(out) == plain((positions / 4).astype(np.float32))
+
+
+def test_marks_replace_whatever_was_there() -> None:
+    planes = np.full((2, 3, 3), 7, np.float32)
+    mark(np.array([[0, 5], [4, 4]]), planes)
+    assert planes[0].tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]
+    assert planes[1].tolist() == [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
+    mark(np.empty((2, 0), np.int64), planes)
+    assert not planes.any()
+
+
+# The table of matrices.
+
+
+@both_views
+def test_indices_name_the_matrices_that_would_be_written(view: type[SearchVectorEnv]) -> None:
+    vectors = np.array([(0.3, -0.2), (0.0, 0.1), (0.3, -0.2), (-1.0, 0.0)])
+    parameters = {**SMALL, "vector": vectors, "timestep_limit": 70}
+    indexed = view(4, write_matrices=False, **parameters)
+    writing = view(4, **parameters)
+    assert not indexed.matrices.flags.writeable
+    with pytest.raises(ValueError, match="read-only"):
+        indexed.matrices[0] = 0
+    idle = np.full(indexed.action_space.shape, Action.IDLE)
+    shown = {}
+    seen, wanted = indexed.reset(seed=1)[0], writing.reset(seed=1)[0]
+    for _ in range(150):  # beyond the first part of the table that is filled, and beyond the end
+        index = seen["matrix_index"]
+        assert plain(indexed.matrices[index]) == plain(wanted["probability_matrix"])
+        for entry in index.tolist():
+            matrix = plain(indexed.matrices[entry])
+            assert shown.setdefault(entry, matrix) == matrix
+        seen, wanted = indexed.step(idle)[0], writing.step(idle)[0]
+    assert len(shown) == 3 * 71  # two of the four laws are one
+    for entry, matrix in shown.items():
+        assert plain(indexed.matrices[entry]) == matrix
+
+
+@both_views
+def test_another_drift_leaves_the_table_held_before_as_it_was(view: type[SearchVectorEnv]) -> None:
+    indexed, writing = view(3, write_matrices=False, **SMALL), view(3, **SMALL)
+    indexed.reset(seed=1)
+    writing.reset(seed=1)
+    idle = np.full(indexed.action_space.shape, Action.IDLE)
+    before, wanted = indexed.step(idle)[0], writing.step(idle)[0]
+    held = indexed.matrices
+    only = np.repeat([False, True, False], indexed.num_envs // 3)
+    options = {"reset_mask": only, "vector": (-2.0, 0.5)}
+    after, also = indexed.reset(options=options)[0], writing.reset(options=options)[0]
+    for _ in range(5):
+        matrices = indexed.matrices[after["matrix_index"]]
+        assert plain(matrices) == plain(also["probability_matrix"])
+        after, also = indexed.step(idle)[0], writing.step(idle)[0]
+    assert plain(held[before["matrix_index"]]) == plain(wanted["probability_matrix"])
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"bayesian_update": True},
+        {"person_initial_position": [[(0, 0), (1, 1)]]},
+        {"sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)}},
+    ],
+)
+def test_indices_need_a_table(parameters: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="table of matrices"):
+        SwarmVectorEnv(2, write_matrices=False, **parameters)
+    with pytest.raises(ValueError, match="table of matrices"):
+        _ = SwarmVectorEnv(2, **parameters).matrices
+
+
+# Seeds.
+
+
+@both_views
+@pytest.mark.parametrize(
+    "seed", [7, np.int64(7), [7, 8, 9], (7, 8, 9), np.array([7, 8, 9])], ids=type
+)
+def test_swarms_are_seeded_one_by_one(view: type[SearchVectorEnv], seed: Any) -> None:
+    together = view(3, **SMALL)
+    n = together.num_envs // 3
+    alone = [view(1, **SMALL) for _ in range(3)]
+    first = [told(env.reset(seed=7 + i)) for i, env in enumerate(alone)]
+    observations, infos = together.reset(seed=seed)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        for i, results in enumerate(first):
+            slots = slice(i * n, (i + 1) * n)
+            assert plain({k: v[slots] for k, v in observations.items()}) == results[0]
+            assert plain({k: v[slots] for k, v in infos.items()}) == results[-1]
+        actions = random_actions(rng, together)
+        observations, *_, infos = together.step(actions)
+        first = [told(env.step(a)) for env, a in zip(alone, np.split(actions, 3), strict=True)]
+
+
+@both_views
+def test_without_a_seed_the_episodes_go_on(view: type[SearchVectorEnv]) -> None:
+    env, other = view(2, **SMALL), view(2, **SMALL)
+    env.reset(seed=4)
+    other.reset(seed=4)
+    assert rollout(env, 30) == rollout(other, 30)
+    assert told(env.reset()) == told(other.reset())
+    assert rollout(env, 30) == rollout(other, 30)
+
+
+@both_views
+def test_a_swarm_with_none_for_a_seed_goes_on(view: type[SearchVectorEnv]) -> None:
+    env, other, fresh = view(2, **SMALL), view(2, **SMALL), view(1, **SMALL)
+    env.reset(seed=4)
+    other.reset(seed=4)
+    env.reset(seed=[None, 11])
+    other.reset()
+    fresh.reset(seed=11)
+    mine, theirs, news = persons(env, 30), persons(other, 30), persons(fresh, 30)
+    assert mine[:, 0].tolist() == theirs[:, 0].tolist()
+    assert mine[:, 1].tolist() == news[:, 0].tolist() != theirs[:, 1].tolist()
+
+
+def persons(env: SearchVectorEnv, steps: int) -> np.ndarray:
+    """Where each swarm's person is, in some steps in which the drones stay where they are."""
+    cells = []
+    for _ in range(steps):
+        env.step(np.full(env.action_space.shape, Action.IDLE))
+        cells.append(env.batch.person_cells[:, 0])
+    return np.array(cells)
+
+
+def test_an_integer_seeds_np_random_too() -> None:
+    """As Gymnasium's environments do; nothing here draws from it."""
+    env = SwarmVectorEnv(2)
+    env.reset(seed=5)
+    wanted = gymnasium.utils.seeding.np_random(5)[0]
+    assert env.np_random_seed == 5
+    assert env.np_random.random() == wanted.random()
+
+
+@both_views
+@pytest.mark.parametrize(
+    ("seed", "error", "words"),
+    [
+        (-1, ValueError, r"seed must be an integer of at least 0, got -1"),
+        ("a", TypeError, r"seed must be an integer of at least 0, got 'a'"),
+        (1.0, TypeError, r"seed must be an integer"),
+        (True, TypeError, r"seed must be an integer"),
+        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm, got 2"),
+        ([1, None, -3], ValueError, r"seed\[2\] must be an integer of at least 0, got -3"),
+        ([1, "b", 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 'b'"),
+    ],
+)
+def test_wrong_seeds_are_refused(
+    view: type[SearchVectorEnv], seed: Any, error: type[Exception], words: str
+) -> None:
+    env = view(3, **SMALL)
+    env.reset(seed=1)
+    before = pickle.dumps(env.batch)
+    with pytest.raises(error, match=words):
+        env.reset(seed=seed)
+    assert pickle.dumps(env.batch) == before
+
+
+# Episodes that end, against Gymnasium's own vector of single environments.
+
+
+def by_drone(observations: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
+    """Observations of swarms as those of their drones."""
+    return {
+        "position": observations["positions"].reshape(-1, 2),
+        "probability_matrix": observations["probability_matrix"].repeat(n, axis=0),
+    }
+
+
+def check_infos(infos: dict[str, Any], wanted: dict[str, Any], n: int) -> None:
+    """Compare infos, each where its mask says that it is meant.
+
+    Args:
+        infos: of a view.
+        wanted: of the swarms.
+        n: how many slots each swarm has in the view.
+    """
+    keys = [key for key in wanted if not key.startswith("_") and key != "final_obs"]
+    for key in keys:
+        if key == "rewards" and key not in infos:
+            continue  # a drone has its own as its reward
+        meant = wanted[f"_{key}"].repeat(n)
+        assert plain(infos[f"_{key}"]) == plain(meant), key
+        if key == "final_info":
+            check_infos(infos[key], wanted[key], n)
+        else:
+            assert np.array_equal(infos[key][meant], wanted[key].repeat(n, axis=0)[meant]), key
+
+
+@both_views
+@all_modes
+@pytest.mark.parametrize(
+    ("case", "separate"),
+    [(SMALL, False), (SMALL, True), (ALONE, False), (MISSION, True)],
+    ids=["small", "small, separate flags", "alone", "mission, separate flags"],
+)
+def test_episodes_end_and_begin_as_in_gymnasiums_vector(
+    view: type[SearchVectorEnv], mode: AutoresetMode, case: dict[str, Any], separate: bool
+) -> None:
+    swarms, n_drones = 3, case["n_drones"]
+    env = view(swarms, autoreset_mode=mode, separate_flags=separate, **case)
+    reference = gymnasiums(swarms, mode, separate, **case)
+    n = env.num_envs // swarms
+    rng, met = np.random.default_rng(6), set()
+
+    def seen(observations: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return observations if view is SwarmVectorEnv else by_drone(observations, n_drones)
+
+    observations, infos = env.reset(seed=20)
+    wanted, wanted_infos = reference.reset(seed=20)
+    check_infos(infos, wanted_infos, n)
+    for _ in range(200):
+        assert plain(observations) == plain(seen(wanted))
+        actions = random_actions(rng, reference)
+        observations, rewards, terminated, truncated, infos = env.step(
+            actions.reshape(env.action_space.shape)
+        )
+        wanted, their_rewards, *their_flags, wanted_infos = reference.step(actions)
+        over = their_flags[0] | their_flags[1]
+        # Gymnasium's infos are by now those of the next episode where one has begun in the
+        # same step; the rewards and the ending that the step brought are in the final infos.
+        if "final_info" in wanted_infos:
+            for key in ("rewards", "ending"):
+                wanted_infos[key][over] = wanted_infos["final_info"][key][over]
+        check_infos(infos, wanted_infos, n)
+        if view is SwarmVectorEnv:
+            assert plain(rewards) == plain(their_rewards)
+        else:
+            assert plain(rewards) == plain(wanted_infos["rewards"].reshape(-1))
+        assert plain(terminated) == plain(their_flags[0].repeat(n))
+        assert plain(truncated) == plain(their_flags[1].repeat(n))
+        met |= set(infos["ending"].tolist())
+        assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP and over.any())
+        if "final_obs" in infos:
+            assert plain(infos["_final_obs"]) == plain(over.repeat(n))
+            for slot, last in enumerate(infos["final_obs"]):
+                theirs = wanted_infos["final_obs"][slot // n]
+                if theirs is not None and view is DroneVectorEnv:
+                    one_swarm = {key: value[None] for key, value in theirs.items()}
+                    theirs = slot_of(by_drone(one_swarm, n_drones), slot % n)
+                assert plain(last) == plain(theirs)
+        if mode is AutoresetMode.DISABLED and over.any():
+            observations, infos = env.reset(options={"reset_mask": over.repeat(n)})
+            wanted, wanted_infos = reference.reset(options={"reset_mask": over})
+            check_infos(infos, wanted_infos, n)
+    possible = {Ending.FOUND, Ending.LEFT_GRID, Ending.TIME_UP, None}
+    possible |= {Ending.COLLISION} if n_drones > 1 else set()
+    assert {ENDINGS[code] for code in met} == possible
+
+
+@both_views
+def test_flags_are_separate_where_asked_for(view: type[SearchVectorEnv]) -> None:
+    """By default an end is both; the time limit alone is truncation where they are separate."""
+    for separate in (False, True):
+        env = view(2, separate_flags=separate, grid_size=3, timestep_limit=2)
+        env.reset(seed=0)
+        stay_and_leave = [Action.IDLE, Action.LEFT]
+        actions = np.array(stay_and_leave).reshape(env.action_space.shape)
+        *_, terminated, truncated, infos = env.step(actions)
+        assert [ENDINGS[code] for code in infos["ending"]] == [None, Ending.LEFT_GRID]
+        assert terminated.tolist() == [False, True]
+        assert truncated.tolist() == [False, not separate]
+        *_, terminated, truncated, infos = env.step(actions)
+        assert [ENDINGS[code] for code in infos["ending"]] == [Ending.TIME_UP, None]
+        assert terminated.tolist() == [not separate, False]
+        assert truncated.tolist() == [True, False]
+
+
+@both_views
+def test_without_autoreset_ended_swarms_must_be_reset(view: type[SearchVectorEnv]) -> None:
+    env = view(3, autoreset_mode="Disabled", grid_size=3, timestep_limit=4)
+    with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
+        env.step(np.full(env.action_space.shape, Action.IDLE))
+    env.reset(seed=0)
+    actions = np.array([Action.LEFT, Action.IDLE, Action.UP]).reshape(env.action_space.shape)
+    over = env.step(actions)[2]
+    before = pickle.dumps(env.batch)
+    with pytest.raises(ResetNeeded, match=r"swarms \[0, 2\] are over.*'reset_mask'"):
+        env.step(actions)
+    assert pickle.dumps(env.batch) == before
+    env.reset(options={"reset_mask": np.array([True, False, False])})
+    with pytest.raises(ResetNeeded, match=r"swarms \[2\] are over"):
+        env.step(actions)
+    _, infos = env.reset(options={"reset_mask": np.array([False, False, True])})
+    assert infos["step"].tolist() == [0, 1, 0]
+    assert infos["_step"].tolist() == [False, False, True]
+    assert over.tolist() == [True, False, True]
+    env.step(np.full(env.action_space.shape, Action.IDLE))
+    assert env.batch.steps.tolist() == [1, 2, 1]
+
+
+@both_views
+def test_swarms_may_be_reset_one_after_the_other(view: type[SearchVectorEnv]) -> None:
+    one_by_one, at_once = view(3, **SMALL), view(3, **SMALL)
+    n = at_once.num_envs // 3
+    for swarm in range(3):
+        with pytest.raises(ResetNeeded):
+            one_by_one.step(np.full(one_by_one.action_space.shape, Action.IDLE))
+        mask = (np.arange(3) == swarm).repeat(n)
+        last, _ = one_by_one.reset(seed=[3, 4, 5], options={"reset_mask": mask})
+    assert plain(last) == plain(at_once.reset(seed=3)[0])
+    assert rollout(one_by_one, 20) == rollout(at_once, 20)
+
+
+@both_views
+def test_a_partial_reset_leaves_the_others_alone(view: type[SearchVectorEnv]) -> None:
+    env, other = view(3, **MISSION), view(3, **MISSION)
+    env.reset(seed=3)
+    other.reset(seed=3)
+    n = env.num_envs // 3
+    rollout(env, 5)
+    rollout(other, 5)
+    mask = np.array([False, True, False]).repeat(n)
+    observations, infos = env.reset(seed=[0, 1, 2], options={"reset_mask": mask})
+    assert infos["_step"].tolist() == mask.tolist()
+    assert env.batch.steps[1] == 0
+    for _ in range(10):
+        idle = np.full(env.action_space.shape, Action.IDLE)
+        observations, theirs = env.step(idle)[0], other.step(idle)[0]
+        for key in observations:
+            assert plain(observations[key][~mask]) == plain(theirs[key][~mask])
+
+
+@both_views
+def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
+    env = view(2, grid_size=3, n_drones=2)
+    env.reset(seed=0)
+    n = env.num_envs
+    before = pickle.dumps(env.batch)
+    for mask, error, words in (
+        ([True] * n, TypeError, rf"must be a bool array of shape \({n},\), got \[True"),
+        (np.ones(n, np.int64), TypeError, "must be a bool array"),
+        (np.ones(n + 1, np.bool_), ValueError, rf"got shape \({n + 1},\)"),
+        (np.ones((n, 1), np.bool_), ValueError, "got shape"),
+        (np.zeros(n, np.bool_), ValueError, "with at least one True, got none"),
+    ):
+        with pytest.raises(error, match=rf"options\['reset_mask'\] .*{words}"):
+            env.reset(options={"reset_mask": mask})
+    if view is DroneVectorEnv:
+        with pytest.raises(ValueError, match="alike for all drones of a swarm"):
+            env.reset(options={"reset_mask": np.array([True, True, False, True])})
+    assert pickle.dumps(env.batch) == before
+
+
+@both_views
+def test_the_options_of_a_reset_hold_as_long_as_they_should(view: type[SearchVectorEnv]) -> None:
+    """The drift stays, the rest is for one episode: as in the single environment."""
+    options = {
+        "vector": (-0.4, 0.9),
+        "person_initial_position": (0, 3),
+        "drones_positions": [(3, 3), (0, 1), (2, 2)],
+    }
+    env = view(2, autoreset_mode="Disabled", **SMALL)
+    singles = [DroneSwarmSearch(**SMALL) for _ in range(2)]
+    env.reset(seed=9, options=options)
+    for seed, single in enumerate(singles, 9):
+        single.reset(seed=seed, options=options)
+    for _ in range(2):
+        for swarm, single in enumerate(singles):
+            assert plain(vars(env.frame(swarm))) == plain(vars(single.frame()))
+        env.reset()
+        for single in singles:
+            single.reset()
+    constants = np.array([1.0, 500.0])
+    env.reset(options={"disperse_constant": constants})
+    assert env.batch.parameters["disperse_constant"].tolist() == constants.tolist()
+    env.reset()
+    assert env.batch.parameters["disperse_constant"].tolist() == [10.0, 10.0]
+
+
+# Gymnasium's wrappers and conventions.
+
+
+@both_views
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+def test_episode_statistics_are_right(view: type[SearchVectorEnv], mode: AutoresetMode) -> None:
+    env = wrappers.RecordEpisodeStatistics(view(3, autoreset_mode=mode, **SMALL))
+    plainly = view(3, autoreset_mode=mode, **SMALL)
+    n = env.num_envs
+    env.reset(seed=1)
+    plainly.reset(seed=1)
+    returns, lengths, begins = np.zeros(n), np.zeros(n, int), np.zeros(n, np.bool_)
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(60):
+        actions = random_actions(rng, env)
+        *_, infos = env.step(actions)
+        _, rewards, over, _, _ = plainly.step(actions)
+        returns += rewards
+        lengths += ~begins  # a step in which an episode begins belongs to none
+        begins = over if mode is AutoresetMode.NEXT_STEP else begins
+        if over.any():
+            assert infos["_episode"].tolist() == over.tolist()
+            assert infos["episode"]["r"][over] == pytest.approx(returns[over])
+            assert infos["episode"]["l"][over].tolist() == lengths[over].tolist()
+            returns[over], lengths[over] = 0.0, 0
+            ended += int(over.sum())
+            if mode is AutoresetMode.DISABLED:
+                env.reset(options={"reset_mask": over})
+                plainly.reset(options={"reset_mask": over})
+    assert env.episode_count == ended > n
+
+
+def test_episode_statistics_are_those_of_gymnasiums_vector() -> None:
+    """With autoreset in the same step, where Gymnasium 1.1 miscounts, but both alike."""
+    mode = AutoresetMode.SAME_STEP
+    env = wrappers.RecordEpisodeStatistics(SwarmVectorEnv(3, autoreset_mode=mode, **SMALL))
+    reference = wrappers.RecordEpisodeStatistics(gymnasiums(3, mode, **SMALL))
+    env.reset(seed=1)
+    reference.reset(seed=1)
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        actions = random_actions(rng, env)
+        infos, wanted = env.step(actions)[-1], reference.step(actions)[-1]
+        assert ("episode" in infos) == ("episode" in wanted)
+        if "episode" in infos:
+            for key in ("r", "l"):
+                assert infos["episode"][key].tolist() == wanted["episode"][key].tolist()
+    assert env.episode_count == reference.episode_count > 3
+
+
+@both_views
+def test_observations_can_be_normalised(view: type[SearchVectorEnv]) -> None:
+    env = wrappers.NormalizeObservation(view(8, observation="flat", **SMALL))
+    rng = np.random.default_rng(0)
+    observations, _ = env.reset(seed=1)
+    seen = [observations]
+    for _ in range(200):
+        observations = env.step(random_actions(rng, env))[0]
+        seen.append(observations)
+    late = np.concatenate(seen[100:])
+    assert np.isfinite(late).all()
+    assert np.abs(late.mean(axis=0)).max() < 0.3
+    assert 0.5 < late.std(axis=0).max() < 2.0
+
+
+@both_views
+def test_infos_can_be_lists(view: type[SearchVectorEnv]) -> None:
+    env = wrappers.DictInfoToList(view(3, autoreset_mode="SameStep", **SMALL))
+    plainly = view(3, autoreset_mode="SameStep", **SMALL)
+    _, infos = env.reset(seed=1)
+    plainly.reset(seed=1)
+    assert [info["step"] for info in infos] == [0] * env.num_envs
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(30):
+        actions = random_actions(rng, env)
+        _, _, over, _, infos = env.step(actions)
+        *_, arrays = plainly.step(actions)
+        for slot, info in enumerate(infos):
+            assert info["step"] == arrays["step"][slot]
+            assert ("final_info" in info) == ("final_obs" in info) == over[slot]
+            if over[slot]:
+                ended += 1
+                assert ENDINGS[info["final_info"]["ending"]] is not None
+                assert info["final_info"]["step"] == arrays["final_info"]["step"][slot]
+                assert plain(info["final_obs"]) == plain(arrays["final_obs"][slot])
+    assert ended > 3
+
+
+@both_views
+def test_observations_can_be_flattened_filtered_and_transformed(
+    view: type[SearchVectorEnv],
+) -> None:
+    plainly = view(3, **SMALL)
+    flattened = wrappers.FlattenObservation(view(3, **SMALL))
+    filtered = wrappers.FilterObservation(view(3, **SMALL), ["probability_matrix"])
+    clipped = wrappers.ClipReward(view(3, **SMALL), -1, 1)
+    planes = wrappers.RescaleObservation(
+        view(3, observation="planes", **SMALL), np.float32(-1), np.float32(1)
+    )
+    envs = [plainly, flattened, filtered, clipped, planes]
+    rng = np.random.default_rng(0)
+    for env in envs:
+        observations, _ = env.reset(seed=2)
+        assert observations in env.observation_space
+    for _ in range(20):
+        actions = random_actions(rng, plainly)
+        results = [env.step(actions) for env in envs]
+        for env, result in zip(envs, results, strict=True):
+            assert result[0] in env.observation_space
+        seen = results[0][0]
+        parts = [np.float32(seen[key]).reshape(plainly.num_envs, -1) for key in sorted(seen)]
+        assert np.array_equal(results[1][0], np.concatenate(parts, axis=1))
+        assert plain(results[2][0]) == plain({"probability_matrix": seen["probability_matrix"]})
+        assert np.array_equal(results[3][1], results[0][1].clip(-1, 1))
+        assert results[4][0].min() == -1
+
+
+@both_views
+def test_the_conventions_of_vector_environments_are_kept(view: type[SearchVectorEnv]) -> None:
+    env = view(3, **SMALL)
+    assert isinstance(env, VectorEnv)
+    assert env.unwrapped is env
+    assert repr(env) == f"{view.__name__}(num_envs={env.num_envs})"
+    assert wrappers.RecordEpisodeStatistics(env).unwrapped is env
+    assert view.metadata.keys().isdisjoint({"autoreset_mode"})  # an instance's, not the class's
+    assert env.metadata["render_modes"] == ["ansi", "rgb_array"]
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    assert env.closed
+
+
+def test_one_search_is_the_default() -> None:
+    assert SwarmVectorEnv().num_envs == 1
+    assert DroneVectorEnv(n_drones=4).num_envs == 4
+
+
+# Whose the returned arrays are.
+
+
+@both_views
+@all_layouts
+@all_modes
+def test_what_was_returned_never_changes(
+    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode
+) -> None:
+    env = view(3, observation=layout, write_matrices=writes, autoreset_mode=mode, **SMALL)
+    rng = np.random.default_rng(0)
+    results: list[tuple[Any, ...]] = [env.reset(seed=1)]
+    as_it_was = [told(results[0])]
+    for _ in range(25):
+        actions = random_actions(rng, env)
+        results.append(env.step(actions))
+        as_it_was.append(told(results[-1]))
+        over = results[-1][2]
+        if mode is AutoresetMode.DISABLED and over.any():
+            results.append(env.reset(options={"reset_mask": over}))
+            as_it_was.append(told(results[-1]))
+    assert [told(result) for result in results] == as_it_was
+
+
+@both_views
+@all_layouts
+def test_what_is_returned_may_be_written_to(
+    view: type[SearchVectorEnv], layout: str, writes: bool
+) -> None:
+    """Nothing that was handed out is the environment's own memory."""
+    env = view(3, observation=layout, write_matrices=writes, **SMALL)
+    other = view(3, observation=layout, write_matrices=writes, **SMALL)
+    rng = np.random.default_rng(0)
+    result: tuple[Any, ...] = env.reset(seed=1)
+    other.reset(seed=1)
+    for _ in range(25):
+        for array in arrays_in(result):
+            array[...] = 3
+        actions = random_actions(rng, env)
+        result = env.step(actions)
+        assert told(result) == told(other.step(actions))
+
+
+def arrays_in(result: Any) -> list[np.ndarray]:
+    """All arrays in a result."""
+    if isinstance(result, np.ndarray):
+        return [result]
+    if isinstance(result, Mapping):
+        result = result.values()
+    return [array for part in result for array in arrays_in(part)]
+
+
+@both_views
+@all_layouts
+@all_modes
+def test_without_copies_the_same_arrays_come_back(
+    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode
+) -> None:
+    parameters = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
+    env, copies = view(3, copy=False, **parameters), view(3, **parameters)
+    assert told(env.reset(seed=1)) == told(copies.reset(seed=1))
+    assert rollout(env, 40) == rollout(copies, 40)
+    begun = arrays_in(env.reset()[0])
+    idle = np.full(env.action_space.shape, Action.IDLE)
+    first, second = env.step(idle), env.step(idle)
+    assert len(begun) == (2 if layout == "dict" else 1)
+    for mine, again in zip(arrays_in(first[:4]), arrays_in(second[:4]), strict=True):
+        assert mine is again
+    for mine, again in zip(begun, arrays_in(first[0]), strict=True):
+        assert mine is again
+
+
+def collected(env: SearchVectorEnv, dtype: type = np.float32) -> Callable[[int], Buffers]:
+    """Arrays for several steps, and what makes buffers of the part for one of them."""
+    space, steps = env.observation_space, 12
+
+    def many(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+        return np.full((steps, *shape), 9).astype(dtype)
+
+    if isinstance(space, spaces.Dict):
+        seen: Any = {key: many(part.shape, part.dtype) for key, part in space.items()}
+    else:
+        seen = many(space.shape, space.dtype)
+    rewards = many((env.num_envs,), dtype)
+    flags = [many((env.num_envs,), np.bool_) for _ in range(2)]
+
+    def at(step: int) -> Buffers:
+        part = seen[step] if not isinstance(seen, dict) else {k: v[step] for k, v in seen.items()}
+        return Buffers(part, rewards[step], *[array[step] for array in flags])
+
+    return at
+
+
+@both_views
+@all_layouts
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_steps_are_written_into_a_collectors_arrays(
+    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode, dtype: type
+) -> None:
+    """As PPO's collectors have them: one array for several steps, each step in its part."""
+    parameters = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
+    env, plainly = view(3, **parameters), view(3, **parameters)
+    at = collected(env, dtype)
+    rng = np.random.default_rng(0)
+    env.use_buffers(at(0))
+    assert told(env.reset(seed=1)) == told(plainly.reset(seed=1))
+    wanted = []
+    for step in range(12):
+        env.use_buffers(at(step))
+        actions = random_actions(rng, env)
+        seen, rewards, *flags, infos = env.step(actions)
+        theirs, their_rewards, *their_flags, their_infos = plainly.step(actions)
+        wanted.append(plain([theirs, their_rewards.astype(dtype), *their_flags]))
+        assert plain([seen, rewards, *flags]) == wanted[-1]
+        assert told((infos,)) == told((their_infos,))
+    assert [plain(list(vars(at(step)).values())) for step in range(12)] == wanted
+
+
+@both_views
+@pytest.mark.parametrize(("layout", "writes"), LAYOUTS)
+@pytest.mark.parametrize(
+    "laid_out",
+    [
+        np.asfortranarray,
+        lambda array: np.repeat(array, 2, axis=-1)[..., ::2],
+        lambda array: np.repeat(array, 2, axis=0)[::2],
+        lambda array: array[..., ::-1],
+    ],
+    ids=["Fortran's order", "every second number", "every second slot", "backwards"],
+)
+def test_buffers_may_lie_in_memory_as_they_like(
+    view: type[SearchVectorEnv], layout: str, writes: bool, laid_out: Callable[[Any], Any]
+) -> None:
+    env = view(3, observation=layout, write_matrices=writes, **SMALL)
+    plainly = view(3, observation=layout, write_matrices=writes, **SMALL)
+    n = env.num_envs
+    # Margins on both sides take, and show, what is written beside the array.
+    whole = {
+        key: laid_out(np.full((3 * n, *space.shape[1:]), 7, space.dtype))
+        for key, space in spaces_in(env.observation_space).items()
+    }
+    seen = {key: array[n : 2 * n] for key, array in whole.items()}
+    rewards, flags = np.zeros(n), np.zeros(n, np.bool_)
+    env.use_buffers(Buffers(seen if layout == "dict" else seen[""], rewards, flags, flags.copy()))
+    rng = np.random.default_rng(0)
+    env.reset(seed=1)
+    wanted = plainly.reset(seed=1)[0]
+    for _ in range(6):
+        assert plain(seen) == plain(wanted if layout == "dict" else {"": wanted})
+        for array in whole.values():
+            assert (array[:n] == 7).all() and (array[2 * n :] == 7).all()
+        actions = random_actions(rng, env)
+        env.step(actions)
+        wanted = plainly.step(actions)[0]
+
+
+def spaces_in(space: spaces.Space) -> dict[str, spaces.Box]:
+    """The parts of a space by their keys; of an array's, the key is empty."""
+    return dict(space.items()) if isinstance(space, spaces.Dict) else {"": space}
+
+
+FLAT = np.zeros((2, 2 * 3 + 16), np.float32)
+MATRICES = {"probability_matrix": np.zeros((2, 4, 4), np.float32)}
+
+
+@pytest.mark.parametrize(
+    ("layout", "wrong", "error", "words"),
+    [
+        ("flat", {"observations": FLAT[:1]}, ValueError, r"observations must be"),
+        ("flat", {"observations": FLAT.T}, ValueError, r"observations must be"),
+        ("flat", {"observations": FLAT.astype(float)}, ValueError, r"observations .* and float64"),
+        ("flat", {"observations": {"positions": FLAT}}, TypeError, r"observations must be"),
+        ("flat", {"observations": FLAT.tolist()}, TypeError, r"observations must be"),
+        ("dict", {"observations": FLAT}, TypeError, r"observations"),
+        ("dict", {"observations": {}}, (TypeError, ValueError), r"observations"),
+        (
+            "dict",
+            {"observations": {"positions": np.zeros((2, 3, 2), np.int64), **MATRICES}},
+            ValueError,
+            r"observations\['positions'\] must be .* dtype int32",
+        ),
+        ("flat", {"rewards": np.zeros(1)}, ValueError, r"rewards must be .* \(2,\)"),
+        ("flat", {"rewards": np.zeros((2, 1))}, ValueError, r"rewards must be"),
+        ("flat", {"rewards": np.zeros(2, np.int64)}, ValueError, r"rewards must be"),
+        ("flat", {"terminations": np.zeros(3, np.bool_)}, ValueError, r"terminations must be"),
+        ("flat", {"truncations": None}, TypeError, r"truncations must be"),
+    ],
+)
+def test_wrong_buffers_are_refused(
+    layout: str, wrong: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    env = SwarmVectorEnv(2, observation=layout, **SMALL)
+    right = {
+        "observations": env.reset(seed=0)[0],
+        "rewards": np.zeros(2),
+        "terminations": np.zeros(2, np.bool_),
+        "truncations": np.zeros(2, np.bool_),
+    }
+    with pytest.raises(error, match=rf"buffers\.{words}"):
+        env.use_buffers(Buffers(**{**right, **wrong}))
+    assert env.step([[Action.IDLE] * 3] * 2)[0] is not right["observations"]
+    env.use_buffers(Buffers(**right))
+    assert env.step([[Action.IDLE] * 3] * 2)[0] is right["observations"]
+
+
+# Everything else.
+
+
+@pytest.mark.parametrize("mode", ["ansi", "rgb_array"])
+@both_views
+def test_every_swarm_is_drawn_as_in_the_single_environment(
+    view: type[SearchVectorEnv], mode: str
+) -> None:
+    env = view(3, render_mode=mode, **MISSION)
+    singles = [DroneSwarmSearch(render_mode=mode, **MISSION) for _ in range(3)]
+    env.reset(seed=3)
+    for seed, single in enumerate(singles, 3):
+        single.reset(seed=seed)
+    for action in (Action.SEARCH, Action.IDLE):
+        pictures = env.render()
+        assert isinstance(pictures, tuple)
+        assert len(pictures) == 3  # one a swarm, whatever a slot is
+        for swarm, (picture, single) in enumerate(zip(pictures, singles, strict=True)):
+            assert plain(picture) == plain(single.render())
+            assert plain(vars(env.frame(swarm))) == plain(vars(single.frame()))
+            single.step(dict.fromkeys(single.agents, action))
+        env.step(np.full(env.action_space.shape, action))
+
+
+def test_nothing_is_drawn_without_a_render_mode() -> None:
+    env = SwarmVectorEnv(2)
+    env.reset(seed=0)
+    assert env.render() is None
+    with pytest.raises(ValueError, match="swarm must be an integer from 0 to 1, got 2"):
+        env.frame(2)
+
+
+@both_views
+@all_layouts
+@pytest.mark.parametrize("way", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy])
+@pytest.mark.parametrize("copies", [False, True])
+def test_a_copy_goes_on_identically(
+    view: type[SearchVectorEnv],
+    layout: str,
+    writes: bool,
+    way: Callable[[SearchVectorEnv], SearchVectorEnv],
+    copies: bool,
+) -> None:
+    env = view(
+        3,
+        observation=layout,
+        write_matrices=writes,
+        autoreset_mode="SameStep",
+        copy=copies,
+        **SMALL,
+    )
+    env.reset(seed=2)
+    rollout(env, 4)
+    other = way(env)
+    mine = rollout(env, 30, policy_seed=1)
+    assert rollout(other, 30, policy_seed=1) == mine
+    assert rollout(way(other), 30, policy_seed=2) == rollout(env, 30, policy_seed=2)
+
+
+@pytest.mark.parametrize("case", [MISSION, ALONE])
+def test_a_copy_of_posteriors_goes_on_identically(case: dict[str, Any]) -> None:
+    env = SwarmVectorEnv(3, **case)
+    env.reset(seed=2)
+    rollout(env, 4)
+    other = pickle.loads(pickle.dumps(env))
+    assert rollout(other, 40) == rollout(env, 40)
+
+
+@both_views
+def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
+    env = view(2)
+    with pytest.warns(
+        UserWarning, match=r"options may hold reset_mask, .*ignored: 'speed'"
+    ) as all_:
+        env.reset(seed=0, options={"speed": 3})
+    assert [warning.filename for warning in all_] == [__file__]
+    with pytest.raises(TypeError, match="options must be a mapping, got 3"):
+        env.reset(options=3)  # type: ignore[arg-type]
+
+
+@both_views
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"observation": "pixels"}, ValueError, "observation must be one of 'dict', 'flat', 'plan"),
+        ({"observation": None}, ValueError, "observation must be one of"),
+        ({"observation": 1}, TypeError, "observation must be one of"),
+        ({"autoreset_mode": "Never"}, ValueError, "autoreset_mode must be one of .*got 'Never'"),
+        ({"autoreset_mode": None}, ValueError, "autoreset_mode must be one of"),
+        ({"write_matrices": 1}, TypeError, "write_matrices must be True or False, got 1"),
+        ({"separate_flags": "no"}, TypeError, "separate_flags must be True or False"),
+        ({"copy": None}, TypeError, "copy must be True or False"),
+        ({"render_mode": "human"}, ValueError, "render_mode must be one of None, 'ansi', 'rgb_ar"),
+        ({"observation": "flat", "write_matrices": False}, ValueError, "write_matrices=False need"),
+        ({"num_envs": 0}, ValueError, "num_envs must be an integer of at least 1, got 0"),
+        ({"num_envs": 2.0}, TypeError, "num_envs must be an integer"),
+        ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
+        ({"grid_sise": 5}, TypeError, "grid_sise"),
+    ],
+)
+def test_wrong_arguments_are_refused(
+    view: type[SearchVectorEnv], arguments: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        view(**arguments)
+
+
+@both_views
+def test_modes_go_by_name_too(view: type[SearchVectorEnv]) -> None:
+    for mode in AutoresetMode:
+        assert view(autoreset_mode=mode.value).metadata["autoreset_mode"] is mode
+
+
+@both_views
+@all_modes
+def test_actions_stay_the_callers(view: type[SearchVectorEnv], mode: AutoresetMode) -> None:
+    """Steps and resets neither write to them nor look at them later."""
+    env = view(2, autoreset_mode=mode, grid_size=3, n_drones=2, person_initial_position=(2, 2))
+    env.reset(seed=0)
+    leave = np.full(env.action_space.shape, Action.UP)
+    over = env.step(leave)[2]
+    assert over.all()
+    env.reset(options={"reset_mask": over})
+    search = np.full(env.action_space.shape, Action.SEARCH)
+    env.step(search)
+    assert (leave == Action.UP).all()
+    search[...] = Action.IDLE
+    assert env.frame(0).searching == (True, True)
+    leave.flags.writeable = False
+    assert env.step(leave)[2].all()
+    env.reset()
+
+
+@both_views
+def test_wrong_actions_are_refused(view: type[SearchVectorEnv]) -> None:
+    env = view(2, grid_size=3, n_drones=2)
+    env.reset(seed=0)
+    before = pickle.dumps(env.batch)
+    right = np.full(env.action_space.shape, Action.IDLE)
+    for actions, error, words in (
+        (right[:1], ValueError, rf"actions must have the shape .*got \({1}"),
+        (right.astype(float), TypeError, "actions must be integers from 0 to 5, got float64"),
+        (right + 1, ValueError, "actions must be integers from 0 to 5, got 6"),
+        (right - 6, ValueError, "actions must be integers from 0 to 5, got -1"),
+        (right.astype(bool), TypeError, "actions must be integers from 0 to 5, got bool"),
+    ):
+        with pytest.raises(error, match=words):
+            env.step(actions)
+    assert pickle.dumps(env.batch) == before
+
+
+def test_the_adapter_alone_imports_stable_baselines3() -> None:
+    program = (
+        "import sys, DroneSwarmSearch.vector as v; v.DroneVectorEnv(2).reset(seed=0);"
+        "print([m for m in ('stable_baselines3', 'torch', 'pygame') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_plain_learning_loop_learns() -> None:
+    """A linear policy by REINFORCE, in NumPy alone: drones learn to stay on the grid."""
+    steps, updates, rate = 32, 12, 2.0
+    env = DroneVectorEnv(16, observation="flat", grid_size=5, n_drones=2, timestep_limit=20)
+    n, features = env.num_envs, env.single_observation_space.shape[0]
+    rng = np.random.default_rng(0)
+    weights = np.zeros((features + 1, env.single_action_space.n))
+    seen = np.zeros((steps, n, features), np.float32)
+    actions = np.zeros((steps, n), np.int64)
+    rewards, dones = np.zeros((steps, n)), np.zeros((steps, n))
+    observations, _ = env.reset(seed=1)
+    done = np.zeros(n, np.bool_)
+    left = []
+    for _ in range(updates):
+        endings = []
+        for t in range(steps):
+            seen[t], dones[t] = observations, done
+            logits = np.hstack([observations, np.ones((n, 1))]) @ weights
+            chances = np.exp(logits - logits.max(axis=1, keepdims=True))
+            chances /= chances.sum(axis=1, keepdims=True)
+            actions[t] = (chances.cumsum(axis=1) < rng.random((n, 1))).sum(axis=1)
+            observations, rewards[t], terminated, truncated, infos = env.step(actions[t])
+            done = terminated | truncated
+            endings.append(infos["ending"])
+        left.append(float(np.mean(np.array(endings) == ENDINGS.index(Ending.LEFT_GRID))))
+        # An action is good if what it brings at once is better than what is usual.
+        real = dones.reshape(-1) == 0  # where an episode began the action did nothing
+        gain = np.sign(rewards.reshape(-1)) * real
+        gain -= gain[real].mean() * real
+        inputs = np.hstack([seen.reshape(-1, features), np.ones((steps * n, 1))])
+        logits = inputs @ weights
+        chances = np.exp(logits - logits.max(axis=1, keepdims=True))
+        chances /= chances.sum(axis=1, keepdims=True)
+        errors = np.eye(weights.shape[1])[actions.reshape(-1)] - chances
+        weights += rate * inputs.T @ (errors * gain[:, None]) / real.sum()
+    assert np.isfinite(weights).all()
+    assert left[-1] < left[0] / 4
