@@ -303,7 +303,8 @@ class SearchBatch:
             finders = searches[finds]
             self._finders.reshape(-1)[finders] = True
             self.found[finds_rows] = True
-            all_found = finds_rows[~self._seas.missing[:, finds_rows].any(axis=0)]
+            missing = self._seas.missing.take(finds_rows, axis=1)
+            all_found = finds_rows[~np.logical_or.reduce(missing)]
         paid = rules.rewards(
             scheme,
             targets.size,
@@ -330,28 +331,31 @@ class SearchBatch:
         wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
 
     def _checked(self, actions: ArrayLike) -> Ints:
-        """The actions as int64, shape (E, n_drones)."""
+        """A copy of the actions as int64, shape (E, n_drones)."""
         if not self.ready:
             raise ResetNeeded("step: no episode has begun; call reset() first")
-        shape = self._cells.shape
-        wanted = f"actions must have the shape {shape}, one for each drone of each search"
         try:
-            chosen: NDArray[Any] = np.asarray(actions)
+            chosen: Ints = np.array(actions, order="C")
         except ValueError:  # rows of different lengths
-            raise ValueError(f"{wanted}, got {actions!r}") from None
+            raise ValueError(f"{self._wanted_shape()}, got {actions!r}") from None
         if chosen.dtype.kind not in "iu":
             raise TypeError(f"actions must be integers from 0 to 5, got {chosen.dtype}")
-        if chosen.shape != shape:
-            raise ValueError(f"{wanted}, got {chosen.shape}")
-        checked: Ints = np.array(chosen, np.int64, order="C")  # the caller's stay the caller's
+        if chosen.shape != self._cells.shape:
+            raise ValueError(f"{self._wanted_shape()}, got {chosen.shape}")
+        chosen = chosen.astype(np.int64, copy=False)
         # Seen without their signs, negative numbers are large.
-        if np.maximum.reduce(checked.view(np.uint64), axis=None) >= _ACTIONS:
-            row, drone = np.argwhere(checked.view(np.uint64) >= _ACTIONS)[0].tolist()
+        unsigned = chosen.view(np.uint64)
+        if np.maximum.reduce(unsigned, axis=None) >= _ACTIONS:
+            row, drone = np.argwhere(unsigned >= _ACTIONS)[0].tolist()
             raise ValueError(
-                f"actions must be integers from 0 to {_ACTIONS - 1}, got {chosen[row, drone]} "
+                f"actions must be integers from 0 to 5, got {np.asarray(actions)[row, drone]} "
                 f"for drone {drone} of search {row}"
             )
-        return checked
+        return chosen
+
+    def _wanted_shape(self) -> str:
+        shape = self._cells.shape
+        return f"actions must have the shape {shape}, one for each drone of each search"
 
     # What can be seen.
 
