@@ -268,8 +268,10 @@ def rewards(
         points[timed_out] = scheme.timeout - return_so_far
     if found.size:
         points[found] = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-    points[left_grid] = scheme.leave_grid
-    points[collided] = scheme.collision
+    if left_grid.size:
+        points[left_grid] = scheme.leave_grid
+    if collided.size:
+        points[collided] = scheme.collision
     return points
 
 
@@ -314,8 +316,12 @@ def endings(
         int8, shape (n,), each an index to `ENDINGS`.
     """
     ended = np.zeros(searches, np.int8)
-    ended[time_up] = _TIME_UP
-    ended[any_left_grid] = _LEFT_GRID
-    ended[any_collided] = _COLLISION
-    ended[all_found] = _FOUND
+    for where, reason in (  # what comes later overrules
+        (time_up, _TIME_UP),
+        (any_left_grid, _LEFT_GRID),
+        (any_collided, _COLLISION),
+        (all_found, _FOUND),
+    ):
+        if where.size:
+            ended[where] = reason
     return ended

@@ -405,6 +405,13 @@ def test_every_row_is_the_single_environment(rng):
     check_case(random_case(rng))
 
 
+@pytest.mark.slow
+@settings(deadline=None, max_examples=4000, derandomize=True)
+@given(st.integers(0, 2**64))
+def test_every_row_is_the_single_environment_in_thousands_of_cases(seed):
+    check_case(random_case(random.Random(seed)))
+
+
 def test_all_that_can_happen_happens_alike() -> None:
     events: Counter[str] = Counter()
     for number in range(250):

@@ -24,8 +24,15 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
 
-_TILE_ROWS = 256
-_STRIP_CELLS = 16
+_TILE_ROWS = 1024
+"""The most rows in a tile."""
+
+_TILE_BYTES = 800 * 2**10
+"""The most that a person's beliefs in a tile take: several such arrays fit a cache, and
+runs of memory are long."""
+
+_STRIP_BYTES = 2**15
+"""Of a tile's matrices this much is transposed at a time, which fits the nearest cache."""
 
 
 class Beliefs:
@@ -43,7 +50,8 @@ class Beliefs:
     def __init__(self, grid_size: int, detections: Sequence[float], rows: int) -> None:
         self._size = grid_size
         self._detections = detections
-        self._first = range(0, rows, min(rows, _TILE_ROWS))  # of each tile's rows
+        width = min(rows, _TILE_ROWS, max(16, _TILE_BYTES // (8 * grid_size**2)))
+        self._first = range(0, rows, width)  # of each tile's rows
         ends = [*self._first[1:], rows]
         self._rows = [slice(*ends_of) for ends_of in zip(self._first, ends, strict=True)]
         # [person, y, x, row of the tile]
@@ -111,26 +119,21 @@ class Beliefs:
                     drift(belief, *laws.moves(person, rows), across, spare, belief)
 
     def write_matrices(self, shown: Flags, out: Singles) -> None:
-        """Write the matrices of all rows that have beliefs: the mean over some persons.
+        """Write the matrices of all rows that have beliefs, and something to other rows.
 
         Args:
-            shown: over which, bool, shape (persons, rows).
+            shown: the persons over which the mean is taken, bool, shape (persons, rows).
             out: float32, shape (rows, N, N).
         """
         cells = self._size**2
         for tile, rows in zip(self._tiles, self._rows, strict=True):
-            begun = self.begun[rows]
-            if not begun.any():
-                continue
-            mean = self._mean(tile, shown[:, rows]).reshape(cells, -1).astype(np.float32)
-            if not begun.all():
-                others = ~begun
-                mean[:, others] = out[rows].reshape(-1, cells)[others].T
-            # Transposed in strips, which a processor's cache holds.
-            flat = out[rows].reshape(-1, cells)
-            for first in range(0, cells, _STRIP_CELLS):
-                strip = slice(first, first + _STRIP_CELLS)
-                flat[:, strip] = mean[strip].T
+            if self.begun[rows].any():
+                mean = self._mean(tile, shown[:, rows]).reshape(cells, -1).astype(np.float32)
+                flat = out[rows].reshape(-1, cells)
+                strip = max(1, _STRIP_BYTES // (4 * len(flat)))
+                for first in range(0, cells, strip):
+                    here = slice(first, first + strip)
+                    flat[:, here] = mean[here].T
 
     def matrices(self, rows: Ints, shown: Flags) -> Singles:
         """The matrices of some rows that have beliefs: float32, (n, N, N).

@@ -328,7 +328,8 @@ class SearchBatch:
             time_up=last,
         )
         self.over = self.endings != 0
-        wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
+        if left_grid.size:
+            wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
 
     def _checked(self, actions: ArrayLike) -> Ints:
         """A copy of the actions as int64, shape (E, n_drones)."""
@@ -344,9 +345,10 @@ class SearchBatch:
             raise ValueError(f"{self._wanted_shape()}, got {chosen.shape}")
         chosen = chosen.astype(np.int64, copy=False)
         # Seen without their signs, negative numbers are large.
-        unsigned = chosen.view(np.uint64)
-        if np.maximum.reduce(unsigned, axis=None) >= _ACTIONS:
-            row, drone = np.argwhere(unsigned >= _ACTIONS)[0].tolist()
+        unsigned = chosen.reshape(-1).view(np.uint64)
+        if np.maximum.reduce(unsigned) >= _ACTIONS:
+            first = int((unsigned >= _ACTIONS).argmax())
+            row, drone = divmod(first, chosen.shape[1])
             raise ValueError(
                 f"actions must be integers from 0 to 5, got {np.asarray(actions)[row, drone]} "
                 f"for drone {drone} of search {row}"

@@ -115,14 +115,16 @@ class Seas:
         laws, at = self._laws, self._at
         luck = unit_numbers(self._drift_counters + self._in_a_step).reshape(at.shape)
         self._drift_counters += self._in_a_step[-1]
-        # As `person.walk`: to the higher cell below one threshold, to the lower below another.
+        # As `person.walk`: +1 below one threshold, -1 from there to the other; 2 a - (a or b).
         places = laws.places(at)
         threshold = laws.right.take(places, mode="clip")
         higher = luck < threshold
         threshold += laws.left.take(places, mode="clip")
         either = luck < threshold
-        at += higher
-        at -= np.not_equal(either, higher, out=either)
+        move = higher.view(np.int8)
+        move += move
+        move -= either.view(np.int8)
+        at += move
         np.multiply(at[:, 1], self._size, out=self.person_cells)
         self.person_cells += at[:, 0]
         if self._beliefs is not None:
@@ -146,7 +148,8 @@ class Seas:
         found = []
         for person, detection in enumerate(self._detections):
             right = self.person_cells[person].take(rows) == cells
-            right &= self.missing[person].take(rows)
+            if len(self._detections) > 1:  # a single person found ends the episode
+                right &= self.missing[person].take(rows)
             hits = right.nonzero()[0]
             if hits.size and 0.0 < detection < 1.0:
                 where = rows[hits]
@@ -206,14 +209,16 @@ class Seas:
 
     def write_matrices(self, out: Singles) -> None:
         """Write the matrix of every row: float32, shape (rows, N, N), C-contiguous."""
-        if self._beliefs is None or not self._beliefs.begun.all():
-            rows = slice(None) if len(self._detections) == 1 else np.arange(len(self.step))
-            self._laws.write_matrices(self._leaders(rows), rows, out)
-            mixed = self._mixed.nonzero()[0]
-            if mixed.size:
-                out[mixed] = self._mean_of_laws(mixed, _outer_products)
-        if self._beliefs is not None:
+        if self._beliefs is not None and self._beliefs.begun.any():
             self._beliefs.write_matrices(self._shown_persons(slice(None)), out)
+            others = (~self._beliefs.begun).nonzero()[0]
+            out[others] = self.matrices(others)
+            return
+        rows = slice(None) if len(self._detections) == 1 else np.arange(len(self.step))
+        self._laws.write_matrices(self._leaders(rows), rows, out)
+        mixed = self._mixed.nonzero()[0]
+        if mixed.size:
+            out[mixed] = self._mean_of_laws(mixed, _outer_products)
 
     def _leaders(self, rows: Ints | slice) -> Ints | int:
         return self._leader[rows] if len(self._detections) > 1 else 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ LAYOUTS = ("dict", "flat", "planes")
 _TIME_UP = ENDINGS.index(Ending.TIME_UP)
 
 
+@dataclass(eq=False)
 class Buffers:
     """Arrays that a view writes into, in place of new ones at every step.
 
@@ -47,13 +49,10 @@ class Buffers:
         truncations: bool, shape (num_envs,).
     """
 
-    def __init__(
-        self, observations: Observations, rewards: Slots, terminations: Slots, truncations: Slots
-    ) -> None:
-        self.observations = observations
-        self.rewards = rewards
-        self.terminations = terminations
-        self.truncations = truncations
+    observations: Observations
+    rewards: Slots
+    terminations: Slots
+    truncations: Slots
 
 
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
@@ -224,7 +223,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 "options={'reset_mask': ...}"
             )
         batch.step(self._by_swarm(actions))
-        # Infos are gathered before ended slots begin anew, flags and rewards stay.
+        # What the step brought, rewards and endings, outlasts a restart; states do not.
         finals: Infos = {}
         if self._mode is AutoresetMode.SAME_STEP and batch.over.any():
             ended: Ints = batch.over.nonzero()[0]
