@@ -42,6 +42,12 @@ _SEARCH, _IDLE = int(Action.SEARCH), int(Action.IDLE)
 _ACTIONS = len(Action)
 _NOBODY: Ints = np.empty(0, np.int64)
 
+# Until a large piece of memory has been freed once, glibc hands what a step's arrays free
+# back to the system, which then maps it anew, page by page, for the next step's: a third
+# of a step's time at worst. Elsewhere this does nothing.
+_large = np.empty(2**24, np.uint8)
+del _large
+
 
 class SearchBatch:
     """Independent searches with the rules, the law and the random numbers of one.

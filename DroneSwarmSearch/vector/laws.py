@@ -36,7 +36,7 @@ TABLE_BYTES = 64 * 2**20
 """The most that tables may take where they are not asked for; beyond it laws are followed."""
 
 _BLOCK_STEPS = 32
-_CHUNK_BYTES = 2**18  # of one array that is worked on; several of them fit a cache
+_CHUNK_BYTES = 2**16  # of one array that is worked on; a cache holds some dozens of them
 
 
 class LawParameters(NamedTuple):
