@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,37 @@ MOVES = {
     Action.SEARCH: (0, 0),
     Action.IDLE: (0, 0),
 }
+
+
+# What can happen in an episode; tests that play at random assert that each does.
+EVENTS = (
+    "collision",
+    "collision of three",
+    "left the grid",
+    "left and collided in one step",
+    "a drone entered the cell of one that left",
+    "a drone left beside a find",
+    "exchange of cells",
+    "time up",
+    "time up, somebody had found somebody",
+    "find in the last step",
+    "find",
+    "two persons found by one search",
+    "two drones found in one step",
+    "one of several found",
+    "all of several found",
+    "find beside a collision",
+    "missed in the right cell",
+    "search of a likely cell",
+    "search of an unlikely cell",
+    "search of a cell where somebody was found",
+)
+
+# What a drone may have in mind: an action as it is, or something that makes rare events likely.
+HUNT = 6  # go to the nearest missing person, and search there
+SPREAD = 7  # move at random, neither out of the grid nor into another drone
+MEET = 8  # go for the nearest other drone's cell
+INTENTS = [*[SPREAD] * 5, *[HUNT] * 8, *[MEET] * 2, Action.SEARCH, *Action]
 
 
 def plain(value: Any) -> Any:
@@ -45,6 +77,37 @@ def target_of(cell: tuple[int, int], action: int) -> tuple[int, int]:
 
 def inside(cell: tuple[int, int], grid_size: int) -> bool:
     return 0 <= cell[0] < grid_size and 0 <= cell[1] < grid_size
+
+
+def planned_actions(
+    plans: Sequence[Sequence[int]],
+    step: int,
+    drones: Sequence[tuple[int, int]],
+    missing: Sequence[tuple[int, int]],
+    grid_size: int,
+    rng: random.Random,
+) -> list[Action]:
+    """What the drones' plans, intents for each step over and over, come to in a step."""
+    taken = set(drones)
+    actions = []
+    for plan, cell in zip(plans, drones, strict=True):
+        intent = plan[step % len(plan)]
+        goals = {HUNT: missing, MEET: [other for other in drones if other != cell]}.get(intent, [])
+        if intent in MOVES:
+            action = Action(intent)
+        elif intent == HUNT and cell in missing:
+            action = Action.SEARCH
+        else:
+            allowed = [move for move in Action if inside(target_of(cell, move), grid_size)]
+            if intent != MEET:
+                allowed = [m for m in allowed if target_of(cell, m) not in taken - {cell}]
+            rng.shuffle(allowed)
+            if goals:
+                allowed.sort(key=lambda m: min(math.dist(target_of(cell, m), g) for g in goals))
+            action = allowed[0]
+        actions.append(action)
+        taken.add(target_of(cell, action))
+    return actions
 
 
 def careful_actions(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections import Counter
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any
 import hypothesis
 import numpy as np
 import pytest
-from helpers import MOVES, inside, target_of
+from helpers import EVENTS, INTENTS, inside, planned_actions, target_of
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -19,38 +18,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, ProbabilityMatrix
 
 Cell = tuple[int, int]
 
-# What can happen in an episode; each is reached by a test of its own below.
-EVENTS = (
-    "collision",
-    "collision of three",
-    "left the grid",
-    "left and collided in one step",
-    "a drone entered the cell of one that left",
-    "a drone left beside a find",
-    "exchange of cells",
-    "time up",
-    "time up, somebody had found somebody",
-    "find in the last step",
-    "find",
-    "two persons found by one search",
-    "two drones found in one step",
-    "one of several found",
-    "all of several found",
-    "find beside a collision",
-    "missed in the right cell",
-    "search of a likely cell",
-    "search of an unlikely cell",
-    "search of a cell where somebody was found",
-)
-
-
-# Episodes to try. Every drone follows a plan, an intent for each step, over and over:
-# an action as it is, or something cleverer that makes rare events likely.
-
-HUNT = 6  # go to the nearest missing person, and search there
-SPREAD = 7  # move at random, neither out of the grid nor into another drone
-MEET = 8  # go for the nearest other drone's cell
-INTENTS = [*[SPREAD] * 5, *[HUNT] * 8, *[MEET] * 2, Action.SEARCH, *Action]
+# Episodes to try.
 
 
 @dataclass(frozen=True)
@@ -90,33 +58,6 @@ def episodes(draw: st.DrawFn) -> Episode:
         tuple(draw(plan) for _ in range(n_drones)),
         draw(st.integers(0, 2**32)),
     )
-
-
-def planned_actions(
-    episode: Episode, step: int, drones: list[Cell], missing: list[Cell], rng: random.Random
-) -> list[Action]:
-    """What the drones' plans come to in a step."""
-    grid_size = episode.parameters["grid_size"]
-    taken = set(drones)
-    actions = []
-    for plan, cell in zip(episode.plans, drones, strict=True):
-        intent = plan[step % len(plan)]
-        goals = {HUNT: missing, MEET: [other for other in drones if other != cell]}.get(intent, [])
-        if intent in MOVES:
-            action = Action(intent)
-        elif intent == HUNT and cell in missing:
-            action = Action.SEARCH
-        else:
-            allowed = [move for move in Action if inside(target_of(cell, move), grid_size)]
-            if intent != MEET:
-                allowed = [m for m in allowed if target_of(cell, m) not in taken - {cell}]
-            rng.shuffle(allowed)
-            if goals:
-                allowed.sort(key=lambda m: min(math.dist(target_of(cell, m), g) for g in goals))
-            action = allowed[0]
-        actions.append(action)
-        taken.add(target_of(cell, action))
-    return actions
 
 
 # The model: the specification in plain Python, slow and obvious.
@@ -344,7 +285,7 @@ def check_episode(episode: Episode) -> set[str]:
     check_matrix(model, matrix, persons)
     while model.ending is None:
         missing = [persons[k] for k in model.missing]
-        actions = planned_actions(episode, model.t, model.drones, missing, rng)
+        actions = planned_actions(episode.plans, model.t, model.drones, missing, model.size, rng)
         result = env.step(dict(zip(model.names, actions, strict=True)))
         frame = env.frame()
         found = {k for k in model.missing if frame.found[k]}

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import MOVES, inside, plain, target_of
+from helpers import EVENTS, INTENTS, inside, plain, planned_actions, target_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -171,30 +171,7 @@ def careless(rng: random.Random, twins: Twins) -> list[list[int]]:
     return chosen
 
 
-# What can happen in an episode.
-
-EVENTS = (
-    "collision",
-    "collision of three",
-    "left the grid",
-    "left and collided in one step",
-    "a drone entered the cell of one that left",
-    "a drone left beside a find",
-    "exchange of cells",
-    "time up",
-    "time up, somebody had found somebody",
-    "find in the last step",
-    "find",
-    "two persons found by one search",
-    "two drones found in one step",
-    "one of several found",
-    "all of several found",
-    "find beside a collision",
-    "missed in the right cell",
-    "search of a likely cell",
-    "search of an unlikely cell",
-    "search of a cell where somebody was found",
-)
+# What has happened in a step.
 
 
 def events_of(before: Frame, actions: list[int], after: Frame, successful: set[int]) -> set[str]:
@@ -250,13 +227,7 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
     return {event for event, did in happened.items() if did}
 
 
-# Batches to try. Every drone follows a plan, an intent for each step, over and over: an
-# action as it is, or something cleverer that makes rare events likely.
-
-HUNT = 6  # go to the nearest missing person, and search there
-SPREAD = 7  # move at random, neither out of the grid nor into another drone
-MEET = 8  # go for the nearest other drone's cell
-INTENTS = [*[SPREAD] * 5, *[HUNT] * 8, *[MEET] * 2, Action.SEARCH, *Action]
+# Batches to try.
 
 
 @dataclass(frozen=True)
@@ -341,29 +312,8 @@ def random_case(rng: random.Random) -> Case:
 def planned(plans: list[list[int]], frame: Frame, turn: int, rng: random.Random) -> list[int]:
     """What the drones' plans come to in a step."""
     missing = [cell for cell, f in zip(frame.persons, frame.found, strict=True) if not f]
-    taken, actions = set(frame.drones), []
-    for plan, cell in zip(plans, frame.drones, strict=True):
-        intent = plan[turn % len(plan)]
-        if intent in MOVES:
-            action = Action(intent)
-        elif intent == HUNT and cell in missing:
-            action = Action.SEARCH
-        else:
-            around = {move: target_of(cell, move) for move in Action}
-            allowed = [move for move in Action if inside(around[move], frame.grid_size)]
-            goals = missing if intent == HUNT else []
-            if intent == MEET:
-                goals = [other for other in frame.drones if other != cell]
-            else:
-                allowed = [m for m in allowed if around[m] == cell or around[m] not in taken]
-            rng.shuffle(allowed)
-            if goals:
-                distance = {m: min(math.dist(around[m], goal) for goal in goals) for m in allowed}
-                allowed.sort(key=distance.__getitem__)
-            action = allowed[0]
-        actions.append(int(action))
-        taken.add(target_of(cell, action))
-    return actions
+    actions = planned_actions(plans, turn, frame.drones, missing, frame.grid_size, rng)
+    return list(map(int, actions))
 
 
 def check_case(case: Case) -> Counter[str]:

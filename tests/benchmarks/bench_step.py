@@ -28,20 +28,13 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import DroneSwarmSearch
+from DroneSwarmSearch.bench.contestants import random_actions, spread_cells, steps_of_one
 
 SIZES = ((7, 1), (20, 1), (20, 4), (50, 11), (100, 25))
-LEFT, RIGHT, IDLE = 0, 1, 5
-ACTIONS = 512
+IDLE = 5
 
 
-def spread_cells(grid_size: int, n: int) -> list[tuple[int, int]]:
-    """Cells spread evenly over the grid, none at its border if that can be helped."""
-    side = int(np.ceil(np.sqrt(n)))
-    places = np.linspace(0, grid_size - 1, side + 2)[1:-1].round().astype(int).tolist()
-    return [(x, y) for y in places for x in places][:n]
-
-
-def floor(grid_size: int, n: int) -> Callable[[int], None]:
+def floor(grid_size: int, n: int) -> Callable[[int], object]:
     """The five dicts alone."""
     names = [f"drone{i}" for i in range(n)]
     positions = spread_cells(grid_size, n)
@@ -63,27 +56,12 @@ def floor(grid_size: int, n: int) -> Callable[[int], None]:
     return run
 
 
-def steps_of(env: Any, actions: list[dict[str, int]], **reset: Any) -> Callable[[int], None]:
-    """Steps with given actions, and a reset after each end."""
-    env.reset(**reset)
-
-    def run(steps: int) -> None:
-        step, n = env.step, len(actions)
-        env.reset(**reset)
-        for k in range(steps):
-            step(actions[k % n])
-            if not env.agents:
-                env.reset(**reset)
-
-    return run
-
-
-def random_actions(n: int, high: int) -> list[dict[str, int]]:
-    rows = np.random.default_rng(0).integers(0, high, size=(ACTIONS, n)).tolist()
+def random_rows(n: int, high: int) -> list[dict[str, int]]:
+    rows = np.concatenate(random_actions(1, n, high)).tolist()
     return [{f"drone{i}": action for i, action in enumerate(row)} for row in rows]
 
 
-def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], None]]:
+def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
     names = [f"drone{i}" for i in range(n)]
     middle = (grid_size // 2, grid_size // 2)
     cells = spread_cells(grid_size, n)
@@ -95,9 +73,9 @@ def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], None]]:
     to_and_fro = [dict.fromkeys(names, 3), dict.fromkeys(names, 2)]
     runs = {
         "floor": floor(grid_size, n),
-        "idle": steps_of(ours(), [dict.fromkeys(names, IDLE)]),
-        "moves": steps_of(ours(), to_and_fro),
-        "random": steps_of(ours(), random_actions(n, 6), drones_positions=cells),
+        "idle": steps_of_one(ours(), [dict.fromkeys(names, IDLE)]),
+        "moves": steps_of_one(ours(), to_and_fro),
+        "random": steps_of_one(ours(), random_rows(n, 6), drones_positions=cells),
     }
     with contextlib.suppress(ImportError), contextlib.redirect_stdout(io.StringIO()):
         from DSSE import DroneSwarmSearch as Peer
@@ -110,11 +88,11 @@ def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], None]]:
             timestep_limit=100,
         )
         options = {"drones_positions": cells}
-        runs["DSSE"] = steps_of(peer, random_actions(n, 9), options=options)
+        runs["DSSE"] = steps_of_one(peer, random_rows(n, 9), options=options)
     return runs
 
 
-def measure(runs: dict[str, Callable[[int], None]], rounds: int, steps: int) -> dict[str, float]:
+def measure(runs: dict[str, Callable[[int], object]], rounds: int, steps: int) -> dict[str, float]:
     """Median microseconds a step of each contestant, taken in turns."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     for run in runs.values():
