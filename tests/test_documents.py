@@ -66,7 +66,7 @@ def test_links_and_pictures_exist(page: Path) -> None:
     [
         (["basic_env.py", "--text"], "return"),
         (["-m", "DroneSwarmSearch"], "return"),
-        (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps a second"),
+        (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
         (["tests/benchmarks/bench_step.py", "--rounds", "1", "--steps", "20"], "idle/floor"),
     ],
