@@ -267,9 +267,7 @@ class Drawn:
     def value(self, name: str) -> Any:
         """One for all rows, or an array with one for each."""
         if self.rng.random() < 0.7:
-            one = self.one(name)
-            # As many persons as rows might be meant to be one in each.
-            return np.array([one]) if name == PERSON and self.persons == self.rows else one
+            return self.one(name)
         return np.array([self.one(name) for _ in range(self.rows)])
 
 
@@ -1180,16 +1178,21 @@ def test_a_batch_has_a_whole_number_of_rows(rows: Any, error: type[Exception]) -
         SearchBatch(rows)
 
 
-def test_start_cells_that_may_mean_persons_or_rows_are_refused() -> None:
+def test_as_many_start_cells_as_rows_are_rows_in_an_array_and_persons_in_a_list() -> None:
     cells = np.array([(0, 0), (1, 1), (2, 2)])
-    with pytest.raises(ValueError, match=r"give shape \(1, 3, 2\) .*, \(3, 1, 2\)"):
-        SearchBatch(3, person_initial_position=cells)
-    for shape in ((1, 3, 2), (3, 1, 2)):
-        batch = SearchBatch(3, person_initial_position=cells.reshape(shape))
-        expected = np.broadcast_to(cells.reshape(shape), (3, shape[1], 2))
+    one_each, several = cells[:, None], np.broadcast_to(cells, (3, 3, 2))
+    for value, expected in (
+        (cells, one_each),
+        (cells.tolist(), several),
+        (tuple(map(tuple, cells.tolist())), several),
+        (cells.reshape(3, 1, 2).tolist(), one_each),
+        (cells.reshape(1, 3, 2), several),
+    ):
+        batch = SearchBatch(3, person_initial_position=value)
         assert batch.parameters[PERSON].tolist() == expected.tolist()
-    # Where the persons' number is known, or there is one row, there is no doubt.
-    batch.reset(range(3), given={PERSON: cells[::-1]})
+    # Where the persons' number is settled, that decides.
+    batch = SearchBatch(3, person_initial_position=cells)
+    batch.reset(range(3), given={PERSON: cells[::-1].tolist()})
     assert batch.parameters[PERSON].tolist() == cells[::-1, None].tolist()
     assert SearchBatch(1, person_initial_position=cells[:1]).missing.shape == (1, 1)
     assert SearchBatch(2, person_initial_position=cells).missing.shape == (2, 3)

@@ -61,7 +61,8 @@ class SearchBatch:
         timestep_limit, probability_of_detection, bayesian_update, reward_scheme: as in
             `DroneSwarmSearch`. `vector`, `person_initial_position` and
             `disperse_constant` also take a value for each row: arrays of shape (E, 2),
-            (E, persons, 2) and (E,).
+            (E, persons, 2), or (E, 2) for one person, and (E,). Cells in a list are
+            persons of every row, be they as many as rows.
         drones_positions: a cell (x, y) for each drone at the beginning of every episode,
             shape (n_drones, 2) or (E, n_drones, 2); without it drones stand from left
             to right from (0, 0), row by row.

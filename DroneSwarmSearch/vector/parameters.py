@@ -214,21 +214,17 @@ def _persons(value: object, rows: int, grid_size: int, persons: int | None = Non
 
     Args:
         value: a cell; several, one for each person; or for each row, shape
-            (rows, persons, 2) and, where there is known to be one person, (rows, 2).
+            (rows, persons, 2) or, for one person, (rows, 2). As many cells as rows are
+            persons in a list or tuple, as in `DroneSwarmSearch`, and rows in an array.
         rows: the number of rows.
         grid_size: cells along each side.
         persons: how many there are, if that is settled.
     """
     name = "person_initial_position"
     cells = _numbers(name, value, "a cell (x, y), several of them, or cells for each search")
-    if cells.shape == (rows, 2) and rows > 1:
-        if persons is None:
-            raise ValueError(
-                f"{name} of shape {cells.shape} may mean {rows} persons or one in each of {rows} "
-                f"searches: give shape (1, {rows}, 2) for the former, ({rows}, 1, 2) for the latter"
-            )
-        if persons == 1:
-            cells = cells[:, None]
+    one_each = isinstance(value, np.ndarray) if persons is None else persons == 1
+    if cells.shape == (rows, 2) and one_each:
+        cells = cells[:, None]
     if cells.ndim < 3:
         last = cells.shape[-1] if cells.ndim else 0
         cells = cells.reshape(1, cells.size // last if last else 0, last)
