@@ -841,7 +841,9 @@ def test_the_conventions_of_vector_environments_are_kept(view: type[SearchVector
     assert env.unwrapped is env
     assert repr(env) == f"{view.__name__}(num_envs={env.num_envs})"
     assert wrappers.RecordEpisodeStatistics(env).unwrapped is env
-    assert view.metadata.keys().isdisjoint({"autoreset_mode"})  # an instance's, not the class's
+    other = view(3, autoreset_mode="SameStep", **SMALL)
+    assert other.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert view.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP  # the class has the usual one
     assert env.metadata["render_modes"] == ["ansi", "rgb_array"]
     env.reset(seed=0)
     env.close()

@@ -90,6 +90,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         "name": "drone_swarm_search_v0",
         "render_modes": ["ansi", "rgb_array"],
         "render_fps": 10,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
     def __init__(
