@@ -7,24 +7,25 @@ They are deterministic: the same code, pygame and Pillow give the same bytes.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 from PIL import Image
 
-from DroneSwarmSearch import DroneSwarmSearch, demo
+from DroneSwarmSearch import DroneSwarmSearch, Ending, demo
 from DroneSwarmSearch.policies import GreedyPolicy
 
 IMAGES = Path(__file__).parent / "images"
 
-FOUND, NOT_FOUND = 12, 31
-"""Seeds of a search that succeeds and of one that does not."""
+SEED = 12
+"""Of the search that is filmed, and the first that is tried for each picture."""
 
 SIZE, DRONES = 20, 4
 CORNERS = [(0, 0), (SIZE - 1, 0), (SIZE - 1, SIZE - 1), (0, SIZE - 1)]
 
 
-def last_picture(name: str, seed: int) -> None:
-    """Save the picture of a search's end."""
+def last_picture(name: str, ending: Ending) -> None:
+    """Save the picture of the end of the first search that ends so."""
     env = DroneSwarmSearch(
         grid_size=SIZE,
         render_mode="rgb_array",
@@ -36,18 +37,22 @@ def last_picture(name: str, seed: int) -> None:
         bayesian_update=True,
     )
     policy = GreedyPolicy(SIZE)
-    observations, _ = env.reset(seed, drones_positions=CORNERS)
-    while env.agents:
-        observations, *_ = env.step(policy(observations))
+    for seed in itertools.count(SEED):
+        observations, _ = env.reset(seed, drones_positions=CORNERS)
+        policy.reset()
+        while env.agents:
+            observations, *_ = env.step(policy(observations))
+        if env.frame().ending is ending:
+            break
     Image.fromarray(env.render()).save(IMAGES / name, optimize=True)
 
 
 def main() -> None:
     """Make them all."""
     IMAGES.mkdir(exist_ok=True)
-    demo.main(["--seed", str(FOUND), "--record", str(IMAGES / "search.gif")])
-    last_picture("found.png", FOUND)
-    last_picture("not_found.png", NOT_FOUND)
+    demo.main(["--seed", str(SEED), "--record", str(IMAGES / "search.gif")])
+    last_picture("found.png", Ending.FOUND)
+    last_picture("not_found.png", Ending.TIME_UP)
 
 
 if __name__ == "__main__":
