@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +31,25 @@ def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | Non
     if value not in allowed:
         raise ValueError(f"{name} must be one of {_listed(allowed)}, got {value!r}")
     return value
+
+
+def known_options(options: object, known: Sequence[str], stacklevel: int) -> dict[str, Any]:
+    """The options of a `reset` as a dict; a warning for those that are not known.
+
+    Args:
+        options: a mapping; TypeError otherwise.
+        known: the names that are known.
+        stacklevel: of the warning, as seen from the caller.
+    """
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options must be a mapping, got {options!r}")
+    unknown = [key for key in options if key not in known]
+    if unknown:
+        warnings.warn(
+            f"options may hold {', '.join(known)}; ignored: {', '.join(map(repr, unknown))}",
+            stacklevel=stacklevel + 1,
+        )
+    return dict(options)
 
 
 def integer(name: str, value: object, low: int, high: int | None = None) -> int:

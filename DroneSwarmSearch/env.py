@@ -211,7 +211,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             seed = checks.integer("seed", seed, 0)
         person_initial_position = None
         if options is not None:
-            options = _known_options(options)
+            options = checks.known_options(options, _OPTIONS, stacklevel=2)
             person_initial_position = options.get("person_initial_position")
             if drones_positions is None:
                 drones_positions = options.get("drones_positions")
@@ -524,20 +524,6 @@ def _searches(chosen: bytes, cells: list[int]) -> dict[int, int]:
         searches[cells[drone]] = drone
         drone = chosen.find(_SEARCH, drone + 1)
     return searches
-
-
-def _known_options(options: object) -> dict[str, Any]:
-    """The options of `reset` that it knows; a warning for the others."""
-    if not isinstance(options, Mapping):
-        raise TypeError(f"options must be a mapping, got {options!r}")
-    unknown = [key for key in options if key not in _OPTIONS]
-    if unknown:
-        warnings.warn(
-            f"options may hold {', '.join(_OPTIONS)}; ignored: "
-            + ", ".join(repr(key) for key in unknown),
-            stacklevel=3,
-        )
-    return dict(options)
 
 
 def _drone_cells(value: object, scenario: Scenario) -> list[int]:

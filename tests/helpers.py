@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
 
 MOVES = {
     Action.LEFT: (-1, 0),
@@ -21,6 +21,16 @@ MOVES = {
     Action.IDLE: (0, 0),
 }
 
+
+# The default one, the sparse one, and one whose sums are not exact in binary.
+SCHEMES = [
+    RewardScheme(),
+    RewardScheme.sparse(),
+    RewardScheme(
+        step=0.1, search=3.7, search_threshold=0.25, search_unlikely=-0.3, find=5.5,
+        find_early=7.7, timeout=11.3, leave_grid=13.9, collision=17.1,
+    ),
+]  # fmt: skip
 
 # What can happen in an episode; tests that play at random assert that each does.
 EVENTS = (

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import SCHEMES
 
 from DroneSwarmSearch.rules import (
     ENDINGS,
@@ -147,14 +148,6 @@ def test_endings(
 
 
 FLAGS = list(itertools.product((False, True), repeat=6))
-SCHEMES = [
-    RewardScheme(),
-    RewardScheme.sparse(),
-    RewardScheme(
-        step=0.1, search=3.7, search_threshold=0.25, search_unlikely=-0.3, find=5.5,
-        find_early=7.7, timeout=11.3, leave_grid=13.9, collision=17.1,
-    ),
-]  # fmt: skip
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other"])

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import EVENTS, INTENTS, inside, plain, planned_actions, target_of
+from helpers import EVENTS, INTENTS, SCHEMES, inside, plain, planned_actions, target_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,7 +25,6 @@ from DroneSwarmSearch import (
     DroneSwarmSearch,
     ProbabilityMatrix,
     ResetNeeded,
-    RewardScheme,
 )
 from DroneSwarmSearch.belief import after_fruitless_search
 from DroneSwarmSearch.rendering.frame import Frame
@@ -40,14 +39,6 @@ POD = "probability_of_detection"
 DRONES = "drones_positions"
 CONSTANT = "disperse_constant"
 
-SCHEMES = [
-    RewardScheme(),
-    RewardScheme.sparse(),
-    RewardScheme(
-        step=0.1, search=3.7, search_threshold=0.25, search_unlikely=-0.3, find=5.5,
-        find_early=7.7, timeout=11.3, leave_grid=13.9, collision=17.1,
-    ),
-]  # fmt: skip
 
 # A batch and the environments beside it.
 

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import rules
 from DroneSwarmSearch.errors import ResetNeeded
+from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
@@ -188,22 +189,19 @@ class SearchBatch:
             self._now.assign(rows, wanted)
             if isinstance(self._seas.laws, Tables):
                 self._seas.change_laws(self._choose_laws(), self._now.laws)
-        self._begin(rows, episodes, wanted)
-        self._seas.begin(rows, episodes.keys, self._laws_now())
+        self._start(rows, episodes, wanted)
         self.rewards, self.endings = self.rewards.copy(), self.endings.copy()
         self.rewards[rows] = 0.0
         self.endings[rows] = 0
-        self._clear(rows)
 
     def restart(self, rows: Ints) -> None:
         """Begin the next episodes of some rows; what the last step brought them stays."""
-        episodes = self._next(rows)
-        self._begin(rows, episodes, self._usual)
-        self._seas.begin(rows, episodes.keys, self._laws_now())
-        self._clear(rows)
+        self._start(rows, self._next(rows), self._usual)
 
-    def _clear(self, rows: Ints) -> None:
-        """Forget what drones did, and that rows were over."""
+    def _start(self, rows: Ints, episodes: _Episodes, parameters: Parameters) -> None:
+        """Begin episodes outside of a step."""
+        self._begin(rows, episodes, parameters)
+        self._seas.begin(rows, episodes.keys, self._laws_now())
         self.over = self.over.copy()  # a caller may have kept it
         self.over[rows] = False
         self._chosen[rows] = _IDLE
@@ -413,17 +411,14 @@ class SearchBatch:
 
     def frame(self, row: int) -> Frame:
         """Everything a picture of a row's present state shows, the persons included."""
-        size = self.scenario.grid_size
-
-        def positions(cells: Ints) -> tuple[tuple[int, int], ...]:
-            return tuple((cell % size, cell // size) for cell in cells.tolist())
-
+        _, positions = grid_of(self.scenario.grid_size)
+        drones, persons = self._cells[row], self._seas.person_cells[:, row]
         x, y = self._now.laws.drift[:, row].tolist()
         return Frame(
             matrix=self.matrices_of(self._rows[row : row + 1])[0],
-            drones=positions(self._cells[row]),
+            drones=tuple(positions[cell] for cell in drones.tolist()),
             searching=tuple(self.searching[row].tolist()),
-            persons=positions(self._seas.person_cells[:, row]),
+            persons=tuple(positions[cell] for cell in persons.tolist()),
             found=tuple((~self._seas.missing[:, row]).tolist()),
             step=int(self._seas.step[row]),
             timestep_limit=self.scenario.timestep_limit,

@@ -12,6 +12,7 @@ one person of every row then lies side by side in memory.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -122,8 +123,7 @@ class Tables(Laws):
     def __init__(self, grid_size: int, steps: int, *parameters: LawParameters) -> None:
         self.grid_size = grid_size
         self._steps = steps
-        laws = np.concatenate([_laws(each).reshape(-1, 5) for each in parameters])
-        self._laws = np.unique(laws, axis=0)
+        self._laws = _different_laws(parameters)
         count, persons, rows = len(self._laws), *parameters[0].start.shape[::2]
         shape = (count, steps + 1, 2, grid_size)
         self._right, self._left, self._probability = (np.zeros(shape) for _ in range(3))
@@ -352,7 +352,6 @@ def _laws(parameters: LawParameters, rows: Rows = slice(None)) -> Floats:
     laws[..., :2] = start.swapaxes(1, 2)
     laws[..., 2:4] = parameters.drift[:, rows].T
     laws[..., 4] = parameters.disperse_constant[rows]
-    laws += 0.0  # no -0.0, which would count as another law
     return laws
 
 
@@ -369,13 +368,12 @@ def choose_laws(
     """
     step_bytes = 4 * grid_size**2 + 3 * 8 * 2 * grid_size
     affordable = TABLE_BYTES // (step_bytes * (steps + 1))
-    laws = {tuple(law) for each in parameters for law in _some(each, affordable + 1)}
-    if wants_table or len(laws) <= affordable:
+    if wants_table or len(_different_laws(parameters)) <= affordable:
         return Tables(grid_size, steps, *parameters)
     return Followed(grid_size, parameters[-1])
 
 
-def _some(parameters: LawParameters, count: int) -> list[list[float]]:
-    """The different laws, at most so many."""
-    different: list[list[float]] = np.unique(_laws(parameters).reshape(-1, 5), axis=0).tolist()
-    return different[:count]
+def _different_laws(parameters: Sequence[LawParameters]) -> Floats:
+    """All laws, each once: (laws, 5)."""
+    laws = np.concatenate([_laws(each).reshape(-1, 5) for each in parameters])
+    return np.unique(laws, axis=0)

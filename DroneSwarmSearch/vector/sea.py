@@ -198,10 +198,8 @@ class Seas:
     def matrices(self, rows: Ints) -> Singles:
         """The matrices of some rows: float32, shape (n, N, N)."""
         out = np.empty((len(rows), self._size, self._size), np.float32)
-        self._laws.write_matrices(self._leaders(rows), rows, out)
-        mixed, known = self._mixed_among(rows), self._known_among(rows)
-        if mixed.size:
-            out[mixed] = self._mean_of_laws(rows[mixed], _outer_products)
+        self._write_laws(rows, out)
+        known = self._known_among(rows)
         if known.size:
             here = rows[known]
             out[known] = self._known().matrices(here, self._shown_persons(here))
@@ -213,12 +211,18 @@ class Seas:
             self._beliefs.write_matrices(self._shown_persons(slice(None)), out)
             others = (~self._beliefs.begun).nonzero()[0]
             out[others] = self.matrices(others)
-            return
-        rows = slice(None) if len(self._detections) == 1 else np.arange(len(self.step))
+        else:
+            alone = len(self._detections) == 1
+            self._write_laws(slice(None) if alone else np.arange(len(self.step)), out)
+
+    def _write_laws(self, rows: Ints | slice, out: Singles) -> None:
+        """Write what the laws say of some rows; those that have beliefs get something."""
         self._laws.write_matrices(self._leaders(rows), rows, out)
-        mixed = self._mixed.nonzero()[0]
+        if isinstance(rows, slice):  # of one person, whose law it is
+            return
+        mixed = self._mixed_among(rows)
         if mixed.size:
-            out[mixed] = self._mean_of_laws(mixed, _outer_products)
+            out[mixed] = self._mean_of_laws(rows[mixed], _outer_products)
 
     def _leaders(self, rows: Ints | slice) -> Ints | int:
         return self._leader[rows] if len(self._detections) > 1 else 0

@@ -6,7 +6,6 @@ infos follow Gymnasium's vector API (1.x).
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -108,7 +107,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.observation = checks.choice("observation", observation, LAYOUTS)
         self._writes = checks.boolean("write_matrices", write_matrices)
         self._separate = checks.boolean("separate_flags", separate_flags)
-        self._copies = checks.boolean("copy", copy)
+        copies = checks.boolean("copy", copy)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
         if not self._writes and observation != "dict":
             raise ValueError(
@@ -139,7 +138,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._buffers: Buffers | None = None
         self._scratch: Singles | None = None
-        if not self._copies:
+        if not copies:
             self.use_buffers(self._new_buffers())
 
     # What a slot is; each view says.
@@ -295,15 +294,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """The swarms to reset, and the parameters given for them."""
         if options is None:
             return self._all_rows, {}
-        if not isinstance(options, Mapping):
-            raise TypeError(f"options must be a mapping, got {options!r}")
-        known = ("reset_mask", *VARIABLE)
-        unknown = [key for key in options if key not in known]
-        if unknown:
-            warnings.warn(
-                f"options may hold {', '.join(known)}; ignored: {', '.join(map(repr, unknown))}",
-                stacklevel=3,
-            )
+        options = checks.known_options(options, ("reset_mask", *VARIABLE), stacklevel=3)
         given = {key: options[key] for key in VARIABLE if key in options}
         mask = options.get("reset_mask")
         if mask is None:

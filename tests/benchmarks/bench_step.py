@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import gc
-import io
 import statistics
 import time
 from collections.abc import Callable
@@ -28,7 +27,14 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import DroneSwarmSearch
-from DroneSwarmSearch.bench.contestants import random_actions, spread_cells, steps_of_one
+from DroneSwarmSearch.bench.contestants import (
+    SINGLE,
+    LeftOutError,
+    Size,
+    spread_cells,
+    steps_of_one,
+)
+from DroneSwarmSearch.bench.peers import DSSE
 
 SIZES = ((7, 1), (20, 1), (20, 4), (50, 11), (100, 25))
 IDLE = 5
@@ -56,15 +62,10 @@ def floor(grid_size: int, n: int) -> Callable[[int], object]:
     return run
 
 
-def random_rows(n: int, high: int) -> list[dict[str, int]]:
-    rows = np.concatenate(random_actions(1, n, high)).tolist()
-    return [{f"drone{i}": action for i, action in enumerate(row)} for row in rows]
-
-
 def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
     names = [f"drone{i}" for i in range(n)]
     middle = (grid_size // 2, grid_size // 2)
-    cells = spread_cells(grid_size, n)
+    size = Size(grid_size, n)
 
     def ours() -> DroneSwarmSearch:
         return DroneSwarmSearch(grid_size=grid_size, n_drones=n, person_initial_position=middle)
@@ -75,20 +76,10 @@ def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
         "floor": floor(grid_size, n),
         "idle": steps_of_one(ours(), [dict.fromkeys(names, IDLE)]),
         "moves": steps_of_one(ours(), to_and_fro),
-        "random": steps_of_one(ours(), random_rows(n, 6), drones_positions=cells),
+        "random": SINGLE.make(size, 1),
     }
-    with contextlib.suppress(ImportError), contextlib.redirect_stdout(io.StringIO()):
-        from DSSE import DroneSwarmSearch as Peer
-
-        peer = Peer(
-            grid_size=grid_size,
-            drone_amount=n,
-            person_initial_position=middle,
-            vector=(-0.5, -0.5),
-            timestep_limit=100,
-        )
-        options = {"drones_positions": cells}
-        runs["DSSE"] = steps_of_one(peer, random_rows(n, 9), options=options)
+    with contextlib.suppress(LeftOutError):
+        runs["DSSE"] = DSSE.make(size, 1)
     return runs
 
 
