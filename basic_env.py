@@ -10,7 +10,7 @@ Run it from the repository, or anywhere once the package is installed:
 The search itself is a few lines; `DroneSwarmSearch/demo.py` adds the window and the keys:
 
     env = DroneSwarmSearch(grid_size=20, n_drones=4, render_mode="human")
-    policy = GreedyPolicy(env.grid_size)
+    policy = GreedyPolicy(env.scenario)
     observations, infos = env.reset(seed=0)
     while env.agents:
         observations, rewards, terminations, truncations, infos = env.step(policy(observations))

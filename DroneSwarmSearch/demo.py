@@ -246,7 +246,7 @@ class _Episode:
             probability_of_detection=options.probability_of_detection,
             bayesian_update=not options.prior,
         )
-        self.policy: Policy = GreedyPolicy(size)
+        self.policy: Policy = GreedyPolicy(self.env.scenario)
         self._observations, _ = self.env.reset(
             options.seed, drones_positions=_around_the_border(options.drones, size)
         )

@@ -376,8 +376,11 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
     @property
     def scenario(self) -> Scenario:
-        """The parameters; a `vector` given to `reset` is among them from then on."""
-        return self._scenario
+        """The parameters of the present episode, with what `reset` was given for it.
+
+        Before the first `reset`, those of the constructor.
+        """
+        return self._scenario if self._search is None else self._search
 
     @property
     def grid_size(self) -> int:

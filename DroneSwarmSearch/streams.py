@@ -25,6 +25,7 @@ __all__ = [
     "episode_keys",
     "mixed",
     "numbers",
+    "policy_key",
     "stream_keys",
     "unit_numbers",
 ]
@@ -56,6 +57,16 @@ def stream_keys(seed: int | None) -> Words:
     """
     keys: Words = np.random.SeedSequence(seed).generate_state(3, np.uint64)  # type: ignore[assignment]
     return keys
+
+
+def policy_key(seed: int) -> np.uint64:
+    """The key of a policy's numbers: with the same seed, none of an environment's streams.
+
+    Args:
+        seed: an integer >= 0.
+    """
+    key: np.uint64 = np.random.SeedSequence(seed).generate_state(4, np.uint64)[3]
+    return key
 
 
 def episode_keys(keys: Words, episodes: Words) -> Words:

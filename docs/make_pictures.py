@@ -36,7 +36,7 @@ def last_picture(name: str, ending: Ending) -> None:
         disperse_constant=3,
         bayesian_update=True,
     )
-    policy = GreedyPolicy(SIZE)
+    policy = GreedyPolicy(env.scenario)
     for seed in itertools.count(SEED):
         observations, _ = env.reset(seed, drones_positions=CORNERS)
         policy.reset()

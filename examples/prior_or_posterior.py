@@ -26,7 +26,7 @@ def found(bayesian_update: bool, episodes: int, seed: int) -> list[bool]:
         timestep_limit=60,
         bayesian_update=bayesian_update,
     )
-    policy = GreedyPolicy(env.grid_size)
+    policy = GreedyPolicy(env.scenario)
     outcomes = []
     for episode in range(episodes):
         observations, infos = env.reset(seed=seed if episode == 0 else None)

@@ -1,29 +1,96 @@
 """Ways to steer the drones: from what they observe to what they do.
 
-A policy is anything with the two methods of `Policy`. It sees what the drones see and
-nothing else, so the same policy serves every environment that shows these observations:
+A policy sees what the drones see and the parameters of the search, never the persons. It
+is called with the observations of one search, as `DroneSwarmSearch` hands them out,
 
-    policy = GreedyPolicy(env.grid_size)
+    policy = make("greedy-posterior", env.scenario)
     observations, infos = env.reset(seed=0)
     policy.reset()
     while env.agents:
         observations, rewards, terminations, truncations, infos = env.step(policy(observations))
+
+or with those of many, as `SwarmVectorEnv` does in its dict layout. `POLICIES` names those
+that come with the package; `SwarmPolicy` is the base class for others.
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from DroneSwarmSearch.observations import Observation
-from DroneSwarmSearch.policies.greedy import GreedyPolicy
+from DroneSwarmSearch.policies.greedy import GreedyPolicy, PosteriorGreedyPolicy
+from DroneSwarmSearch.policies.knowledge import Knowledge
+from DroneSwarmSearch.policies.patterns import (
+    CreepingLinePolicy,
+    ExpandingSquarePolicy,
+    ParallelSweepPolicy,
+    SectorSearchPolicy,
+)
+from DroneSwarmSearch.policies.random_walk import RandomPolicy
+from DroneSwarmSearch.policies.swarm import BatchPolicy, SwarmPolicy
+from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["GreedyPolicy", "Policy"]
+__all__ = [
+    "POLICIES",
+    "BatchPolicy",
+    "CreepingLinePolicy",
+    "ExpandingSquarePolicy",
+    "GreedyPolicy",
+    "Knowledge",
+    "ParallelSweepPolicy",
+    "Policy",
+    "PosteriorGreedyPolicy",
+    "RandomPolicy",
+    "SectorSearchPolicy",
+    "SwarmPolicy",
+    "make",
+]
 
 
 class Policy(Protocol):
-    """What every policy does."""
+    """What steers one search; `BatchPolicy` does more."""
 
     def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]:
         """An action, 0 to 5, for each drone that is observed."""
 
     def reset(self) -> None:
         """Forget the episode: the next observations are the first of another one."""
+
+
+def _planner(scenario: Scenario) -> BatchPolicy:
+    # Imported when wanted: planning builds on modules of this package.
+    from DroneSwarmSearch.policies.planner import PlannerPolicy
+
+    return PlannerPolicy(scenario)
+
+
+POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
+    "random": RandomPolicy,
+    "parallel-sweep": ParallelSweepPolicy,
+    "creeping-line": CreepingLinePolicy,
+    "expanding-square": ExpandingSquarePolicy,
+    "sector-search": SectorSearchPolicy,
+    "greedy-matrix": GreedyPolicy,
+    "greedy-posterior": PosteriorGreedyPolicy,
+    "planner": _planner,
+}
+"""The policies by name, from the weakest idea to the strongest: what makes one for a search."""
+
+
+def make(name: str, scenario: Scenario) -> BatchPolicy:
+    """A policy by its name.
+
+    Args:
+        name: one of `POLICIES`.
+        scenario: the parameters of every search that it is going to steer.
+
+    Raises:
+        TypeError: the name is no string, or `scenario` no `Scenario`.
+        ValueError: no policy has this name.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"name must be a policy's name, got {name!r}")
+    if name not in POLICIES:
+        raise ValueError(f"name must be one of {', '.join(POLICIES)}, got {name!r}")
+    return POLICIES[name](scenario)

@@ -1,0 +1,205 @@
+"""What a swarm knows: the matrix shown to the last bit, and who was found."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import random
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from helpers import HUNT, SPREAD, careful_actions, planned_actions
+from hypothesis import given, settings
+
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.policies.knowledge import Knowledge
+
+
+@st.composite
+def searches(draw: st.DrawFn, most_persons: int) -> dict[str, Any]:
+    size = draw(st.integers(2, 8))
+    cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+    persons = draw(st.lists(cells, min_size=1, max_size=most_persons))
+    detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
+    drift = st.sampled_from([0.0, 0.3, -0.5, 1.0])
+    return {
+        "grid_size": size,
+        "n_drones": draw(st.integers(1, 3)),
+        "vector": (draw(drift), draw(drift)),
+        "person_initial_position": persons,
+        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
+        "timestep_limit": draw(st.integers(1, 40)),
+        "probability_of_detection": draw(detection | st.tuples(*[detection for _ in persons])),
+        "bayesian_update": draw(st.booleans()),
+    }
+
+
+def cells_of(observations: dict[str, Any]) -> list[tuple[int, int]]:
+    return [seen["observation"][0] for seen in observations.values()]
+
+
+@settings(deadline=None, max_examples=70, derandomize=True)
+@given(searches(1), st.integers(0, 2**32))
+def test_of_one_person_it_is_the_matrix_shown_to_the_last_bit(
+    parameters: dict[str, Any], seed: int
+) -> None:
+    env = DroneSwarmSearch(**{**parameters, "bayesian_update": True})
+    knowledge, rng = Knowledge(env.scenario), random.Random(seed)
+    observations, _ = env.reset(seed)
+    searched = False
+    while env.agents:
+        matrix = observations["drone0"]["observation"][1]
+        knowledge.observe(matrix)
+        assert knowledge.step == env.frame().step
+        assert knowledge.missing == (0,)
+        assert np.array_equal(knowledge.shown(), matrix)
+        assert knowledge.beliefs.shape == (1, *matrix.shape)
+        # From the first search on the matrix is the posterior; before, the law, whose own
+        # matrix is a product of singles.
+        np.testing.assert_allclose(knowledge.belief(0), matrix, rtol=1e-6)
+        assert not searched or np.array_equal(knowledge.belief(0).astype(np.float32), matrix)
+        actions = careful_actions(rng, observations, env.grid_size)
+        searched = searched or Action.SEARCH in actions.values()
+        knowledge.acted(cells_of(observations), actions.values())
+        observations, *_ = env.step(actions)
+
+
+@settings(deadline=None, max_examples=70, derandomize=True)
+@given(searches(3), st.integers(0, 2**32))
+def test_of_several_persons_it_explains_the_matrix_shown_to_the_last_bit(
+    parameters: dict[str, Any], seed: int
+) -> None:
+    env = DroneSwarmSearch(**parameters)
+    knowledge, rng = Knowledge(env.scenario), random.Random(seed)
+    observations, _ = env.reset(seed)
+    while env.agents:
+        frame = env.frame()
+        knowledge.observe(frame.matrix)
+        assert np.array_equal(knowledge.shown(), frame.matrix)
+        assert len(knowledge.missing) >= frame.found.count(False)
+        lost = [p for p, found in zip(frame.persons, frame.found, strict=True) if not found]
+        plans = [(rng.choice([HUNT, SPREAD, Action.SEARCH]),) for _ in frame.drones]
+        chosen = planned_actions(plans, 0, frame.drones, lost, env.grid_size, rng)
+        knowledge.acted(frame.drones, chosen)
+        observations, *_ = env.step(dict(zip(observations, chosen, strict=True)))
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+def test_what_is_shown_does_not_change_what_is_known(bayesian_update: bool) -> None:
+    parameters = {
+        "grid_size": 9,
+        "n_drones": 2,
+        "person_initial_position": (4, 4),
+        "probability_of_detection": 0.1,
+    }
+    env: DroneSwarmSearch = DroneSwarmSearch(**parameters, bayesian_update=bayesian_update)
+    posterior = DroneSwarmSearch(**parameters, bayesian_update=True)
+    knowledge, rng = Knowledge(env.scenario), random.Random(1)
+    observations, _ = env.reset(2)
+    posterior.reset(2)
+    for _ in range(30):
+        actions = careful_actions(rng, observations, 9)
+        knowledge.observe(env.frame().matrix)
+        knowledge.acted(cells_of(observations), actions.values())
+        observations, *_ = env.step(actions)
+        posterior.step(actions)
+        assert env.agents
+    assert np.array_equal(knowledge.belief(0).astype(np.float32), posterior.frame().matrix)
+
+
+def two_persons(**changes: Any) -> DroneSwarmSearch:
+    """Two persons in known cells, who stay there, and a drone beside each."""
+    parameters = {
+        "grid_size": 5,
+        "n_drones": 2,
+        "vector": (0, 0),
+        "person_initial_position": [(0, 0), (4, 4)],
+        "disperse_constant": 0,
+    }
+    return DroneSwarmSearch(**{**parameters, **changes})
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+@pytest.mark.parametrize("found", [0, 1])
+def test_it_tells_who_was_found(found: int, bayesian_update: bool) -> None:
+    env = two_persons(bayesian_update=bayesian_update)
+    cells = [(0, 0), (4, 4)]
+    env.reset(0, drones_positions=cells)
+    knowledge = Knowledge(env.scenario)
+    actions = [Action.IDLE, Action.IDLE]
+    actions[found] = Action.SEARCH
+    knowledge.observe(env.frame().matrix)
+    knowledge.acted(cells, actions)
+    env.step(dict(zip(env.possible_agents, actions, strict=True)))
+    knowledge.observe(env.frame().matrix)
+    assert knowledge.missing == (1 - found,)
+
+
+def test_persons_who_cannot_be_told_apart_stay_missing() -> None:
+    env = two_persons(
+        person_initial_position=[(2, 2), (2, 2)],
+        disperse_constant=20,
+        probability_of_detection=0.5,
+        bayesian_update=True,
+    )
+    observations, _ = env.reset(3, drones_positions=[(2, 2), (0, 0)])
+    knowledge = Knowledge(env.scenario)
+    rng = random.Random(0)
+    while env.agents and not any(env.frame().found):
+        frame = env.frame()
+        lost = [p for p, found in zip(frame.persons, frame.found, strict=True) if not found]
+        chosen = planned_actions([(HUNT,), (SPREAD,)], 0, frame.drones, lost, 5, rng)
+        knowledge.observe(frame.matrix)
+        knowledge.acted(frame.drones, chosen)
+        observations, *_ = env.step(dict(zip(observations, chosen, strict=True)))
+    assert env.frame().found.count(True) == 1
+    knowledge.observe(env.frame().matrix)
+    assert knowledge.missing == (0, 1)
+    assert np.array_equal(knowledge.belief(0), knowledge.belief(1))
+
+
+def test_rounding_is_no_news_and_what_nothing_explains_neither() -> None:
+    cells = [(0, 0), (4, 4)]
+    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    knowledge.acted(cells, [Action.SEARCH, Action.SEARCH])
+    both = knowledge.shown()
+    knowledge.observe(both * np.float32(1 + 1e-6))
+    assert knowledge.missing == (0, 1)
+    knowledge.observe(np.full_like(both, 1 / 25))
+    assert knowledge.missing == (0, 1)
+    knowledge.observe(knowledge.shown([1]) * np.float32(1 + 1e-6))
+    assert knowledge.missing == (1,)
+
+
+def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> None:
+    env = two_persons(probability_of_detection=(0.5, 0.25), disperse_constant=5)
+    knowledge = Knowledge(env.scenario)
+    expected = (0.5 * knowledge.belief(0) + 0.25 * knowledge.belief(1)) / 2
+    np.testing.assert_allclose(knowledge.success, expected)
+    knowledge.acted([(1, 1), (4, 4)], [Action.IDLE, Action.SEARCH])
+    knowledge.observe(knowledge.shown([0]))
+    np.testing.assert_allclose(knowledge.success, 0.5 * knowledge.belief(0))
+
+
+@pytest.mark.parametrize("way", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_copies_know_the_same_and_part_from_then_on(way: Any) -> None:
+    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    cells = [(1, 0), (4, 4)]
+    knowledge.acted(cells, [Action.SEARCH, Action.IDLE])
+    twin, before = way(knowledge), knowledge.beliefs
+    assert np.array_equal(twin.beliefs, before)
+    twin.acted(cells, [Action.SEARCH, Action.SEARCH])
+    twin.observe(twin.shown([0]))
+    assert (knowledge.step, knowledge.missing) == (1, (0, 1))
+    assert np.array_equal(knowledge.beliefs, before)
+    assert not np.array_equal(twin.beliefs, before)
+
+
+def test_deep_copies_share_laws_and_arrays() -> None:
+    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    knowledge.acted([(1, 0), (4, 4)], [Action.SEARCH, Action.IDLE])
+    twin = copy.deepcopy(knowledge)
+    assert twin.laws is knowledge.laws
+    assert twin.belief(0) is knowledge.belief(0)

@@ -1,0 +1,443 @@
+"""The search patterns: legs, turns and coverage, and the way they are flown."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from itertools import pairwise
+from typing import Any
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given, settings
+
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.policies import (
+    CreepingLinePolicy,
+    ExpandingSquarePolicy,
+    ParallelSweepPolicy,
+    SectorSearchPolicy,
+)
+from DroneSwarmSearch.policies.patterns import Datum, PatternPolicy
+from DroneSwarmSearch.policies.tracks import (
+    Point,
+    Rectangle,
+    cells_along,
+    divided,
+    expanding_square,
+    sector_search,
+    strips,
+    sweep,
+)
+from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.scenario import Cell
+
+PATTERNS = [ParallelSweepPolicy, CreepingLinePolicy, ExpandingSquarePolicy, SectorSearchPolicy]
+
+
+def lengths(points: list[Point]) -> list[float]:
+    return [math.dist(a, b) for a, b in pairwise(points)]
+
+
+def headings(points: list[Point]) -> list[float]:
+    """Of every leg, in degrees clockwise from up."""
+    return [
+        math.degrees(math.atan2(bx - ax, ay - by)) % 360 for (ax, ay), (bx, by) in pairwise(points)
+    ]
+
+
+def turns(points: list[Point]) -> list[float]:
+    """From each leg to the next, in degrees to the right."""
+    return [(b - a) % 360 for a, b in pairwise(headings(points))]
+
+
+def cells_of(area: Rectangle) -> set[Cell]:
+    return {
+        (x, y)
+        for x in range(area.x, area.x + area.width)
+        for y in range(area.y, area.y + area.height)
+    }
+
+
+def adjacent(a: Cell, b: Cell) -> bool:
+    return abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1
+
+
+rectangles = st.builds(
+    Rectangle, st.integers(0, 4), st.integers(0, 4), st.integers(1, 9), st.integers(1, 9)
+)
+
+
+class TestExpandingSquare:
+    def test_legs_grow_by_the_spacing_at_every_second_turn(self) -> None:
+        assert lengths(expanding_square((5, 5), 7)) == pytest.approx([1, 1, 2, 2, 3, 3, 4])
+
+    def test_turns_are_right_angles_to_the_right(self) -> None:
+        points = expanding_square((5, 5), 7, heading=90)
+        assert headings(points)[0] == pytest.approx(90)
+        assert turns(points) == pytest.approx([90] * 6)
+
+    def test_turned_by_45_degrees_the_turns_are_at_centres_of_cells(self) -> None:
+        points = expanding_square((5, 5), 7, heading=45)
+        assert headings(points)[0] == pytest.approx(45)
+        assert turns(points) == pytest.approx([90] * 6)
+        spacing = math.sqrt(2)
+        assert lengths(points) == pytest.approx([spacing * k for k in (1, 1, 2, 2, 3, 3, 4)])
+        for x, y in points:
+            assert (x, y) == pytest.approx((round(x), round(y)))
+
+    def test_covers_a_square_without_a_gap(self) -> None:
+        cells = cells_along(expanding_square((10, 10), 9), 21)
+        assert len(cells) == len(set(cells))
+        columns, rows = {x for x, _ in cells}, {y for _, y in cells}
+        # Five cells a side, and the last leg's end beyond them.
+        assert len(cells) == 26 and {len(columns), len(rows)} == {5, 6}
+
+    def test_turned_it_leaves_no_gap_either(self) -> None:
+        cells = set(cells_along(expanding_square((10, 10), 11, heading=45), 21))
+        within = {(x, y) for x in range(21) for y in range(21) if abs(x - 10) + abs(y - 10) <= 4}
+        assert within <= cells
+
+
+class TestSectorSearch:
+    POINTS = sector_search((10, 10), 6, heading=30)
+
+    def test_all_nine_legs_are_one_radius(self) -> None:
+        assert lengths(self.POINTS) == pytest.approx([6] * 9)
+
+    def test_all_turns_are_120_degrees_and_over_the_datum_it_goes_straight_on(self) -> None:
+        straight = [turn for turn in turns(self.POINTS) if min(turn, 360 - turn) < 1e-6]
+        assert len(straight) == 2
+        assert [t for t in turns(self.POINTS) if t not in straight] == pytest.approx([120] * 6)
+        for leg in (3, 6):
+            before, after = headings(self.POINTS)[leg - 1 : leg + 1]
+            assert before == pytest.approx(after)
+
+    def test_each_triangle_begins_and_ends_at_the_datum(self) -> None:
+        for corner in (0, 3, 6, 9):
+            assert self.POINTS[corner] == pytest.approx((10, 10))
+
+    def test_legs_lead_out_of_the_datum_every_60_degrees(self) -> None:
+        legs = headings(self.POINTS)
+        out = [legs[i] for i in (0, 3, 6)]
+        back = [(legs[i] + 180) % 360 for i in (2, 5, 8)]
+        assert sorted(round(heading) for heading in out + back) == [30, 90, 150, 210, 270, 330]
+
+
+class TestSweep:
+    @settings(deadline=None, max_examples=80, derandomize=True)
+    @given(rectangles, st.booleans(), st.data())
+    def test_goes_to_and_fro_through_every_cell_once(
+        self, area: Rectangle, along_x: bool, data: st.DataObject
+    ) -> None:
+        corner = data.draw(st.sampled_from(area.corners))
+        points = sweep(area, along_x, corner)
+        cells = cells_along(points, 20)
+        assert cells[0] == corner
+        assert len(cells) == area.area and set(cells) == cells_of(area)
+        assert all(adjacent(a, b) for a, b in pairwise(cells))
+        legs = list(zip(points[::2], points[1::2], strict=True))
+        assert len(legs) == (area.height if along_x else area.width)
+        for (ax, ay), (bx, by) in legs:
+            assert (ay == by) if along_x else (ax == bx)
+        for (_, end), (begin, _) in pairwise(legs):
+            assert math.dist(end, begin) == 1
+
+    @settings(deadline=None, max_examples=80, derandomize=True)
+    @given(rectangles, st.integers(1, 12), st.booleans())
+    def test_strips_share_out_all_cells_and_as_evenly_as_whole_legs_can(
+        self, area: Rectangle, count: int, along_x: bool
+    ) -> None:
+        parts = strips(area, count, along_x)
+        assert len(parts) == min(count, area.area)
+        assert Counter(cell for part in parts for cell in cells_of(part)) == Counter(cells_of(area))
+        legs, length = (area.height, area.width) if along_x else (area.width, area.height)
+        if count <= legs:
+            shares = [part.area for part in parts]
+            assert max(shares) - min(shares) <= length
+            assert all((p.width if along_x else p.height) == length for p in parts)
+
+
+@settings(deadline=None, max_examples=80, derandomize=True)
+@given(rectangles, st.integers(1, 12))
+def test_divided_areas_have_a_part_for_each_drone_and_leave_no_cell_out(
+    area: Rectangle, count: int
+) -> None:
+    parts = divided(area, count)
+    assert 1 <= len(parts) <= count
+    assert Counter(cell for part in parts for cell in cells_of(part)) == Counter(cells_of(area))
+
+
+def test_seven_parts_stand_as_two_three_two() -> None:
+    parts = divided(Rectangle(0, 0, 12, 12), 7)
+    assert list(Counter(part.y for part in parts).values()) == [2, 3, 2]
+
+
+class TestCells:
+    points = st.tuples(st.floats(-5, 14), st.floats(-5, 14))
+
+    @settings(deadline=None, max_examples=100, derandomize=True)
+    @given(
+        st.tuples(st.integers(0, 9), st.integers(0, 9)),
+        st.tuples(st.integers(0, 9), st.integers(0, 9)),
+    )
+    def test_a_leg_is_a_staircase_close_to_the_line(self, begin: Cell, end: Cell) -> None:
+        cells = cells_along([begin, end], 10)
+        assert (cells[0], cells[-1]) == (begin, end)
+        assert len(cells) == abs(end[0] - begin[0]) + abs(end[1] - begin[1]) + 1
+        assert all(adjacent(a, b) for a, b in pairwise(cells))
+        across, down = end[0] - begin[0], end[1] - begin[1]
+        for x, y in cells:
+            off = abs((x - begin[0]) * down - (y - begin[1]) * across)
+            assert off <= 0.75 * (math.hypot(across, down) or 1)
+
+    @settings(deadline=None, max_examples=100, derandomize=True)
+    @given(st.lists(points, min_size=1, max_size=6))
+    def test_what_lies_outside_the_grid_is_left_out_and_no_cell_is_named_twice_running(
+        self, points: list[Point]
+    ) -> None:
+        whole = cells_along([(x + 10, y + 10) for x, y in points], 40)
+        here = cells_along(points, 10)
+        assert set(here) == {(x - 10, y - 10) for x, y in whole} & cells_of(Rectangle(0, 0, 10, 10))
+        assert all(a != b for a, b in pairwise(here))
+
+
+class TestDatum:
+    LAW = ProbabilityMatrix(40, (10, 20), (0.3, -0.2), 3.0)
+
+    def test_is_the_mean_of_the_law_and_drifts_with_it(self) -> None:
+        for step in (0, 10, 40):
+            datum = Datum.of_law(self.LAW, step, 100)
+            assert datum.mean == pytest.approx((10 + 0.3 * step, 20 - 0.2 * step), abs=0.1)
+
+    def test_spread_is_the_deviation_of_the_law(self) -> None:
+        datum = Datum.of_law(self.LAW, 40, 100)
+        assert datum.spread == pytest.approx([math.sqrt(2 / 3 * 3 / 8 * 40)] * 2, rel=0.02)
+
+    def test_area_reaches_two_deviations_around_it(self) -> None:
+        area = Datum((20.0, 12.0), (4.0, 2.0), 10_000).area(40)
+        assert area == Rectangle(12, 8, 17, 9)
+
+    @settings(deadline=None, max_examples=100, derandomize=True)
+    @given(
+        st.tuples(st.floats(0, 11), st.floats(0, 11)),
+        st.tuples(st.floats(0, 8), st.floats(0, 8)),
+        st.floats(1, 150),
+    )
+    def test_area_holds_the_datum_lies_in_the_grid_and_can_be_searched_in_time(
+        self, mean: Point, spread: Point, cells: float
+    ) -> None:
+        area = Datum(mean, spread, cells).area(12)
+        assert cells_of(area) <= cells_of(Rectangle(0, 0, 12, 12))
+        assert 1 <= area.area <= cells
+        assert (math.floor(mean[0] + 0.5), math.floor(mean[1] + 0.5)) in cells_of(area)
+
+
+def policy_for(kind: type[PatternPolicy], n_drones: int, **changes: Any) -> PatternPolicy:
+    parameters = {"grid_size": 40, "n_drones": n_drones, "vector": (0.2, 0.1), **changes}
+    return kind(DroneSwarmSearch(**parameters).scenario)
+
+
+WIDE = Datum((20.0, 18.0), (4.0, 2.0), 10_000)
+
+
+@pytest.mark.parametrize("n_drones", [1, 2, 4, 7])
+@pytest.mark.parametrize("kind", [ParallelSweepPolicy, CreepingLinePolicy])
+def test_sweeps_visit_every_cell_of_the_area_once_between_the_drones(
+    kind: type[PatternPolicy], n_drones: int
+) -> None:
+    tracks = policy_for(kind, n_drones).routes(WIDE, 0)
+    assert len(tracks) == n_drones
+    for routes in tracks:
+        assert len({frozenset(route) for route in routes}) == 1, "the same cells either way"
+    once = Counter(cell for routes in tracks for cell in routes[0])
+    assert once == Counter(cells_of(WIDE.area(40)))
+
+
+@pytest.mark.parametrize(("kind", "axis"), [(ParallelSweepPolicy, 0), (CreepingLinePolicy, 1)])
+@pytest.mark.parametrize("spread", [(4.0, 2.0), (2.0, 4.0)])
+def test_legs_of_ps_follow_the_longer_side_and_those_of_cs_the_shorter(
+    kind: type[PatternPolicy], axis: int, spread: Point
+) -> None:
+    (routes,) = policy_for(kind, 1).routes(WIDE._replace(spread=spread), 0)
+    along = axis if spread[0] > spread[1] else 1 - axis
+    moves = [b[along] != a[along] for a, b in pairwise(routes[0])]
+    assert sum(moves) > len(moves) / 2
+
+
+def test_the_expanding_square_is_repeated_turned_by_45_degrees() -> None:
+    policy = policy_for(ExpandingSquarePolicy, 1)
+    ((first,),), ((second,),) = policy.routes(WIDE, 0), policy.routes(WIDE, 1)
+    assert first[0] == second[0] == (20, 18)
+    # Against the drift, which is mainly to the right; then by 45° further to the right.
+    assert first[1] == (19, 18)
+    assert first == cells_along(expanding_square((20, 18), len_legs(first), 270), 40)
+    assert second[:3] in ([(20, 18), (20, 17), (19, 17)], [(20, 18), (19, 18), (19, 17)])
+
+
+def len_legs(route: list[Cell]) -> int:
+    """How many legs a route of straight legs along the axes has."""
+    directions = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route)]
+    return 1 + sum(a != b for a, b in pairwise(directions))
+
+
+@pytest.mark.parametrize("n_drones", [1, 2, 4])
+def test_the_sector_search_divides_the_circle_and_is_repeated_half_way_between(
+    n_drones: int,
+) -> None:
+    policy = policy_for(SectorSearchPolicy, n_drones, vector=(0.0, -0.3))
+    radius = 2 * math.sqrt((4**2 + 2**2) / 2)
+    for passes, turned in ((0, 0.0), (1, 30 / n_drones), (2, 0.0)):
+        expected = [
+            [cells_along(sector_search((20, 18), radius, turned + 60 / n_drones * drone), 40)]
+            for drone in range(n_drones)
+        ]
+        assert policy.routes(WIDE, passes) == expected
+
+
+def test_the_sector_search_is_no_wider_than_the_time_allows() -> None:
+    (routes,) = policy_for(SectorSearchPolicy, 1).routes(WIDE._replace(cells=60), 0)
+    assert 0.7 * 60 <= len(routes[0]) <= 1.2 * 60
+
+
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_flies_to_the_commence_point_then_searches_every_cell_of_the_track(
+    kind: type[PatternPolicy],
+) -> None:
+    env = DroneSwarmSearch(
+        grid_size=20,
+        vector=(0, 0),
+        person_initial_position=(12, 12),
+        probability_of_detection=0.0,
+        timestep_limit=150,
+    )
+    policy, asked = kind(env.scenario), []
+    routes = policy.routes
+
+    def noted(datum: Datum, passes: int) -> list[list[list[Cell]]]:
+        asked.append(routes(datum, passes))
+        return asked[-1]
+
+    policy.routes = noted  # type: ignore[method-assign]
+    observations, _ = env.reset(0)
+    flown: list[tuple[Cell, int]] = []
+    while env.agents:
+        actions = policy(observations)
+        flown.append((observations["drone0"]["observation"][0], actions["drone0"]))
+        observations, *_ = env.step(actions)
+    ((*choices,),) = asked[0]
+    searched = [cell for cell, action in flown if action == Action.SEARCH]
+    route = next(route for route in choices if route[0] == searched[0])
+    route = route[: len(searched)]  # the time it takes is an estimate
+    assert len(route) >= 0.8 * len(choices[0])
+    assert searched[: len(route)] == route
+    begun = next(i for i, (_, action) in enumerate(flown) if action == Action.SEARCH)
+    assert begun == abs(route[0][0]) + abs(route[0][1]), "there is no shorter way"
+    ((*_, last),) = [[cell for cell, _ in flown[begun : begun + 2 * len(route) - 1]]]
+    assert last == route[-1], "a move and a search for every cell"
+
+
+@pytest.mark.parametrize("n_drones", [4, 7])
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_drones_that_meet_do_not_block_each_other(kind: type[PatternPolicy], n_drones: int) -> None:
+    env = DroneSwarmSearch(
+        grid_size=14,
+        n_drones=n_drones,
+        vector=(0, 0),
+        person_initial_position=(7, 7),
+        probability_of_detection=0.0,
+        timestep_limit=300,
+    )
+    policy = kind(env.scenario)
+    observations, _ = env.reset(0)
+    searches: Counter[str] = Counter()
+    while env.agents:
+        actions = policy(observations)
+        searches.update(name for name, action in actions.items() if action == Action.SEARCH)
+        observations, *_ = env.step(actions)
+    # Half of the time, but for the way there and for giving way.
+    assert all(searches[name] >= 100 for name in env.possible_agents)
+
+
+def passes_flown(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
+    """How many times drones lay out tracks in a long search that finds nobody."""
+    env = DroneSwarmSearch(
+        n_drones=len(starts), probability_of_detection=0.0, timestep_limit=200, **changes
+    )
+    policy = kind(env.scenario)
+    memory = policy.begin()
+    observations, _ = env.reset(0, drones_positions=starts)
+    matrix = observations["drone0"]["observation"][1]
+    while env.agents:
+        actions = policy.choose(memory, list(env.frame().drones), matrix)
+        env.step(dict(zip(env.possible_agents, actions, strict=True)))
+    return memory.passes
+
+
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_drones_that_are_done_make_way(kind: type[PatternPolicy]) -> None:
+    starts = [(0, 0), (1, 0), (2, 0), (0, 1)]
+    place = {"vector": (0, 0), "person_initial_position": (2, 0), "disperse_constant": 1}
+    assert passes_flown(kind, starts, grid_size=3, **place) >= 2
+
+
+@settings(deadline=None, max_examples=20, derandomize=True)
+@given(st.data(), st.sampled_from(PATTERNS))
+def test_drones_never_block_each_other_for_good(
+    data: st.DataObject, kind: type[PatternPolicy]
+) -> None:
+    size = data.draw(st.integers(2, 6))
+    grid = [(x, y) for y in range(size) for x in range(size)]
+    n = data.draw(st.integers(1, min(8, len(grid))))
+    passes = passes_flown(
+        kind,
+        data.draw(st.permutations(grid))[:n],
+        grid_size=size,
+        vector=data.draw(st.sampled_from([(0, 0), (0.3, -0.2), (1, 1)])),
+        person_initial_position=data.draw(st.sampled_from(grid)),
+        disperse_constant=data.draw(st.sampled_from([0, 1, 20])),
+    )
+    assert passes >= 2
+
+
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_serves_several_persons_in_turn(kind: type[PatternPolicy]) -> None:
+    env = DroneSwarmSearch(
+        grid_size=20,
+        n_drones=2,
+        vector=(0, 0),
+        person_initial_position=[(4, 4), (15, 15)],
+        disperse_constant=1,
+        probability_of_detection=0.0,
+    )
+    policy = kind(env.scenario)
+    observations, _ = env.reset(0)
+    searched: Counter[Cell] = Counter()
+    while env.agents:
+        actions = policy(observations)
+        for name, action in actions.items():
+            if action == Action.SEARCH:
+                searched[observations[name]["observation"][0]] += 1
+        observations, *_ = env.step(actions)
+    assert searched[4, 4] and searched[15, 15]
+    assert not searched[9, 10]
+
+
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_finds_the_person_more_often_than_chance(kind: type[PatternPolicy]) -> None:
+    env = DroneSwarmSearch(
+        grid_size=20,
+        n_drones=4,
+        vector=(0.2, 0.1),
+        person_initial_position=(10, 10),
+        disperse_constant=3,
+    )
+    policy = kind(env.scenario)
+    found = 0
+    for seed in range(30):
+        observations, infos = env.reset(seed)
+        policy.reset()
+        while env.agents:
+            observations, _, _, _, infos = env.step(policy(observations))
+        found += infos["Found"]
+    assert found >= 15

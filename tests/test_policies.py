@@ -1,0 +1,425 @@
+"""What all policies have in common: both forms, memories, seeds, safety."""
+
+from __future__ import annotations
+
+import copy
+import importlib.util
+import pickle
+import zlib
+from collections import Counter
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.policies import POLICIES, BatchPolicy, RandomPolicy, SwarmPolicy, make
+from DroneSwarmSearch.rules import ENDINGS, Ending
+from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.streams import policy_key, stream_keys
+from DroneSwarmSearch.vector import SwarmVectorEnv
+from DroneSwarmSearch.vector.engine import SearchBatch
+
+NAMES = [
+    name
+    for name in POLICIES
+    if name != "planner" or importlib.util.find_spec("DroneSwarmSearch.policies.planner")
+]
+
+
+def scenario(**changes: Any) -> Scenario:
+    return DroneSwarmSearch(**{"grid_size": 5, "n_drones": 2, **changes}).scenario
+
+
+def shown(batch: SearchBatch, rows: np.ndarray) -> dict[str, np.ndarray]:
+    return {
+        "positions": batch.positions[rows],
+        "probability_matrix": batch.matrices_of(rows),
+        "row": rows,
+    }
+
+
+def play_batch(
+    policy: BatchPolicy, batch: SearchBatch, seed: int
+) -> tuple[list[list[list[int]]], np.ndarray]:
+    """The actions of every row's episode, step by step, and why each ended."""
+    batch.reset(seeds=[seed + row for row in range(batch.num_rows)])
+    policy.reset(seed=seed)
+    taken: list[list[list[int]]] = [[] for _ in range(batch.num_rows)]
+    endings = np.zeros(batch.num_rows, np.int8)
+    while len(live := np.flatnonzero(endings == 0)):
+        actions = np.full((batch.num_rows, batch.scenario.n_drones), int(Action.IDLE))
+        actions[live] = policy(shown(batch, live))
+        batch.step(actions)
+        endings[live] = batch.endings[live]
+        for row in live.tolist():
+            taken[row].append(actions[row].tolist())
+    return taken, endings
+
+
+class TestRegistry:
+    def test_names(self) -> None:
+        assert list(POLICIES) == [
+            "random",
+            "parallel-sweep",
+            "creeping-line",
+            "expanding-square",
+            "sector-search",
+            "greedy-matrix",
+            "greedy-posterior",
+            "planner",
+        ]
+
+    @pytest.mark.parametrize("name", NAMES)
+    def test_makes_policies_of_the_scenario(self, name: str) -> None:
+        policy = make(name, scenario())
+        assert isinstance(policy, BatchPolicy)
+        assert policy.scenario == scenario()
+
+    def test_refuses_unknown_names(self) -> None:
+        with pytest.raises(ValueError, match=r"name must be one of random, .*, got 'best'"):
+            make("best", scenario())
+        with pytest.raises(TypeError, match=r"name must be a policy's name, got 3"):
+            make(3, scenario())  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize("name", NAMES)
+    def test_refuses_what_is_no_scenario(self, name: str) -> None:
+        with pytest.raises(TypeError, match=r"scenario must be a Scenario, got 7"):
+            make(name, 7)  # type: ignore[arg-type]
+
+
+class TestEnvironmentScenario:
+    def test_is_that_of_the_constructor_before_the_first_reset(self) -> None:
+        env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
+        assert (env.scenario.grid_size, env.scenario.vector) == (9, (0.1, 0.2))
+
+    def test_is_that_of_the_episode_under_way(self) -> None:
+        env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
+        env.reset(0, {"person_initial_position": [(1, 2), (3, 4)]}, vector=(1, 0))
+        assert env.scenario.persons == ((1, 2), (3, 4))
+        assert env.scenario.vector == (1, 0)
+        env.reset()
+        assert (env.scenario.persons, env.scenario.vector) == (((0, 0),), (1, 0))
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+@pytest.mark.parametrize("name", NAMES)
+def test_one_search_and_its_row_in_a_batch_are_steered_alike(
+    name: str, bayesian_update: bool
+) -> None:
+    parameters: dict[str, Any] = {
+        "grid_size": 8,
+        "n_drones": 3,
+        "vector": (0.3, 0.1),
+        "person_initial_position": [(2, 2), (4, 4)],
+        "probability_of_detection": (0.8, 1.0),
+        "timestep_limit": 20,
+        "bayesian_update": bayesian_update,
+    }
+    batch = SearchBatch(4, **parameters)
+    taken, endings = play_batch(make(name, batch.scenario), batch, 11)
+    assert ENDINGS.index(Ending.COLLISION) not in endings
+    env = DroneSwarmSearch(**parameters)
+    policy = make(name, env.scenario)
+    for row, expected in enumerate(taken):
+        observations, _ = env.reset(11 + row)
+        policy.reset(seed=11 + row)
+        mine = []
+        while env.agents:
+            actions = policy(observations)
+            assert list(actions) == env.possible_agents
+            assert all(type(action) is int for action in actions.values())
+            mine.append(list(actions.values()))
+            observations, *_ = env.step(actions)
+        assert mine == expected
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("way", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_copies_go_on_identically_and_apart(name: str, way: Any) -> None:
+    batch = SearchBatch(
+        4,
+        grid_size=6,
+        n_drones=2,
+        person_initial_position=[(0, 0), (5, 5)],
+        timestep_limit=16,
+    )
+    policy = make(name, batch.scenario)
+    batch.reset(seeds=range(4))
+    rows = np.arange(4)
+    for _ in range(5):
+        batch.step(policy(shown(batch, rows)))
+    twin = way(policy)
+    history = []
+    for _ in range(8):
+        seen = shown(batch, rows)
+        history.append((seen, policy(seen)))
+        batch.step(history[-1][1])
+    for seen, actions in history:
+        assert np.array_equal(twin(seen), actions)
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
+    size = draw(st.integers(2, 12))
+    cells = [(x, y) for y in range(size) for x in range(size)]
+    cell = st.sampled_from(cells)
+    n_drones = draw(st.integers(1, min(8, size**2)))
+    rows = draw(st.integers(1, 3))
+    starts = [draw(st.permutations(cells))[:n_drones] for _ in range(rows)]
+    drift = st.sampled_from([0.0, 0.3, -0.4, 1.0, -2.0])
+    persons = draw(st.lists(cell, min_size=1, max_size=3))
+    return {
+        "num_rows": rows,
+        "grid_size": size,
+        "n_drones": n_drones,
+        "drones_positions": np.array(starts),
+        "vector": (draw(drift), draw(drift)),
+        "person_initial_position": persons,
+        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0])),
+        "probability_of_detection": draw(st.sampled_from([1.0, 0.5, 0.0])),
+        "bayesian_update": draw(st.booleans()),
+        "timestep_limit": draw(st.integers(1, 40)),
+    }, draw(st.integers(0, 1000))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nobody_ever_collides_or_leaves_the_grid(name: str) -> None:
+    @settings(deadline=None, max_examples=3 if name == "planner" else 20, derandomize=True)
+    @given(scenes())
+    def whole_episodes(scene: tuple[dict[str, Any], int]) -> None:
+        parameters, seed = scene
+        batch = SearchBatch(**parameters)
+        _, endings = play_batch(make(name, batch.scenario), batch, seed)
+        assert {ENDINGS[ending] for ending in endings} <= {Ending.FOUND, Ending.TIME_UP}
+
+    whole_episodes()
+
+
+class Historian(SwarmPolicy):
+    """Its actions tell all that it has seen since the search began."""
+
+    calls = 0
+
+    def begin(self) -> list[bytes]:
+        return []
+
+    def choose(self, memory: list[bytes], cells: list[Cell], matrix: Any) -> list[int]:
+        self.calls += 1
+        memory.append(bytes(value for cell in cells for value in cell) + matrix.tobytes())
+        return told(memory)
+
+
+def told(seen: list[bytes]) -> list[int]:
+    digest = zlib.crc32(b"|".join(seen))
+    return [digest % 6, digest // 6 % 6]
+
+
+@settings(deadline=None, max_examples=80, derandomize=True)
+@given(st.data())
+def test_every_row_remembers_what_it_has_seen_and_no_other(data: st.DataObject) -> None:
+    policy = Historian(scenario())
+    histories: dict[int, list[bytes]] = {}
+    row_sets = st.sets(st.integers(0, 5)).map(sorted)
+    for _ in range(data.draw(st.integers(1, 12))):
+        if data.draw(st.integers(0, 4)) == 0:
+            gone = data.draw(st.none() | row_sets)
+            policy.reset(rows=gone)
+            for row in list(histories) if gone is None else gone:
+                histories.pop(row, None)
+        rows = data.draw(row_sets)
+        # Few different views, so that many rows see the same.
+        views = [data.draw(st.integers(0, 2)) for _ in rows]
+        positions = np.array([[[0, 0], [1, view % 2]] for view in views], np.int64)
+        matrices = np.array([np.full((5, 5), view // 2) for view in views], np.float32)
+        actions = policy(
+            {
+                "positions": positions.reshape(-1, 2, 2),
+                "probability_matrix": matrices.reshape(-1, 5, 5),
+                "row": np.array(rows, np.int64),
+            }
+        )
+        assert actions.shape == (len(rows), 2) and actions.dtype == np.int64
+        for place, row in enumerate(rows):
+            seen = bytes([0, 0, 1, views[place] % 2]) + matrices[place].tobytes()
+            histories.setdefault(row, []).append(seen)
+            assert actions[place].tolist() == told(histories[row])
+
+
+def alike(rows: int) -> dict[str, np.ndarray]:
+    """Observations of searches that all look the same."""
+    return {
+        "positions": np.tile(np.array([[0, 0], [1, 0]]), (rows, 1, 1)),
+        "probability_matrix": np.full((rows, 5, 5), 1 / 25, np.float32),
+    }
+
+
+def test_rows_that_have_seen_the_same_cost_one_choice() -> None:
+    policy = Historian(scenario())
+    for _ in range(3):
+        policy(alike(100))
+    assert policy.calls == 3
+    parted = alike(100)
+    parted["probability_matrix"][40:60] *= 2
+    policy(parted)
+    assert policy.calls == 5
+    policy(alike(100))
+    assert policy.calls == 7, "they have seen different things once"
+
+
+def test_rows_without_numbers_are_numbered_from_0() -> None:
+    policy, twin = Historian(scenario()), Historian(scenario())
+    first = policy(alike(3))
+    assert np.array_equal(first, twin({**alike(3), "row": np.arange(3)}))
+    assert np.array_equal(policy(alike(3)), twin({**alike(3), "row": np.array([0, 1, 2])}))
+
+
+def test_takes_the_observations_of_the_vector_environment() -> None:
+    envs = SwarmVectorEnv(num_envs=3, grid_size=5, n_drones=2)
+    observations, _ = envs.reset(seed=0)
+    actions = make("greedy-matrix", envs.batch.scenario)(observations)
+    assert envs.action_space.contains(actions)
+
+
+def test_a_new_episode_of_one_search_begins_with_reset() -> None:
+    policy = Historian(scenario())
+    env = DroneSwarmSearch(grid_size=5, n_drones=2)
+    observations, _ = env.reset(0)
+    first = policy(observations)
+    assert policy(observations) != first
+    policy.reset()
+    assert policy(observations) == first
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"positions": np.zeros((3, 2, 2))}, TypeError, "positions must be integers, got float64"),
+        (
+            {"positions": np.zeros((3, 4, 2), int)},
+            ValueError,
+            r"positions must be of shape \(2, 2\) for each search, got \(4, 2\)",
+        ),
+        (
+            {"probability_matrix": np.zeros((3, 5, 6), np.float32)},
+            ValueError,
+            r"probability_matrix must be of shape \(5, 5\) for each search, got \(5, 6\)",
+        ),
+        (
+            {"probability_matrix": np.zeros((2, 5, 5), np.float32)},
+            ValueError,
+            "probability_matrix must be of 3 searches, as positions are, got 2",
+        ),
+        ({"row": np.array([0, 1])}, ValueError, "row must be 3 numbers, got 2"),
+        ({"row": np.array([0, 1, 1])}, ValueError, r"row must name no search twice, got \[0, 1"),
+        ({"row": np.array([0, 1, -1])}, ValueError, "row must be integers of at least 0, got -1"),
+        ({"row": np.array([0.0, 1, 2])}, TypeError, "row must be integers .*, got float64"),
+    ],
+)
+@pytest.mark.parametrize("kind", [Historian, RandomPolicy])
+def test_refuses_bad_observations(
+    kind: type[BatchPolicy], changes: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        kind(scenario())({**alike(3), **changes})
+
+
+def test_refuses_observations_without_a_matrix_and_of_other_swarms() -> None:
+    policy = Historian(scenario())
+    with pytest.raises(ValueError, match="observations must hold a probability_matrix, got pos"):
+        policy({"positions": alike(1)["positions"]})
+    observations, _ = DroneSwarmSearch(grid_size=5, n_drones=3).reset(0)
+    with pytest.raises(ValueError, match=r"of shape \(2, 2\) for each search, got \(3, 2\)"):
+        policy(observations)
+    observations, _ = DroneSwarmSearch(grid_size=6, n_drones=2).reset(0)
+    with pytest.raises(ValueError, match=r"matrix must be of shape \(5, 5\)"):
+        policy(observations)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
+        ({"seed": 1.5}, TypeError, "seed must be an integer of at least 0, got 1.5"),
+        ({"seed": [1, "a"]}, TypeError, r"seed\[1\] must be an integer .*, got 'a'"),
+        ({"seed": [1, 2], "rows": [3]}, ValueError, "seed must be 1 integers, one for each row"),
+        ({"rows": [-3]}, ValueError, "rows must be integers of at least 0, got -3"),
+        ({"rows": [1.5]}, TypeError, "rows must be integers of at least 0, got float64"),
+        ({"rows": [2, 2]}, ValueError, r"rows must name no search twice, got \[2, 2\]"),
+    ],
+)
+@pytest.mark.parametrize("name", NAMES)
+def test_refuses_a_bad_reset(
+    name: str, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        make(name, scenario()).reset(**arguments)
+
+
+class TestRandom:
+    @staticmethod
+    def draws(policy: RandomPolicy, rows: list[int], steps: int = 20) -> np.ndarray:
+        """The actions of some rows in which the drones are never moved."""
+        seen = {**alike(len(rows)), "row": np.array(rows)}
+        return np.stack([policy(seen) for _ in range(steps)], axis=1)
+
+    def test_a_row_depends_on_its_seed_alone(self) -> None:
+        policy = RandomPolicy(scenario())
+        policy.reset(seed=40)
+        together = self.draws(policy, [0, 1, 2, 3])
+        policy.reset(seed=40)
+        assert np.array_equal(self.draws(policy, [3, 1]), together[[3, 1]])
+        policy.reset(seed=[42, 40])
+        assert np.array_equal(self.draws(policy, [0, 1]), together[[2, 0]])
+        policy.reset(seed=[41], rows=[7])
+        assert np.array_equal(self.draws(policy, [7]), together[[1]])
+        policy.reset(seed=33, rows=[8, 9])
+        assert np.array_equal(self.draws(policy, [9]), draws_of_seed(42))
+
+    def test_rows_differ(self) -> None:
+        drawn = self.draws(RandomPolicy(scenario()), list(range(50)))
+        assert len(np.unique(drawn.reshape(50, -1), axis=0)) == 50
+
+    def test_without_a_seed_the_next_episode_has_other_numbers_again_and_again(self) -> None:
+        policy = RandomPolicy(scenario())
+        episodes = []
+        for _ in range(3):
+            episodes.append(self.draws(policy, [0, 1]))
+            policy.reset()
+        policy.reset(rows=[1])
+        episodes.append(self.draws(policy, [1, 0])[::-1])
+        assert len({episode[1].tobytes() for episode in episodes}) == 4
+        twin = RandomPolicy(scenario())
+        for expected in episodes[:3]:
+            assert np.array_equal(self.draws(twin, [0, 1]), expected)
+            twin.reset()
+
+    def test_a_row_first_seen_after_resets_is_as_if_it_had_always_been_there(self) -> None:
+        early, late = RandomPolicy(scenario()), RandomPolicy(scenario())
+        self.draws(early, [0, 1])
+        early.reset()
+        late.reset()
+        assert np.array_equal(self.draws(early, [0, 1]), self.draws(late, [0, 1]))
+
+    def test_numbers_are_none_of_the_environment(self) -> None:
+        assert policy_key(5) not in stream_keys(5)
+
+    def test_every_free_action_is_as_likely(self) -> None:
+        # Drone 0 in a corner beside drone 1: free are down, search and idle; then drone 1
+        # may do what does not lead into the corner or into the way of drone 0.
+        drawn = self.draws(RandomPolicy(scenario()), list(range(400)), steps=20).reshape(-1, 2)
+        first = Counter(drawn[:, 0].tolist())
+        assert set(first) == {Action.DOWN, Action.SEARCH, Action.IDLE}
+        assert all(abs(count / 8000 - 1 / 3) < 0.02 for count in first.values())
+        second = Counter(drawn[:, 1].tolist())
+        assert set(second) == {Action.RIGHT, Action.DOWN, Action.SEARCH, Action.IDLE}
+        assert all(abs(count / 8000 - 1 / 4) < 0.02 for count in second.values())
+
+
+def draws_of_seed(seed: int) -> np.ndarray:
+    """The actions of a single row with a seed."""
+    policy = RandomPolicy(scenario())
+    policy.reset(seed=seed)
+    return TestRandom.draws(policy, [0])
