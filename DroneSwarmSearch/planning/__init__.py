@@ -1,0 +1,12 @@
+"""Search planning over the forecast law: paths, plans for all drones, and an upper bound.
+
+- `chain`: a person's chain, forecast forth and back.
+- `paths`: the best path of one drone for given gains, a dynamic programme.
+- `plan`: plans for all drones together, improved one drone at a time.
+- `bound`: a limit on what any policy can reach.
+- `exact`: the best plan of a small search, by branch and bound.
+"""
+
+from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
+
+__all__ = ["SuccessBound", "success_bound"]
