@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-__all__ = ["percent", "signed", "tick_stride"]
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rules import Ending
+
+__all__ = ["outcome_in_brief", "percent", "signed", "tick_stride"]
 
 _FIXED_BELOW = 1000.0
 _STRIDE_MANTISSAS = (1, 2, 5)
+
+
+def outcome_in_brief(frame: Frame) -> str:
+    """How an episode ended, in few words; empty while it goes on."""
+    if frame.ending is None:
+        return ""
+    if frame.ending in (Ending.FOUND, Ending.TIME_UP):
+        found = "found" if frame.ending is Ending.FOUND else "not found"
+        return f"{found} in {frame.step} step{'' if frame.step == 1 else 's'}"
+    return f"{frame.ending.value} in step {frame.step}"
 
 
 def percent(probability: float) -> str:

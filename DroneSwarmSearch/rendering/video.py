@@ -21,7 +21,7 @@ INSTALL_HINT = 'pip install "DroneSwarmSearchEnvironment[video]"'
 SUFFIXES = (".gif", ".mp4")
 
 GIF_WIDTH = 600
-"""Pixels across, at most: a GIF is for pages and mails, where bytes count."""
+"""Pixels across, at most, unless asked for more: a GIF is for pages, where bytes count."""
 
 GIF_SAMPLES = 8
 """The colours of a GIF are chosen from so many of its pictures, evenly spread."""
@@ -29,7 +29,14 @@ GIF_SAMPLES = 8
 Picture = NDArray[np.uint8]
 
 
-def write_film(path: Path, pictures: Iterable[Picture], *, fps: float, hold: float) -> int:
+def write_film(
+    path: Path,
+    pictures: Iterable[Picture],
+    *,
+    fps: float,
+    hold: float,
+    gif_width: int = GIF_WIDTH,
+) -> int:
     """Write pictures to a file, GIF or MP4 by its suffix.
 
     Args:
@@ -38,6 +45,7 @@ def write_film(path: Path, pictures: Iterable[Picture], *, fps: float, hold: flo
             one. They are taken one by one.
         fps: pictures per second.
         hold: seconds for which the last picture stays.
+        gif_width: pixels across to which wider pictures are scaled down in a GIF.
 
     Returns:
         The number of pictures taken.
@@ -49,17 +57,17 @@ def write_film(path: Path, pictures: Iterable[Picture], *, fps: float, hold: flo
     """
     suffix = path.suffix.lower()
     if suffix == ".gif":
-        return _write_gif(path, pictures, fps, hold)
+        return _write_gif(path, pictures, fps, hold, gif_width)
     if suffix == ".mp4":
         return _write_mp4(path, pictures, fps, hold)
     raise ValueError(f"a film's name must end in {' or '.join(SUFFIXES)}, got {path.name!r}")
 
 
-def _write_gif(path: Path, pictures: Iterable[Picture], fps: float, hold: float) -> int:
-    """A GIF that repeats for ever, at most `GIF_WIDTH` wide; it is held in memory."""
+def _write_gif(path: Path, pictures: Iterable[Picture], fps: float, hold: float, width: int) -> int:
+    """A GIF that repeats for ever, at most so wide; it is held in memory."""
     from PIL import Image
 
-    images = [_shrunken(Image.fromarray(picture)) for picture in pictures]
+    images = [_shrunken(Image.fromarray(picture), width) for picture in pictures]
     # One palette for all: what stays in place stays the same in every bit, and costs none.
     palette = _palette(images)
     frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -75,15 +83,15 @@ def _write_gif(path: Path, pictures: Iterable[Picture], fps: float, hold: float)
     return len(frames)
 
 
-def _shrunken(image: Image.Image) -> Image.Image:
-    """The image, no wider than `GIF_WIDTH`."""
+def _shrunken(image: Image.Image, width: int) -> Image.Image:
+    """The image, no wider than that."""
     from PIL import Image
 
-    if image.width <= GIF_WIDTH:
+    if image.width <= width:
         return image
     # Sharper filters leave bright seams along the edges of cells.
-    height = round(image.height * GIF_WIDTH / image.width)
-    return image.resize((GIF_WIDTH, height), Image.Resampling.HAMMING)
+    height = round(image.height * width / image.width)
+    return image.resize((width, height), Image.Resampling.HAMMING)
 
 
 def _palette(images: Sequence[Image.Image]) -> Image.Image:

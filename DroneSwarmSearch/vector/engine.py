@@ -438,6 +438,15 @@ class SearchBatch:
         """
         return self._seas.matrices(rows)
 
+    def probabilities(self, rows: Ints, cells: Ints) -> Singles:
+        """What the matrices of some rows say of a cell of each: float32, (n,).
+
+        Args:
+            rows: their numbers, in rising order; a row may come several times.
+            cells: y * N + x, shape (n,).
+        """
+        return self._seas.shown(rows, cells)
+
     @property
     def table(self) -> Singles:
         """The table of matrices, which all rows share: float32, (entries, N, N); read-only.

@@ -262,6 +262,16 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """Everything a picture of one swarm's present state shows, the persons included."""
         return self.batch.frame(checks.integer("swarm", swarm, 0, self.batch.num_rows - 1))
 
+    def observe(self, rows: Ints) -> Observations:
+        """What the slots of some swarms are shown now; new arrays.
+
+        Args:
+            rows: the swarms' numbers, in rising order; int64, shape (n,).
+        """
+        observed = self._new(len(rows) * self._per_swarm)
+        self._observe(rows, observed)
+        return observed
+
     def use_buffers(self, buffers: Buffers) -> None:
         """From now on write what `reset` and `step` return into given arrays.
 
@@ -355,8 +365,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _finals(self, rows: Ints) -> Infos:
         """The last observations and infos of swarms whose episodes have ended."""
         slots = (rows[:, None] * self._per_swarm + np.arange(self._per_swarm)).reshape(-1)
-        observed = self._new(len(slots))
-        self._observe(rows, observed)
+        observed = self.observe(rows)
         last = np.full(self.num_envs, None, object)
         for place, slot in enumerate(slots.tolist()):
             if isinstance(observed, dict):

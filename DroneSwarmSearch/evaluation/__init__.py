@@ -1,0 +1,44 @@
+"""Evaluation of policies: a fixed suite of searches, figures with intervals, stored results.
+
+from DroneSwarmSearch.evaluation import compare, evaluate
+
+mine = evaluate(my_policy, "classic")
+greedy = evaluate("greedy-posterior", "classic")
+print(mine.success, mine.time, compare(mine, greedy))
+"""
+
+from DroneSwarmSearch.evaluation.files import StorageError, Store
+from DroneSwarmSearch.evaluation.results import (
+    Comparison,
+    Episodes,
+    Evaluation,
+    compare,
+    save_csv,
+    save_episodes,
+    save_json,
+)
+from DroneSwarmSearch.evaluation.run import evaluate
+from DroneSwarmSearch.evaluation.statistics import Band, Estimate, Reliability
+from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
+from DroneSwarmSearch.evaluation.workers import WorkerCrashed
+
+__all__ = [
+    "SUITE",
+    "SUITE_VERSION",
+    "Band",
+    "Comparison",
+    "Episodes",
+    "Estimate",
+    "Evaluation",
+    "NamedSearch",
+    "Reliability",
+    "StorageError",
+    "Store",
+    "WorkerCrashed",
+    "compare",
+    "evaluate",
+    "save_csv",
+    "save_episodes",
+    "save_json",
+    "search",
+]

@@ -1,0 +1,154 @@
+"""What is evaluated: a policy of the registry, or a callable of the user's own."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from DroneSwarmSearch import policies
+from DroneSwarmSearch.scenario import Scenario
+
+__all__ = ["Contestant"]
+
+
+@dataclass(frozen=True, eq=False)
+class Contestant:
+    """A policy to be evaluated. Make one with `Contestant.of`.
+
+    Attributes:
+        name: what it is called in tables and files.
+        identity: tells it from every other policy, for the store; None where nothing does,
+            and then nothing is stored.
+        policy: a name of the registry; a class, of which an object is made for each search
+            from its `Scenario`; or a callable from observations to actions.
+    """
+
+    name: str
+    identity: str | None
+    policy: str | Callable[..., Any]
+
+    @classmethod
+    def of(cls, policy: object, name: str | None = None) -> Contestant:
+        """A contestant from whatever stands for one.
+
+        Args:
+            policy: a name of the registry (`policies.POLICIES`); "module:attribute" or
+                "file.py:attribute", where such a callable or class is found; a callable
+                or class; or a `Contestant`.
+            name: what it shall be called. It makes a callable's results be kept in a store:
+                change it when the policy changes.
+
+        Raises:
+            TypeError: it is none of these.
+            ValueError: there is no such policy, module, file or attribute.
+        """
+        if name is not None and not isinstance(name, str):
+            raise TypeError(f"name must be a string or None, got {name!r}")
+        if isinstance(policy, Contestant):
+            return policy
+        if isinstance(policy, str) and ":" in policy:
+            return _loaded(policy, name)
+        if isinstance(policy, str):
+            if policy not in policies.POLICIES:
+                raise ValueError(_no_such(policy))
+            return cls(name or policy, f"registry:{policy}", policy)
+        if not callable(policy):
+            raise TypeError(
+                "policy must be a name of the registry or a callable from observations to "
+                f"actions, got {policy!r}"
+            )
+        called = getattr(policy, "__name__", type(policy).__name__)
+        return cls(name or str(called), name and f"callable:{name}", policy)
+
+    def make(self, scenario: Scenario) -> Callable[..., Any]:
+        """The policy for a search.
+
+        Args:
+            scenario: the search's parameters.
+        """
+        made: Callable[..., Any]
+        if isinstance(self.policy, str):
+            made = policies.make(self.policy, scenario)
+            return made
+        if not inspect.isclass(self.policy):
+            return self.policy
+        kind: Any = self.policy
+        made = kind(scenario)
+        if not callable(made):
+            raise TypeError(f"policy must be a class whose objects can be called, got {kind!r}")
+        return made
+
+
+def _no_such(name: str) -> str:
+    near = difflib.get_close_matches(name.lower(), policies.POLICIES, cutoff=0.5)
+    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    return (
+        f"policy must be a name of the registry ({', '.join(policies.POLICIES)}), "
+        f"'module:attribute' or 'file.py:attribute', got {name!r}{meant}"
+    )
+
+
+def _loaded(text: str, name: str | None) -> Contestant:
+    """The contestant that "module:attribute" or "file.py:attribute" stands for."""
+    where, _, attribute = text.rpartition(":")
+    if where.endswith(".py"):
+        module, identity = _module_from_file(text, Path(where))
+    else:
+        module, identity = _module(text, where)
+    found: Any = module
+    for part in attribute.split("."):
+        found = getattr(found, part, None)
+    if not callable(found):
+        raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
+    return Contestant(name or text, f"{name or text}:{identity}", found)
+
+
+def _module(text: str, name: str) -> tuple[ModuleType, str]:
+    """A module by its name, and a hash of its source."""
+    try:
+        module = importlib.import_module(name)
+    except (ModuleNotFoundError, ValueError) as error:
+        if isinstance(error, ModuleNotFoundError) and not f"{name}.".startswith(f"{error.name}."):
+            raise  # the module is there; one that it imports is not
+        raise ValueError(
+            f"policy must name a module, but there is no {name!r} (in {text!r})"
+        ) from (error)
+    source = getattr(module, "__file__", None)
+    return module, _hash(Path(source)) if source else name
+
+
+def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
+    """A module from a file, and a hash of the file."""
+    if not path.is_file():
+        raise ValueError(f"policy must name a file, but there is no {str(path)!r} (in {text!r})")
+    digest = _hash(path)
+    name = f"_policy_{path.stem}_{digest[:16]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+        # Workers have no such module: what is in it travels with the policy.
+        cloudpickle.register_pickle_by_value(module)
+    return sys.modules[name], digest
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,752 @@
+"""Evaluations: what is played, what policies are shown, what is noted, kept and written."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import errno
+import json
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, __version__
+from DroneSwarmSearch.evaluation import (
+    Episodes,
+    Evaluation,
+    NamedSearch,
+    Reliability,
+    StorageError,
+    Store,
+    compare,
+    evaluate,
+    run,
+    save_csv,
+    save_episodes,
+    save_json,
+    search,
+)
+from DroneSwarmSearch.evaluation.episodes import play
+from DroneSwarmSearch.evaluation.run import Cell
+from DroneSwarmSearch.rules import ENDINGS
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+
+
+def named(**changes: Any) -> NamedSearch:
+    """A small search in which much happens: finds, misses, collisions, drones that leave."""
+    drones = changes.pop("drones", ((1, 1), (4, 5), (5, 0)))
+    scenario = Scenario.checked(
+        **{
+            "grid_size": 6,
+            "n_drones": len(drones),
+            "vector": (0.1, -0.1),
+            "person_initial_position": [(2, 2), (3, 4)],
+            "disperse_constant": 2,
+            "timestep_limit": 12,
+            "probability_of_detection": (0.9, 0.6),
+            "bayesian_update": False,
+            "reward_scheme": RewardScheme(),
+            **changes,
+        }
+    )
+    return NamedSearch("small", "For tests.", scenario, drones)
+
+
+ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of_detection": 0.8}
+
+
+def steer(x: int, y: int, matrix: Any) -> int:
+    """Climb to the likeliest cell around, and search there: drones that meet collide."""
+    ways = {
+        int(Action.SEARCH): (x, y),
+        int(Action.RIGHT): (x + 1, y),
+        int(Action.DOWN): (x, y + 1),
+        int(Action.LEFT): (x - 1, y),
+        int(Action.UP): (x, y - 1),
+    }
+    inside = {action: cell for action, cell in ways.items() if {*cell} <= {*range(len(matrix))}}
+    return max(inside, key=lambda action: matrix[inside[action][::-1]])
+
+
+def in_swarms(shown: Any) -> Any:
+    return np.array(
+        [
+            [steer(x, y, matrix) for x, y in cells]
+            for cells, matrix in zip(
+                shown["positions"].tolist(), shown["probability_matrix"], strict=True
+            )
+        ]
+    )
+
+
+def in_drones(shown: Any) -> Any:
+    return np.array(
+        [
+            steer(x, y, matrix)
+            for (x, y), matrix in zip(
+                shown["position"].tolist(), shown["probability_matrix"], strict=True
+            )
+        ]
+    )
+
+
+def in_parallel(shown: Any) -> dict[str, int]:
+    return {
+        name: steer(*each["observation"][0], each["observation"][1]) for name, each in shown.items()
+    }
+
+
+class Drawn:
+    """Acts at random, by the seeds of the episodes; notes what it is told and shown."""
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+        self.shown: list[Any] = []
+
+    def reset(self, seed: Any = None, rows: Any = None) -> None:
+        self.told.append(seed)
+        self.generators = [np.random.default_rng(each) for each in seed]
+
+    def __call__(self, shown: Any) -> Any:
+        self.shown.append(shown)
+        drones = shown["positions"].shape[1]
+        rows = shown["row"].tolist()
+        return np.array([self.generators[row].integers(0, 6, drones) for row in rows])
+
+
+def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int) -> dict[str, Any]:
+    """What an evaluation notes, seen in a single environment."""
+    parameters = {**each.parameters}
+    drones = parameters.pop("drones_positions")
+    env = DroneSwarmSearch(**parameters)
+    observations, _ = env.reset(seed=seed, drones_positions=drones)
+    found_at, total, steps = [0] * len(each.scenario.persons), 0.0, 0
+    while env.agents:
+        observations, rewards, *_ = env.step(policy(observations))
+        steps += 1
+        total += rewards["total_reward"]
+        for person, found in enumerate(env.frame().found):
+            if found and not found_at[person]:
+                found_at[person] = steps
+    ending = env.frame().ending
+    return {"found_at": found_at, "ending": ending, "steps": steps, "return": total}
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"bayesian_update": True}, ALONE, {**ALONE, "bayesian_update": True}]
+)
+def test_episodes_are_those_of_the_single_environment(changes):
+    """Episode i, whichever portion it is in, is the environment's with seed + i."""
+    each = named(**changes)
+    got = evaluate(in_swarms, each, episodes=40, seed=7, progress=False).episodes
+    seen = set()
+    for i in range(40):
+        single = alone(in_parallel, each, 7 + i)
+        assert got.found_at[i].tolist() == single["found_at"]
+        assert ENDINGS[got.endings[i]] is single["ending"]
+        assert got.steps[i] == single["steps"]
+        assert got.returns[i] == pytest.approx(single["return"], rel=1e-15)
+        seen.add(single["ending"])
+    assert len(seen) > 1
+
+
+def test_actions_that_leave_or_collide_end_episodes():
+    each = named(drones=((2, 2), (3, 2), (2, 3)))
+    got = evaluate(Drawn(), each, episodes=60, progress=False)
+    counts = got.endings
+    assert sum(counts.values()) == 60
+    assert counts[Ending.COLLISION] > 0
+    assert counts[Ending.LEFT_GRID] > 0
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+def test_every_view_plays_the_same_episodes(bayesian_update):
+    results = [
+        evaluate(
+            policy, named(), episodes=30, view=view, bayesian_update=bayesian_update, progress=False
+        )
+        for policy, view in ((in_swarms, "swarm"), (in_drones, "drone"), (in_parallel, "parallel"))
+    ]
+    first = results[0].episodes.data
+    for other in results[1:]:
+        data = other.episodes.data
+        promised = data.pop("promised")
+        assert promised == pytest.approx(first["promised"])  # summed in another order
+        assert data == {key: value for key, value in first.items() if key != "promised"}
+    assert results[0].search.scenario.bayesian_update is bayesian_update
+
+
+@pytest.mark.parametrize("observation", ["dict", "flat", "planes"])
+@pytest.mark.parametrize("kind", [SwarmVectorEnv, DroneVectorEnv])
+def test_what_is_shown_is_what_the_vector_environments_show(kind, observation):
+    """As long as no episode is over, array by array; from then on the others' rows."""
+    each, n = named(bayesian_update=True), 8
+    env = kind(n, observation=observation, autoreset_mode="Disabled", **each.parameters)
+    expected, _ = env.reset(seed=list(range(n)))
+    rng = np.random.default_rng(1)
+    per_swarm = env.num_envs // n
+    under_way = np.arange(n)
+    checked = over_early = 0
+
+    def policy(shown: Any) -> Any:
+        nonlocal expected, under_way, checked, over_early
+        slots = (under_way[:, None] * per_swarm + np.arange(per_swarm)).reshape(-1)
+        if observation == "dict":
+            shown = dict(shown)
+            rows = shown.pop("row", None)
+            assert (rows is None) == (kind is DroneVectorEnv)
+            assert rows is None or rows.tolist() == under_way.tolist()
+            assert {*shown} == {*expected}
+            for key, array in shown.items():
+                assert array.dtype == expected[key].dtype
+                np.testing.assert_array_equal(array, expected[key][slots])
+        else:
+            assert shown.dtype == expected.dtype
+            np.testing.assert_array_equal(shown, expected[slots])
+        checked += 1
+        actions = rng.choice([1, 3, 4, 5], size=(n, 3), p=[0.03, 0.03, 0.54, 0.4])
+        mine = actions[under_way]
+        over = np.setdiff1d(np.arange(n), under_way)
+        actions[over] = int(Action.IDLE)
+        if over.size:
+            over_early += 1
+            mask = np.isin(np.arange(n), over).repeat(per_swarm)
+            env.reset(options={"reset_mask": mask})
+        expected, _, ended, _, _ = env.step(actions.reshape(env.action_space.shape))
+        under_way = under_way[~ended.reshape(n, -1)[under_way, 0]]
+        return mine if kind is SwarmVectorEnv else mine.reshape(-1)
+
+    view = "swarm" if kind is SwarmVectorEnv else "drone"
+    play(policy, each, range(n), view, observation)
+    assert checked > 8
+    assert over_early
+
+
+def test_the_parallel_view_is_the_environments():
+    each = named(timestep_limit=4)
+    env = DroneSwarmSearch(**{k: v for k, v in each.parameters.items() if k != "drones_positions"})
+    expected, _ = env.reset(seed=3, drones_positions=each.drones)
+
+    def policy(shown: Any) -> dict[str, int]:
+        nonlocal expected
+        assert {*shown} == {*expected}
+        for name, seen in shown.items():
+            (position, matrix), wanted = seen["observation"], expected[name]["observation"]
+            assert position == wanted[0]
+            assert [type(axis) for axis in position] == [int, int]
+            np.testing.assert_array_equal(matrix, wanted[1])
+            assert matrix.dtype == wanted[1].dtype
+            assert not matrix.flags.writeable
+        actions = dict.fromkeys(shown, int(Action.SEARCH))
+        expected, *_ = env.step(actions)
+        return actions
+
+    play(policy, each, [3], "parallel")
+    assert not env.agents
+
+
+def test_policies_see_only_searches_under_way(monkeypatch):
+    policy = Drawn()
+    episodes = play(policy, named(), range(50))
+    for step, shown in enumerate(policy.shown, 1):
+        assert shown["row"].tolist() == np.flatnonzero(episodes.steps >= step).tolist()
+        assert len(shown["positions"]) == len(shown["probability_matrix"]) == len(shown["row"])
+    assert len(policy.shown) == episodes.steps.max()
+
+
+def test_policies_are_told_the_seeds_when_a_portion_begins(monkeypatch, tmp_path):
+    monkeypatch.setattr(run, "PORTION", 4)
+    told = tmp_path / "told"
+
+    class Listener:
+        def reset(self, seed: Any = None, rows: Any = None) -> None:
+            with told.open("a") as file:
+                print(seed, rows, file=file)
+
+        def __call__(self, shown: Any) -> Any:
+            names = shown if "drone0" in shown else None
+            idle = int(Action.IDLE)
+            return dict.fromkeys(names, idle) if names else np.full((len(shown["row"]), 3), idle)
+
+    evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
+    assert told.read_text().splitlines() == ["[10, 11, 12, 13] None", "[14, 15] None"]
+    told.unlink()
+    evaluate(Listener(), named(), episodes=2, seed=10, view="parallel", progress=False)
+    assert told.read_text().splitlines() == ["10 None", "11 None"]
+
+
+def test_every_portion_is_played_by_the_policy_as_it_was_given(monkeypatch):
+    """What a policy without `reset` remembers of a portion does not reach the next."""
+    monkeypatch.setattr(run, "PORTION", 5)
+
+    class Remembers:
+        calls = 0
+
+        def __call__(self, shown: Any) -> Any:
+            self.calls += 1
+            first = int(Action.SEARCH if self.calls <= 3 else Action.IDLE)
+            return np.full(shown["positions"].shape[:2], first)
+
+    each = named(timestep_limit=3)
+    policy = Remembers()
+    got = evaluate(policy, each, episodes=10, progress=False)
+    assert got.reliability.searches.sum() == 3 * got.episodes.steps.sum()
+    assert policy.calls == 0
+
+
+def test_a_policy_may_prepare_itself_once(monkeypatch):
+    monkeypatch.setattr(run, "PORTION", 5)
+
+    class Prepares:
+        calls = 0
+        drones: Any = None
+
+        def prepare(self, drones: Any) -> None:
+            self.calls += 1
+            self.drones = drones
+
+        def __call__(self, shown: Any) -> Any:
+            assert (self.calls, self.drones) == (1, ((1, 1), (4, 5), (5, 0)))
+            return in_swarms(shown)
+
+    assert len(evaluate(Prepares(), named(), episodes=10).episodes) == 10
+
+
+def test_a_policy_that_cannot_be_copied_plays_itself():
+    lock, calls = threading.Lock(), []
+
+    def policy(shown: Any) -> Any:
+        with lock:
+            calls.append(len(shown["row"]))
+            return in_swarms(shown)
+
+    got = evaluate(policy, named(), episodes=10, progress=False)
+    assert calls
+    assert got.data == {**evaluate(in_swarms, named(), episodes=10).data, "policy": "policy"}
+
+
+@pytest.mark.parametrize("policy", [in_swarms, "random", "greedy-posterior", "planner"])
+def test_portions_change_nothing(policy, monkeypatch):
+    """Neither do the memories that policies of the registry keep from one to the next."""
+    whole = evaluate(policy, named(), episodes=25, progress=False).episodes.data
+    monkeypatch.setattr(run, "PORTION", 4)
+    parts = evaluate(policy, named(), episodes=25, progress=False).episodes.data
+    assert parts.pop("promised") == pytest.approx(whole.pop("promised"))
+    assert parts == whole
+
+
+def test_a_class_is_made_for_the_search():
+    class Mine:
+        def __init__(self, scenario: Scenario) -> None:
+            self.idle = scenario.n_drones * [int(Action.IDLE)]
+
+        def __call__(self, shown: Any) -> Any:
+            return [self.idle for _ in shown["row"]]
+
+    class Uncalled:
+        def __init__(self, scenario: Scenario) -> None:
+            """Nothing can be done with it."""
+
+    got = evaluate(Mine, named(), episodes=3, progress=False)
+    assert got.policy == "Mine"
+    assert got.endings[Ending.TIME_UP] == 3
+    with pytest.raises(TypeError, match=r"a class whose objects can be called, got .*Uncalled"):
+        evaluate(Uncalled, named(), episodes=3, progress=False)
+
+
+SHAPE = r"actions of shape \(2, 3\), one for each drone of each search shown"
+
+
+@pytest.mark.parametrize(
+    ("returned", "view", "error", "message"),
+    [
+        ([[1, 2, 3]], "swarm", ValueError, rf"must return {SHAPE}, got shape \(1, 3\)"),
+        ([[1, 2, 3], [1]], "swarm", ValueError, SHAPE),
+        (np.ones((2, 3)), "swarm", TypeError, "integers from 0 to 5.* got float64 of shape"),
+        (np.ones((2, 3), bool), "swarm", TypeError, "integers from 0 to 5.* got bool"),
+        (None, "swarm", TypeError, "integers from 0 to 5.* got None"),
+        ("up", "swarm", TypeError, "integers from 0 to 5"),
+        (np.full((2, 3), 6), "swarm", ValueError, "integers from 0 to 5.* got 6"),
+        (np.full((2, 3), -1), "swarm", ValueError, "integers from 0 to 5.* got -1"),
+        (np.ones((2, 3), int), "drone", ValueError, r"of shape \(6,\).* got shape \(2, 3\)"),
+        (np.ones(6, int), "parallel", TypeError, "must return a mapping with an action"),
+        ({"drone0": 1}, "parallel", ValueError, "each of drone0, drone1, drone2, got actions for"),
+        ({}, "parallel", ValueError, "got actions for none"),
+        (
+            {"drone0": 1, "drone1": 6, "drone2": 1},
+            "parallel",
+            ValueError,
+            "the policy's action for drone1 must be an integer from 0 to 5, got 6",
+        ),
+    ],
+)
+def test_what_a_policy_returns_is_checked(returned, view, error, message):
+    with pytest.raises(error, match=message):
+        evaluate(lambda shown: returned, named(), episodes=2, view=view, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"episodes": 0}, ValueError, "episodes must be an integer of at least 1, got 0"),
+        ({"episodes": 2.5}, TypeError, "episodes must be an integer"),
+        ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
+        ({"bayesian_update": "yes"}, TypeError, "bayesian_update must be True or False"),
+        ({"view": "bird"}, ValueError, "view must be one of 'swarm', 'drone', 'parallel'"),
+        ({"observation": "x"}, ValueError, "observation must be one of 'dict', 'flat', 'planes'"),
+        ({"view": "parallel", "observation": "flat"}, ValueError, "needs observation='dict'"),
+        ({"workers": 0}, ValueError, "workers must be an integer of at least 1, got 0"),
+        ({"ray": True}, TypeError, "ray must be 'local', an address or None, got True"),
+        ({"store": 3}, TypeError, "store must be a Store, a folder or None, got 3"),
+        ({"name": 3}, TypeError, "name must be a string or None, got 3"),
+        ({"search": "pnd"}, ValueError, "got 'pnd'; did you mean pond"),
+        ({"policy": 4}, TypeError, "policy must be a name .* or a callable .*, got 4"),
+        ({"policy": "greedy-posteriro"}, ValueError, "did you mean greedy-posterior"),
+        ({"policy": "nowhere:act"}, ValueError, "there is no 'nowhere'"),
+        ({"policy": "nowhere.py:act"}, ValueError, "there is no 'nowhere.py'"),
+        ({"policy": "math:nothing"}, ValueError, "math has none called 'nothing'"),
+    ],
+)
+def test_bad_arguments_are_refused(changes, error, message):
+    arguments = {"policy": in_swarms, "search": named(), "episodes": 2, "progress": False}
+    with pytest.raises(error, match=message):
+        evaluate(**{**arguments, **changes})
+
+
+def test_a_reset_that_takes_no_seed_is_refused():
+    class Old(Drawn):
+        def reset(self) -> None:  # type: ignore[override]
+            """Takes nothing."""
+
+    with pytest.raises(TypeError, match="reset must take seed=None and rows=None, got"):
+        evaluate(Old(), named(), episodes=2, progress=False)
+
+
+# What follows from the episodes.
+
+
+def made(
+    found_at: Any, limit: int = 10, returns: Any = None, seed: int = 0, **changes: Any
+) -> Evaluation:
+    """An evaluation of given episodes."""
+    found = np.array(found_at)
+    n = len(found)
+    everybody = (found > 0).all(axis=1)
+    return Evaluation(
+        changes.pop("policy", "mine"),
+        named(timestep_limit=limit, **changes),
+        seed,
+        "swarm",
+        "dict",
+        Episodes(
+            found,
+            np.where(everybody, ENDINGS.index(Ending.FOUND), ENDINGS.index(Ending.TIME_UP)),
+            np.where(everybody, found.max(axis=1), limit),
+            np.arange(n) * 1.0 if returns is None else np.array(returns),
+            Reliability.empty(),
+        ),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    by_time: Any
+    gap: float = 0.001
+    confidence: float = 1.0
+
+
+def test_an_episode_succeeds_when_the_last_person_is_found():
+    got = made([[2, 7], [3, 0], [0, 0], [10, 1]])
+    assert got.found_by.tolist() == [7, 0, 0, 10]
+    assert got.times.tolist() == [7, 10, 10, 10]
+    assert got.time.value == pytest.approx(9.25)
+    assert got.success.value == 0.5
+    assert got.success_by_time.value.tolist() == [0] * 7 + [0.25] * 3 + [0.5]
+    assert got.endings == {
+        Ending.FOUND: 2,
+        Ending.COLLISION: 0,
+        Ending.LEFT_GRID: 0,
+        Ending.TIME_UP: 2,
+    }
+    assert got.mean_return.value == 1.5
+    assert got.mean_return.low <= 1.5 <= got.mean_return.high
+
+
+def test_the_share_of_the_bound_is_that_at_the_limit():
+    got = made([[2, 7], [3, 0], [0, 0], [10, 1]])
+    assert got.share_of_bound is None
+    half = got.with_bound(Limit(np.linspace(0, 0.8, 11)))
+    assert half.share_of_bound is not None
+    assert half.share_of_bound == pytest.approx([figure / 0.8 for figure in got.success])
+    assert got.with_bound(Limit(np.zeros(11))).share_of_bound is None
+
+
+def test_a_posterior_is_calibrated_and_a_prior_is_not():
+    """One cell is searched over and over; the posterior is off by chance, as Poisson has it."""
+    each = named(
+        person_initial_position=(2, 2),
+        probability_of_detection=1,
+        drones=((3, 2),),
+        disperse_constant=1,
+        timestep_limit=30,
+    )
+
+    def stay(shown: Any) -> Any:
+        return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
+
+    prior, posterior = (
+        evaluate(stay, each, episodes=600, bayesian_update=flag, progress=False).reliability
+        for flag in (False, True)
+    )
+    assert (posterior.searches >= 100).sum() >= 3
+    off = np.abs(posterior.found - posterior.promised) / np.sqrt(posterior.promised + 1)
+    assert off.max() < 4
+    assert prior.promised.sum() > 1.2 * prior.found.sum()
+    assert prior.expected_error > 5 * posterior.expected_error
+
+
+def test_calibration_counts_every_search_and_every_find():
+    """Several persons of one law and one chance: the promise is exact, and sums over both."""
+    each = named(
+        person_initial_position=[(2, 2), (2, 2)],
+        probability_of_detection=0.5,
+        bayesian_update=True,
+        drones=((2, 2),),
+        timestep_limit=20,
+    )
+    got = evaluate(in_swarms, each, episodes=600, progress=False)
+    table = got.reliability
+    assert table.found.sum() == (got.episodes.found_at > 0).sum()
+    assert table.searches[-1] >= 600  # the first search promises 1 = 2 persons x 0.5
+    assert (np.abs(table.found - table.promised) / np.sqrt(table.promised + 1)).max() < 4
+
+
+def test_comparisons_are_paired():
+    """The interval of the difference is that of the differences, not of two samples."""
+    rng = np.random.default_rng(0)
+    times = rng.integers(1, 80, (400, 1)).repeat(2, axis=1)
+    slow, fast = made(times + 5, limit=100), made(times, limit=100, policy="fast")
+    got = compare(fast, slow)
+    assert got.time == (-5.0, -5.0, -5.0)
+    assert got.success == (0.0, 0.0, 0.0)
+    assert got.policies == ("fast", "mine")
+    back = compare(slow, fast)
+    assert back.time.value == 5.0
+    never = made(np.zeros((400, 2), int), limit=100)
+    assert compare(fast, never).success == (1.0, 1.0, 1.0)
+    some = made(np.where(np.arange(400)[:, None] % 4, times, 0), limit=100)
+    won = compare(fast, some).success
+    assert won.value == 0.25
+    assert 0.2 < won.low < 0.25 < won.high < 0.3
+
+
+def test_prior_and_posterior_can_be_compared():
+    prior = evaluate(in_swarms, named(), episodes=10, progress=False)
+    posterior = evaluate(in_swarms, named(bayesian_update=True), episodes=10, progress=False)
+    assert compare(posterior, prior).search == "small"
+
+
+def test_only_the_same_episodes_can_be_compared():
+    times = np.ones((4, 2), int)
+    with pytest.raises(ValueError, match="second must be of the same search as first"):
+        compare(made(times), made(times, limit=11))
+    with pytest.raises(ValueError, match="4 from seed 0, got 4 from seed 1"):
+        compare(made(times), made(times, seed=1))
+    with pytest.raises(ValueError, match="4 from seed 0, got 3 from seed 0"):
+        compare(made(times), made(times[:3]))
+
+
+# What is kept and written.
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> list[range]:
+    """The portions that are played, as they are; of at most 10 episodes."""
+    portions: list[range] = []
+    original = run.play
+
+    def counting(policy: Any, each: Any, seeds: Any, *rest: Any) -> Any:
+        portions.append(seeds)
+        return original(policy, each, seeds, *rest)
+
+    monkeypatch.setattr(run, "play", counting)
+    monkeypatch.setattr(run, "PORTION", 10)
+    return portions
+
+
+def test_a_rerun_plays_nothing_again(played, tmp_path):
+    first = evaluate(in_swarms, named(), episodes=25, store=tmp_path, name="x", progress=False)
+    assert played == [range(10), range(10, 20), range(20, 25)]
+    again = evaluate(in_swarms, named(), episodes=25, store=tmp_path, name="x", progress=False)
+    assert len(played) == 3
+    assert again.data == first.data
+    assert again.episodes.data == first.episodes.data
+    assert len(Store(tmp_path)) == 3
+
+
+def test_more_episodes_add_to_those_kept(played, tmp_path):
+    evaluate(in_swarms, named(), episodes=20, store=tmp_path, name="x", progress=False)
+    more = evaluate(in_swarms, named(), episodes=30, store=Store(tmp_path), name="x")
+    assert played[2:] == [range(20, 30)]
+    assert more.data == evaluate(in_swarms, named(), episodes=30, name="x").data
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"search": named(disperse_constant=3)},
+        {"search": named(reward_scheme=RewardScheme.sparse())},
+        {"search": named(drones=((0, 0), (5, 5), (4, 0)))},
+        {"bayesian_update": True},
+        {"seed": 1},
+        {"name": "y"},
+        {"policy": in_drones, "view": "drone"},
+    ],
+)
+def test_what_follows_from_something_else_is_not_taken(played, tmp_path, changes):
+    usual = {"policy": in_swarms, "search": named(), "episodes": 5, "store": tmp_path, "name": "x"}
+    evaluate(**usual)
+    evaluate(**{**usual, **changes})
+    assert len(played) == 2
+
+
+@pytest.mark.parametrize("what", ["version", "code"])
+def test_what_another_version_worked_out_is_not_taken(played, tmp_path, monkeypatch, what):
+    evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
+    if what == "version":
+        monkeypatch.setattr("DroneSwarmSearch.__version__", "0.0.0")
+    else:
+        monkeypatch.setattr("DroneSwarmSearch.evaluation.files.code_fingerprint", lambda: "other")
+    evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
+    assert len(played) == 2
+
+
+def test_a_callable_without_a_name_is_not_kept(played, tmp_path):
+    for _ in range(2):
+        evaluate(in_swarms, named(), episodes=5, store=tmp_path)
+    assert len(played) == 2
+    assert len(Store(tmp_path)) == 0
+
+
+def test_a_damaged_entry_is_played_again(played, tmp_path):
+    first = evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
+    (entry,) = tmp_path.iterdir()
+    whole = entry.read_text("utf-8")
+    for damaged in (whole[:100], "", '{"key": 1, "entry": 2}', "[]"):
+        entry.write_text(damaged, "utf-8")
+        again = evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
+        assert again.data == first.data
+    assert len(played) == 5
+    assert entry.read_text("utf-8") == whole
+
+
+def test_a_full_disk_is_told_and_what_was_written_stays(played, tmp_path, monkeypatch):
+    sync, calls = os.fsync, []
+
+    def full(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) > 2:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        sync(descriptor)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(StorageError, match=r"No space left.*written before is kept") as caught:
+            evaluate(in_swarms, named(), episodes=40, store=tmp_path, name="x")
+    assert caught.value.errno == errno.ENOSPC
+    assert str(tmp_path) in str(caught.value)
+    assert len(played) == 3
+    assert len(list(tmp_path.iterdir())) == 2  # and nothing half written
+    evaluate(in_swarms, named(), episodes=40, store=tmp_path, name="x")
+    assert played[3:] == [range(20, 30), range(30, 40)]
+
+
+def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "new" / "result.json"
+    one = evaluate(in_swarms, named(), episodes=3)
+    save_json(path, one)
+    before = path.read_bytes()
+
+    def stop(descriptor: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", stop)
+    with pytest.raises(KeyboardInterrupt):
+        save_json(path, [one, one])
+    assert path.read_bytes() == before
+    assert [each.name for each in path.parent.iterdir()] == ["result.json"]
+
+
+def test_a_folder_that_cannot_be_is_told(tmp_path):
+    (tmp_path / "file").write_text("", "utf-8")
+    with pytest.raises(StorageError, match="file"):
+        save_json(tmp_path / "file" / "result.json", made([[1, 1]]))
+
+
+def test_json_tells_all_that_the_figures_follow_from(tmp_path):
+    got = evaluate(in_swarms, named(), episodes=20, seed=3, bayesian_update=True)
+    got = got.with_bound(Limit(np.linspace(0, 1, 13)))
+    save_json(tmp_path / "one.json", got)
+    told = json.loads((tmp_path / "one.json").read_text("utf-8"))
+    assert told == got.data
+    assert told["package"] == __version__
+    assert told["suite"] == "v1"
+    assert (told["policy"], told["search"]) == ("in_swarms", "small")
+    assert (told["episodes"], told["seed"]) == (20, 3)
+    assert told["parameters"]["bayesian_update"] is True
+    assert told["parameters"]["person_initial_position"] == [[2, 2], [3, 4]]
+    assert told["parameters"]["reward_scheme"] == dataclasses.asdict(RewardScheme())
+    assert told["success"] == got.success._asdict()
+    assert told["success_by_time"]["high"] == got.success_by_time.high.tolist()
+    assert told["bound"]["by_time"][-1] == 1.0
+    save_json(tmp_path / "two.json", [got, got])
+    assert json.loads((tmp_path / "two.json").read_text("utf-8")) == [got.data, got.data]
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_csv_has_a_row_for_each_episode_and_one_for_each_evaluation(tmp_path):
+    got = made([[2, 7], [3, 0]], seed=5, returns=[1.5, -2.25])
+    save_episodes(tmp_path / "episodes.csv", got)
+    assert rows_of(tmp_path / "episodes.csv") == [
+        {
+            "seed": "5", "success": "1", "ending": "found", "steps": "7", "return": "1.5",
+            "found_by": "7", "person0_found_at": "2", "person1_found_at": "7",
+        },
+        {
+            "seed": "6", "success": "0", "ending": "time_up", "steps": "10", "return": "-2.25",
+            "found_by": "0", "person0_found_at": "3", "person1_found_at": "0",
+        },
+    ]  # fmt: skip
+    save_csv(tmp_path / "summary.csv", [got, got.with_bound(Limit(np.full(11, 0.5)))])
+    plain, bounded = rows_of(tmp_path / "summary.csv")
+    assert float(plain["success"]) == 0.5
+    assert float(plain["success_low"]) == got.success.low
+    assert float(plain["restricted_mean_time_high"]) == got.time.high
+    assert (plain["found"], plain["time_up"], plain["collision"]) == ("1", "1", "0")
+    assert (plain["share_of_bound"], plain["bound"]) == ("", "")
+    assert float(bounded["share_of_bound"]) == 1.0
+    with pytest.raises(ValueError, match="evaluations must be at least one, got none"):
+        save_csv(tmp_path / "none.csv", [])
+
+
+def test_a_cell_has_no_result_before_its_jobs_are_done():
+    cell = Cell(in_swarms, "pond", episodes=600)
+    assert not cell.is_done
+    with pytest.raises(RuntimeError, match="2 of 2 portions have not been played"):
+        cell.evaluation()
+
+
+def test_the_suite_can_be_evaluated_by_name():
+    got = evaluate(in_swarms, "pond", episodes=5)
+    assert got.search == search("pond")
+    assert len(got.success_by_time.value) == 41

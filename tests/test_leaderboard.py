@@ -1,0 +1,413 @@
+"""The leaderboard: one command from policies and searches to tables, files and figures."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import __main__ as command
+from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, Reliability, bounds, page, run
+from DroneSwarmSearch.evaluation.files import Store
+from DroneSwarmSearch.evaluation.leaderboard import THEORY, Leaderboard, Rung, leaderboard, main
+from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.planning import SuccessBound
+from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.scenario import Cell, Scenario
+
+SHORT = ["--episodes", "30", "--searches", "pond", "harbour", "--workers", "1"]
+FEW = ["--policies", "greedy-matrix", "random"]
+
+IDLER = """\
+import numpy as np
+
+def idle(observations):
+    return np.full(observations["positions"].shape[:2], 5)
+"""
+
+
+@pytest.fixture(autouse=True)
+def _quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bounds that take no time: everybody may be found from the tenth step on."""
+
+    def quick(scenario: Scenario, drones: object, *, report: object) -> SuccessBound:
+        by_time = (np.arange(scenario.timestep_limit + 1) >= 10) * 0.875
+        return SuccessBound(by_time, 0.875, 0.004, 0.9999)
+
+    monkeypatch.setattr(bounds, "success_bound", quick)
+
+
+@pytest.fixture
+def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing takes longer than all the rest."""
+    monkeypatch.setattr("DroneSwarmSearch.evaluation.leaderboard._draw", lambda board, out: [])
+
+
+@pytest.fixture
+def idler(tmp_path: Path) -> str:
+    """Where a policy of one's own is."""
+    (tmp_path / "idler.py").write_text(IDLER, "utf-8")
+    return f"{tmp_path / 'idler.py'}:idle"
+
+
+def made_up(
+    policy: str, search: str, successes: int, *, step: int = 10, bound: float | None = None
+) -> Evaluation:
+    """100 episodes, of which the first succeed, all in the same step."""
+    where = SUITE[search]
+    limit = where.scenario.timestep_limit
+    found = np.zeros((100, len(where.scenario.persons)), np.int64)
+    found[:successes] = step
+    endings = np.where(found[:, 0] > 0, 1, 4)
+    episodes = Episodes(found, endings, np.full(100, limit), np.zeros(100), Reliability.empty())
+    known = None
+    if bound is not None:
+        known = SuccessBound(np.full(limit + 1, bound), bound, 0.001, 1.0)
+    return Evaluation(policy, where, 0, "swarm", "dict", episodes, known)
+
+
+def tables_of(text: str) -> list[list[list[str]]]:
+    """The tables of a page: their rows, cell by cell, without the line below the heading."""
+    blocks = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
+    return [
+        [
+            [cell.strip() for cell in line.strip("|").split("|")]
+            for place, line in enumerate(block.splitlines())
+            if place != 1
+        ]
+        for block in blocks
+    ]
+
+
+class TestFigures:
+    def test_searches_count_alike_and_times_are_shares_of_the_limit(self) -> None:
+        board = Leaderboard(
+            (
+                made_up("planner", "pond", 80, step=10, bound=1.0),
+                made_up("planner", "night", 40, step=50, bound=0.5),
+            )
+        )
+        (standing,) = board.standings
+        assert standing.success.value == pytest.approx((0.8 + 0.4) / 2)
+        times = (0.8 * 10 + 0.2 * 40) / 40, (0.4 * 50 + 0.6 * 200) / 200
+        assert standing.time.value == pytest.approx(sum(times) / 2)
+        assert standing.share_of_bound is not None
+        assert standing.share_of_bound.value == pytest.approx((0.8 / 1.0 + 0.4 / 0.5) / 2)
+        assert standing.success.low < standing.success.value < standing.success.high
+
+    def test_differences_are_paired(self) -> None:
+        # Every episode that the second finds the first finds too: no chance in that.
+        board = Leaderboard(
+            (made_up("planner", "pond", 52), made_up("greedy-posterior", "pond", 42))
+        )
+        (rung,) = board.rungs
+        assert (rung.ahead, rung.behind) == ("planner", "greedy-posterior")
+        assert rung.success.value == pytest.approx(0.1)
+        apart = board.standings[0].success.high - board.standings[0].success.low
+        assert rung.success.high - rung.success.low < 0.75 * apart
+        assert rung.verdict == "finds more, and sooner"
+
+    def test_everybody_is_compared_with_the_next_rank_of_theory_that_is_there(self) -> None:
+        names = ["mine", "planner", "greedy-matrix", "sector-search", "random"]
+        board = Leaderboard(tuple(made_up(name, "pond", 50) for name in names), ("mine",))
+        assert [(rung.ahead, rung.behind) for rung in board.rungs] == [
+            ("mine", "planner"),
+            ("planner", "greedy-matrix"),
+            ("planner", "sector-search"),
+            ("greedy-matrix", "random"),
+            ("sector-search", "random"),
+        ]
+        assert sorted(name for rank in THEORY for name in rank) == sorted(POLICIES)
+
+    @pytest.mark.parametrize(
+        ("success", "time", "verdict"),
+        [
+            ((0.1, 0.05, 0.2), (-0.1, -0.2, -0.05), "finds more, and sooner"),
+            ((0.1, 0.05, 0.2), (0.0, -0.1, 0.1), "finds more"),
+            ((0.0, -0.1, 0.1), (-0.1, -0.2, -0.05), "finds as many, sooner"),
+            ((0.0, -0.1, 0.1), (0.1, 0.05, 0.2), "finds as many, later"),
+            ((0.0, -0.1, 0.1), (0.0, -0.1, 0.1), "not told apart"),
+            ((-0.1, -0.2, -0.05), (-0.1, -0.2, -0.05), "finds less"),
+        ],
+    )
+    def test_verdicts_follow_from_the_intervals(
+        self, success: tuple[float, ...], time: tuple[float, ...], verdict: str
+    ) -> None:
+        assert Rung("a", "b", Estimate(*success), Estimate(*time)).verdict == verdict
+
+    def test_who_exceeds_the_bound_beyond_the_interval_is_named(self) -> None:
+        within = made_up("planner", "pond", 80, bound=0.75)
+        beyond = made_up("random", "pond", 80, bound=0.5)
+        board = Leaderboard((within, beyond))
+        assert board.beyond == (beyond,)
+        text = " ".join(page.markdown(board, "command").split())
+        assert "Beyond the bound by more than their interval: random on pond." in text
+
+
+class TestPage:
+    def test_figures_stand_in_the_tables(self) -> None:
+        board = Leaderboard(
+            (
+                made_up("planner", "pond", 80, bound=0.9),
+                made_up("random", "pond", 20, bound=0.9),
+                made_up("planner", "fog", 50, bound=0.8),
+                made_up("random", "fog", 50, bound=0.8),
+            )
+        )
+        text = page.markdown(board, "python -m something")
+        overview, suite, order, limits, pond, _ = tables_of(text)
+        assert overview == [
+            ["search", "planner", "random", "bound"],
+            ["pond", "**80.0**", "20.0", "90.0"],
+            ["fog", "**50.0**", "**50.0**", "80.0"],
+        ]
+        assert [row[0] for row in suite] == ["policy", "planner", "random"]
+        assert suite[1][1].startswith("65.0 [")
+        assert order[1][:2] == ["planner", "random"]
+        assert order[1][2].startswith("+30.0 [+")
+        assert order[1][3].startswith("\N{MINUS SIGN}")
+        assert limits[1] == ["pond", "90.0", "0.10", "exact"]
+        success = board.cells["planner", "pond"].success
+        assert pond[1][1] == f"80.0 [{100 * success.low:.1f}, {100 * success.high:.1f}]"
+        assert pond[1][3].startswith(f"{80 / 0.9:.1f} [")
+        assert "```sh\npython -m something\n```" in text
+        for search in board.searches:
+            assert f"### {search.name}\n" in text
+            assert search.reason.split(",")[0] in text.replace("\n", " ")
+
+    def test_without_bounds_there_is_no_word_of_them(self) -> None:
+        board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 20)))
+        text = page.markdown(board, "command")
+        assert "bound" not in text.replace("share of bound", "bound").lower()
+
+    def test_tables_are_aligned_as_plain_text(self) -> None:
+        board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 5)))
+        for block in re.findall(r"(?:^\|.*\|\n)+", page.markdown(board, "command"), re.MULTILINE):
+            lines = block.splitlines()
+            assert len({len(line) for line in lines}) == 1
+            bars = {tuple(m.start() for m in re.finditer(r"\|", line)) for line in lines}
+            assert len(bars) == 1
+
+    def test_only_pictures_that_are_there_are_shown_each_with_words_for_the_blind(self) -> None:
+        board = Leaderboard((made_up("planner", "pond", 80),))
+        text = page.markdown(board, "command", {"success", "episode"})
+        assert re.findall(r"!\[(.+)\]\((.+)\)", text) == [
+            (page.FIGURES[name], f"{name}.png") for name in ("success", "episode")
+        ]
+
+
+class TestRun:
+    def test_a_rerun_takes_everything_from_the_store(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        played: list[object] = []
+        honest = run.play
+
+        def counted(*arguments: Any) -> Episodes:
+            played.append(arguments[2])
+            return honest(*arguments)
+
+        monkeypatch.setattr(run, "play", counted)
+        limited: list[object] = []
+        quick: Callable[..., SuccessBound] = bounds.success_bound
+
+        def bounded(scenario: Scenario, drones: tuple[Cell, ...], **more: Any) -> SuccessBound:
+            limited.append(scenario)
+            return quick(scenario, drones, **more)
+
+        monkeypatch.setattr(bounds, "success_bound", bounded)
+
+        def board(*policies: str) -> Leaderboard:
+            store = Store(tmp_path)
+            return leaderboard(policies, ["pond", "fog"], episodes=20, store=store, progress=False)
+
+        first = board("random")
+        # Two cells, and the one with the posterior.
+        assert (len(played), len(limited)) == (3, 2)
+        again = board("random")
+        assert (len(played), len(limited)) == (3, 2)
+        for one, other in zip(first.evaluations, again.evaluations, strict=True):
+            assert one.data == other.data
+        board("random", "sector-search")
+        assert (len(played), len(limited)) == (5, 2)
+
+    def test_every_policy_meets_the_same_episodes_and_has_the_bound(self) -> None:
+        board = leaderboard(
+            ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
+        )
+        assert board.policies == ("random", "sector-search")
+        assert [each.name for each in board.searches] == ["pond", "fog"]
+        for each in board.evaluations:
+            assert (each.seed, len(each.episodes)) == (3, 7)
+            assert each.bound is not None
+            assert each.bound.by_time[-1] == 0.875
+        assert board.posterior is not None
+        assert board.posterior.search.scenario.bayesian_update
+
+    def test_the_strongest_comes_first(self) -> None:
+        ranked = [name for rank in THEORY for name in rank]
+        contest = leaderboard(searches=["pond"], episodes=1, bounds=False, progress=False)
+        assert list(contest.policies) == ranked
+
+    @pytest.mark.slow
+    @pytest.mark.usefixtures("_no_figures")
+    def test_workers_make_no_difference(self, tmp_path: Path) -> None:
+        texts = []
+        for workers in ("1", "2"):
+            out = tmp_path / workers
+            short = [*SHORT[:-1], workers, "--no-bound"]
+            assert main([*short, *FEW, "--out", str(out)]) == 0
+            texts.append((out / "leaderboard.csv").read_text("utf-8"))
+        assert texts[0] == texts[1]
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            ({"policies": []}, "policies must be at least one"),
+            ({"policies": ["random", "random"]}, "all be different, got more than once: random"),
+            ({"searches": ["pond", "fog", "pond"]}, "all be different, got more than once: pond"),
+            ({"policies": ["randm"]}, "did you mean random"),
+            ({"searches": ["pnd"]}, "did you mean pond"),
+            ({"episodes": 0}, "episodes must be an integer of at least 1, got 0"),
+        ],
+    )
+    def test_bad_input_is_refused(self, arguments: dict[str, Any], words: str) -> None:
+        with pytest.raises(ValueError, match=words):
+            leaderboard(**arguments, progress=False)
+
+
+class TestCommand:
+    def test_it_prints_and_writes_everything(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        pytest.importorskip("matplotlib")
+        out = tmp_path / "out"
+        assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(out)]) == 0
+        told = capsys.readouterr().out
+        text = (out / "leaderboard.md").read_text("utf-8")
+        data = json.loads((out / "leaderboard.json").read_text("utf-8"))
+        with (out / "leaderboard.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+
+        cells = [(each["policy"], each["search"]) for each in data["evaluations"]]
+        assert cells == [
+            (policy, search)
+            for search in ("pond", "harbour")
+            for policy in ("greedy-matrix", "random")
+        ]
+        assert [(row["policy"], row["search"]) for row in rows] == cells
+        (overview, *_) = tables_of(text)
+        for row, each in zip(rows, data["evaluations"], strict=True):
+            assert float(row["success"]) == each["success"]["value"]
+            shown = f"{100 * each['success']['value']:.1f}"
+            (line,) = [line for line in overview if line[0] == each["search"]]
+            place = overview[0].index(each["policy"])
+            assert line[place].strip("*") == shown
+            assert shown in told
+        assert data["command"] in text
+        assert data["command"].startswith("python -m DroneSwarmSearch leaderboard --episodes 30")
+        for name in page.FIGURES:
+            assert f"({name}.png)" in text
+            assert (out / f"{name}.png").stat().st_size > 5_000
+            assert (out / f"{name}.svg").stat().st_size > 5_000
+        assert not list(out.glob(".*"))
+
+    @pytest.mark.usefixtures("_no_figures")
+    def test_a_policy_of_ones_own_gets_a_row(self, tmp_path: Path, idler: str) -> None:
+        out = tmp_path / "out"
+        arguments = ["--episodes", "5", "--searches", "pond", "--workers", "1", "--no-bound"]
+        assert main([*arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
+        overview, suite, order, *_ = tables_of((out / "leaderboard.md").read_text("utf-8"))
+        assert overview[0] == ["search", idler, "greedy-matrix", "random"]
+        assert overview[1][1] == "0.0"
+        assert suite[1][:2] == [idler, "0.0 [0.0, 0.0]"]
+        assert order[1][:2] == [idler, "greedy-matrix"]
+
+    def test_without_matplotlib_there_are_tables_and_a_hint(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        monkeypatch.setitem(sys.modules, "matplotlib", None)
+        monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
+        monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)
+        assert main([*SHORT, *FEW, "--out", str(tmp_path)]) == 0
+        assert "pip install" in capsys.readouterr().err
+        assert "![" not in (tmp_path / "leaderboard.md").read_text("utf-8")
+        assert not list(tmp_path.glob("*.png"))
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            (["--searches", "pnd"], "did you mean pond"),
+            (["--policies", "planer"], "did you mean planner"),
+            (["--episodes", "0"], "episodes must be an integer of at least 1, got 0"),
+            (["--workers", "0"], "workers must be an integer of at least 1, got 0"),
+            (["--add", "nowhere.py:policy"], "there is no 'nowhere.py'"),
+        ],
+    )
+    def test_what_cannot_be_is_told_before_anything_is_done(
+        self,
+        arguments: list[str],
+        words: str,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        out = tmp_path / "out"
+        with pytest.raises(SystemExit) as stop:
+            main([*arguments, "--out", str(out)])
+        assert stop.value.code == 2
+        assert words in capsys.readouterr().err
+        assert not out.exists()
+
+    @pytest.mark.usefixtures("_no_figures")
+    def test_an_interruption_keeps_what_is_finished(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        honest, played = run.play, 0
+
+        def interrupted(*arguments: Any) -> Episodes:
+            nonlocal played
+            played += 1
+            if played == 3:
+                raise KeyboardInterrupt
+            return honest(*arguments)
+
+        monkeypatch.setattr(run, "play", interrupted)
+        arguments = [*SHORT, *FEW, "--no-bound", "--out", str(tmp_path)]
+        assert main(arguments) == 130
+        told = capsys.readouterr().err
+        assert "interrupted" in told
+        assert str(tmp_path / "portions") in told
+        assert len(Store(tmp_path / "portions")) == 2
+        assert main(arguments) == 0
+        # Five cells in all, of which two were kept, and one was tried in vain.
+        assert played == 3 + 3
+
+    def test_a_full_disk_is_told(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        def full(self: Store, key: Mapping[str, Any], entry: object) -> None:
+            from DroneSwarmSearch.evaluation import StorageError
+
+            raise StorageError(28, "No space left on device", str(self.directory))
+
+        monkeypatch.setattr(Store, "save", full)
+        assert main([*SHORT, *FEW, "--no-bound", "--out", str(tmp_path)]) == 1
+        told = capsys.readouterr().err
+        assert "No space left on device" in told
+        assert "Traceback" not in told

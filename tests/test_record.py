@@ -1,0 +1,315 @@
+"""Films of one search: the two boards show one search, and the file is whole or not there."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from DroneSwarmSearch import RewardScheme
+from DroneSwarmSearch import __main__ as command
+from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record
+from DroneSwarmSearch.evaluation.record import frames
+from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.rendering.colours import BANNER_LOST
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.labels import outcome_in_brief
+from DroneSwarmSearch.rules import Action, Ending
+from DroneSwarmSearch.scenario import Scenario
+
+pytest.importorskip("pygame")
+Image = pytest.importorskip("PIL.Image")
+imageio = pytest.importorskip("imageio.v2")
+
+from DroneSwarmSearch.rendering.diptych import Diptych  # noqa: E402 (needs pygame)
+
+
+def small(**changed: Any) -> NamedSearch:
+    """A search that is over soon."""
+    parameters: dict[str, Any] = {
+        "grid_size": 5,
+        "n_drones": 2,
+        "vector": (0.3, 0.0),
+        "person_initial_position": (1, 2),
+        "disperse_constant": 3,
+        "timestep_limit": 8,
+        "probability_of_detection": 1.0,
+        "bayesian_update": False,
+        "reward_scheme": RewardScheme(),
+    }
+    return NamedSearch("puddle", "For tests.", Scenario.checked(**{**parameters, **changed}))
+
+
+def all_do(action: Action) -> Any:
+    """A policy whose drones always do the same."""
+
+    def policy(observations: Mapping[str, Any]) -> dict[str, int]:
+        return dict.fromkeys(observations, int(action))
+
+    return policy
+
+
+class Watcher:
+    """Idles, and keeps what it was shown and told."""
+
+    def __init__(self) -> None:
+        self.shown: list[NDArray[np.float32]] = []
+        self.seeds: list[object] = []
+
+    def reset(self, seed: object = None, rows: object = None) -> None:
+        self.seeds.append(seed)
+
+    def __call__(self, observations: Mapping[str, Any]) -> dict[str, int]:
+        self.shown.append(observations["drone0"]["observation"][1])
+        return dict.fromkeys(observations, int(Action.IDLE))
+
+
+class TestFrames:
+    def test_both_boards_show_the_same_search_over_two_beliefs(self) -> None:
+        search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
+        pairs = list(frames("greedy-posterior", search, seed=4))
+        for prior, posterior in pairs:
+            same = replace(posterior, matrix=prior.matrix)
+            assert vars(same) == vars(prior)
+        law = ProbabilityMatrix(5, (1, 2), (0.0, 0.0), 1)
+        belief = law.exact(0)
+        for (_, before), (prior, after) in pairwise(pairs):
+            looked = [cell for cell, s in zip(before.drones, after.searching, strict=True) if s]
+            if looked and not any(after.found):
+                belief, _ = after_fruitless_search(belief, [y * 5 + x for x, y in looked], 1.0)
+            belief = after_drift(belief, *law.moves(before.step))
+            assert np.array_equal(prior.matrix, law.at(after.step))
+            if not any(after.found):
+                np.testing.assert_allclose(after.matrix, belief, atol=1e-6)
+        assert any(after.searching[0] for _, after in pairs)
+
+    @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
+    def test_it_is_the_episode_that_an_evaluation_plays_with_that_seed(self, policy: str) -> None:
+        search = small(timestep_limit=25)
+        episodes = evaluate(policy, search, episodes=3, seed=5, progress=False).episodes
+        for place, seed in enumerate((5, 6, 7)):
+            *_, (_, last) = frames(policy, search, seed=seed)
+            assert last.step == episodes.steps[place]
+            assert any(last.found) == bool(episodes.found_at[place, 0])
+
+    @pytest.mark.parametrize("updates", [False, True])
+    def test_a_policy_is_shown_what_the_search_shows_unless_asked_otherwise(
+        self, updates: bool
+    ) -> None:
+        for search, asked in ((small(bayesian_update=updates), None), (small(), updates)):
+            watcher = Watcher()
+            pairs = list(frames(watcher, search, seed=3, bayesian_update=asked))
+            for shown, pair in zip(watcher.shown, pairs, strict=False):
+                assert np.array_equal(shown, pair[updates].matrix)
+            assert watcher.seeds == [3]
+
+    def test_bad_input_is_refused(self) -> None:
+        with pytest.raises(ValueError, match=r"search must be one of the suite's, got 'pnd'"):
+            frames("random", "pnd")
+        with pytest.raises(ValueError, match=r"policy must be a name of the registry"):
+            frames("greedy", "pond")
+        with pytest.raises(ValueError, match=r"seed must be an integer of at least 0, got -1"):
+            frames("random", "pond", seed=-1)
+        with pytest.raises(TypeError, match=r"bayesian_update must be True or False, got 1"):
+            frames("random", "pond", bayesian_update=1)  # type: ignore[arg-type]
+
+
+class TestPicture:
+    @pytest.mark.parametrize("grid_size", [2, 7, 40, 61])
+    def test_lengths_are_even(self, grid_size: int) -> None:
+        pair = frame(grid_size), frame(grid_size)
+        height, width, channels = Diptych(grid_size, "title").pixels(*pair).shape
+        assert (height % 2, width % 2, channels) == (0, 0, 3)
+
+    def test_each_board_shows_its_own_matrix(self) -> None:
+        flat, peak = frame(6), frame(6, likeliest=(4, 4))
+        diptych = Diptych(6, "title")
+        left, right = halves(diptych.pixels(flat, peak))
+        assert np.array_equal(left, halves(diptych.pixels(flat, flat))[0])
+        assert np.array_equal(right, halves(diptych.pixels(peak, peak))[1])
+        assert not np.array_equal(left, right)
+
+    def test_a_long_title_is_made_to_fit(self) -> None:
+        title = "a_package_with_a_name.and_a_module_with_another:AndAPolicyThatIsNamedToo"
+        diptych, shown = Diptych(6, f"{title} searching long-watch, seed 123456"), frame(6)
+        ended = replace(shown, ending=Ending.COLLISION)
+        short = Diptych(6, "short").pixels(ended, ended)
+        picture = diptych.pixels(ended, ended)
+        changed = np.flatnonzero((picture != short).any(axis=(0, 2)))
+        # What is written on the right, the outcome, is not overwritten.
+        outcome = np.flatnonzero((picture[:74] == BANNER_LOST).all(axis=2).any(axis=0)).min()
+        assert 0.9 * outcome < changed.max() < outcome
+
+    @pytest.mark.parametrize(
+        ("ending", "step", "words"),
+        [
+            (None, 3, ""),
+            (Ending.FOUND, 1, "found in 1 step"),
+            (Ending.FOUND, 12, "found in 12 steps"),
+            (Ending.TIME_UP, 100, "not found in 100 steps"),
+            (Ending.COLLISION, 4, "drones collided in step 4"),
+            (Ending.LEFT_GRID, 5, "a drone left the grid in step 5"),
+        ],
+    )
+    def test_the_outcome_is_told(self, ending: Ending | None, step: int, words: str) -> None:
+        assert outcome_in_brief(replace(frame(6), ending=ending, step=step)) == words
+
+
+class TestFilm:
+    def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
+        path = tmp_path / "film.gif"
+        last = record.record(all_do(Action.IDLE), small(), path, name="lazy")
+        assert (last.step, last.ending) == (8, Ending.TIME_UP)
+        with Image.open(path) as film:
+            # Pictures that are all alike are kept as one that stays longer.
+            assert 1 < film.n_frames <= 9
+            assert film.width == record.GIF_WIDTH
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_a_video_holds_the_last_picture(self, tmp_path: Path) -> None:
+        pytest.importorskip("imageio_ffmpeg")
+        path = tmp_path / "film.mp4"
+        record.record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
+        with imageio.get_reader(path) as film:
+            assert film.count_frames() == 4 + round(2.0 * record.HOLD)
+            assert film.get_meta_data()["fps"] == 2
+            assert film.get_data(0).shape == Diptych(5, "title").pixels(frame(5), frame(5)).shape
+
+    def test_what_was_there_before_stays_if_the_policy_fails(self, tmp_path: Path) -> None:
+        path = tmp_path / "film.gif"
+        path.write_bytes(b"before")
+
+        def failing(observations: Mapping[str, Any]) -> dict[str, int]:
+            raise RuntimeError("no idea")
+
+        with pytest.raises(RuntimeError, match="no idea"):
+            record.record(failing, small(), path)
+        assert path.read_bytes() == b"before"
+        assert list(tmp_path.iterdir()) == [path]
+
+    @pytest.mark.parametrize(
+        ("changed", "words"),
+        [
+            ({"path": "film.avi"}, r"path must end in \.gif or \.mp4, got 'film\.avi'"),
+            ({"fps": 0}, r"fps must be a finite number of at least 0\.1 and at most 50\.0, got 0"),
+            ({"seed": -1}, r"seed must be an integer of at least 0, got -1"),
+        ],
+    )
+    def test_bad_input_is_refused(
+        self, changed: dict[str, Any], words: str, tmp_path: Path
+    ) -> None:
+        arguments = {"path": "film.gif", **changed}
+        path = tmp_path / arguments.pop("path")
+        with pytest.raises(ValueError, match=words.replace("'film", ".*film")):
+            record.record("random", small(), path, **arguments)
+        assert not list(tmp_path.iterdir())
+
+
+class TestCommand:
+    def test_it_writes_the_film_and_tells_how_it_ended(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        path = tmp_path / "pond.gif"
+        arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3"]
+        assert command.main([*arguments, "--out", str(path)]) == 0
+        *_, (_, last) = frames("greedy-posterior", "pond", seed=3)
+        told = f"{path}: greedy-posterior searching pond, {outcome_in_brief(last)}\n"
+        assert capsys.readouterr().out == told
+        assert path.stat().st_size > 10_000
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            (["pnd", "--out", "a.gif"], "search must be one of the suite's, got 'pnd'"),
+            (["pond", "--policy", "greed", "--out", "a.gif"], "did you mean greedy-"),
+            (["pond", "--policy", "random", "--out", "a.png"], "must end in .gif or .mp4"),
+            (["pond", "--policy", "random", "--fps", "99", "--out", "a.gif"], "fps must be"),
+        ],
+    )
+    def test_what_cannot_be_is_told_in_a_line(
+        self,
+        arguments: list[str],
+        words: str,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(SystemExit) as stop:
+            record.main(arguments)
+        assert stop.value.code == 2
+        told = capsys.readouterr().err
+        assert words in told
+        assert "Traceback" not in told
+        assert not list(tmp_path.iterdir())
+
+    def test_a_file_that_cannot_be_written_is_named(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        blocked = tmp_path / "file"
+        blocked.touch()
+        path = blocked / "film.gif"
+        with pytest.raises(SystemExit) as stop:
+            record.main(["pond", "--policy", "random", "--out", str(path)])
+        assert stop.value.code == 2
+        assert f"cannot write {path}" in capsys.readouterr().err
+
+    def test_missing_packages_are_named(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        monkeypatch.setitem(sys.modules, "PIL", None)
+        with pytest.raises(SystemExit) as stop:
+            record.main(["pond", "--policy", "random", "--out", str(tmp_path / "film.gif")])
+        assert stop.value.code == 2
+        assert 'needs the package PIL: pip install "DroneSwarm' in capsys.readouterr().err
+        assert not list(tmp_path.iterdir())
+
+    def test_an_interruption_leaves_no_file(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        def interrupted(*_: object, **__: object) -> int:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(record, "write_film", interrupted)
+        out = str(tmp_path / "film.gif")
+        assert record.main(["pond", "--policy", "random", "--out", out]) == 130
+        assert "interrupted" in capsys.readouterr().err
+        assert not list(tmp_path.iterdir())
+
+
+def frame(grid_size: int, likeliest: tuple[int, int] | None = None) -> Frame:
+    """A frame without news: a flat matrix, or one with a peak."""
+    matrix = np.full((grid_size, grid_size), 1.0, np.float32)
+    if likeliest is not None:
+        matrix[likeliest[::-1]] = 9.0
+    return Frame(
+        matrix=matrix / matrix.sum(),
+        drones=((0, 0),),
+        searching=(True,),
+        persons=((1, 1),),
+        found=(False,),
+        step=3,
+        timestep_limit=10,
+        vector=(0.5, -0.25),
+        ending=None,
+    )
+
+
+def halves(picture: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """The left and the right board of a picture, with their captions."""
+    middle = picture.shape[1] // 2
+    return picture[74:-90, :middle], picture[74:-90, middle:]

@@ -1,0 +1,168 @@
+"""The suite of searches: fixed for ever, every parameter of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from itertools import pairwise
+
+import pytest
+
+from DroneSwarmSearch import RewardScheme
+from DroneSwarmSearch.evaluation import SUITE, SUITE_VERSION, NamedSearch, search
+from DroneSwarmSearch.evaluation.suite import as_named
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector import SearchBatch
+
+FINGERPRINTS = {
+    "pond": "6a6ad0222c82d5da22bde2a334e6ad261614318da9e5fbf2e2eeb7fd73b29777",
+    "lagoon": "dee1d5a88a3f7bae787f471852f929054b0ee156751ef7cab1e5c8db400890be",
+    "classic": "39f3e4d7ede4d588ce7c4e6d4db839070377f8831e7a380739a1c40dce14b72f",
+    "open-sea": "1656df0816e5667d40ae59993a750828eaf803c8bc8ad688a612755b7ec1d5e1",
+    "channel": "eb3089eacb25c1b29493fc245ccb1b919b03d92954d36290d43cce71625b8925",
+    "gale": "a6a19d4ce7bd7737eb1a715bcac11342d9d2f76c3fef7eaf61ba5bb65d8c246d",
+    "harbour": "98ae8aa28431a362de89045830ee1e41de1c6b7e1738e5f16102ff78c8db9a11",
+    "fog": "2e43031e0615dde3bdd4c23d3ab74a7e88d608a4b1c95fb2f8cef3129caec9c3",
+    "night": "a4e6e18bcca26980fd621ee0cad4de397581333575d62fadda12b888998031ad",
+    "two-rafts": "9f52d03063dabe6c33f9eb34d210a4bd84e8bcfac0125b3a882a1c1a963647ef",
+    "wreck": "6979f95b4dd6d651b17a8e06379b9afffb46ef6e0a750d6b79a9569f50e9c6ec",
+    "fleet": "52100d1830b7034acc059951537b57159558714f1f6200b925647b5cee0058f2",
+    "long-watch": "817b2fa103f6c0a62483e8a70604d8b8bd0d17e0631380d8060e3bd2f8c6a0f9",
+}
+"""If this differs from what the suite says, results are no longer comparable: the change
+belongs in a new version of the suite, beside this one."""
+
+LEFT_TO_RIGHT = {"pond", "lagoon", "open-sea", "channel", "harbour", "wreck"}
+
+
+def scenario(**changes: object) -> Scenario:
+    return Scenario.checked(
+        **{
+            "grid_size": 5,
+            "n_drones": 2,
+            "vector": (0, 0),
+            "person_initial_position": (2, 2),
+            "disperse_constant": 1,
+            "timestep_limit": 9,
+            "probability_of_detection": 1,
+            "bayesian_update": False,
+            "reward_scheme": RewardScheme(),
+            **changes,
+        }
+    )
+
+
+def test_the_suite_is_what_it_always_was():
+    assert SUITE_VERSION == "v1"
+    assert {name: each.fingerprint for name, each in SUITE.items()} == FINGERPRINTS
+    assert list(SUITE) == list(FINGERPRINTS)  # tables keep their order
+
+
+def test_a_fingerprint_tells_every_parameter():
+    usual = search("two-rafts")
+    changed = [
+        dataclasses.replace(usual, scenario=dataclasses.replace(usual.scenario, **change))
+        for change in (
+            {"grid_size": 26},
+            {"vector": (0.1, 0.0500001)},
+            {"persons": ((8, 8), (16, 16))},
+            {"disperse_constant": 4.5},
+            {"timestep_limit": 151},
+            {"detection": 0.99},
+            {"bayesian_update": True},
+            {"reward_scheme": RewardScheme(step=2)},
+        )
+    ]
+    changed.append(dataclasses.replace(usual, drones=((12, 0), (24, 12), (12, 24), (0, 11))))
+    words = {each.fingerprint for each in [usual, *changed]}
+    assert len(words) == 10
+    assert dataclasses.replace(usual, name="other", reason="other").fingerprint in words
+
+
+@pytest.mark.parametrize("name", list(SUITE))
+def test_every_search_can_be_begun_and_says_why_it_is_there(name):
+    each = search(name)
+    assert re.fullmatch("[a-z]+(-[a-z]+)*", name)
+    assert each.name == name
+    assert each.reason.endswith(".")
+    assert not each.scenario.bayesian_update
+    batch = SearchBatch(2, **each.parameters)
+    batch.reset([0, 1])
+    assert batch.scenario == each.scenario
+    assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
+
+
+def test_drones_start_where_they_are_said_to():
+    for name, each in SUITE.items():
+        n, last = each.scenario.n_drones, each.scenario.grid_size - 1
+        if name in LEFT_TO_RIGHT:
+            assert each.drones == tuple((x, 0) for x in range(n))
+        elif name == "fleet":
+            rows = [y for x, y in each.drones if x == 0]
+            gaps = [below - above for above, below in pairwise(rows)]
+            assert len(rows) == 16
+            assert {*gaps} == {3, 4}
+            assert rows[0] + rows[-1] == last
+        else:
+            half = each.scenario.grid_size // 2
+            assert {*each.drones} <= {(half, 0), (last, half), (half, last), (0, half)}
+            assert len(each.drones) == n
+
+
+def test_reasons_are_all_different():
+    assert len({each.reason for each in SUITE.values()}) == len(SUITE)
+
+
+def test_an_unknown_name_brings_similar_ones_and_the_way_to_all():
+    with pytest.raises(
+        ValueError, match=r"got 'lagun'; did you mean lagoon.*evaluate --list.*pond"
+    ):
+        search("lagun")
+    with pytest.raises(ValueError, match="got 'Classic'; did you mean classic"):
+        search("Classic")
+    with pytest.raises(ValueError, match="got 'xyzzy' "):
+        search("xyzzy")
+    with pytest.raises(TypeError, match="search must be the name of a search, got 3"):
+        search(3)  # type: ignore[arg-type]
+
+
+def test_the_posterior_is_the_one_thing_that_may_be_asked_for():
+    each = search("fog").with_posterior(True)
+    assert each.scenario.bayesian_update
+    assert each.with_posterior(False) == search("fog")
+    with pytest.raises(TypeError, match="bayesian_update must be True or False, got 1"):
+        search("fog").with_posterior(1)
+
+
+def test_searches_are_frozen():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        search("pond").name = "puddle"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        SUITE["pond"] = search("fog")  # type: ignore[index]
+
+
+def test_one_may_bring_a_scenario():
+    named = as_named(scenario())
+    assert named.drones == ((0, 0), (1, 0))
+    assert as_named(named) is named
+    assert as_named("pond") is SUITE["pond"]
+    with pytest.raises(TypeError, match="a name of the suite, a NamedSearch or a Scenario, got 7"):
+        as_named(7)
+
+
+@pytest.mark.parametrize(
+    ("drones", "message"),
+    [
+        (((0, 0),), "drones_positions"),
+        (((0, 0), (0, 0)), r"different cells, got \[\[0, 0\], \[0, 0\]\]"),
+        (((0, 0), (5, 0)), "from 0 to 4, got 5"),
+    ],
+)
+def test_drones_that_do_not_fit_are_refused(drones, message):
+    with pytest.raises(ValueError, match=message):
+        NamedSearch("mine", "Mine.", scenario(), drones)
+
+
+def test_a_search_wants_a_scenario():
+    with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
+        NamedSearch("mine", "Mine.", None)  # type: ignore[arg-type]

@@ -1,0 +1,381 @@
+"""Work done elsewhere: the same figures, and clear words when something goes wrong."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import pickle
+import runpy
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action
+from DroneSwarmSearch.evaluation import Store, WorkerCrashed, evaluate, run, search
+from DroneSwarmSearch.evaluation.workers import RAY_HINT, Job
+from DroneSwarmSearch.evaluation.workers import run as run_jobs
+
+PATIENCE = 60.0
+"""Seconds after which a test fails that waits for another process."""
+
+# A policy that cannot be imported elsewhere, with a memory and random numbers of its own.
+FICKLE = """
+import numpy as np
+from DroneSwarmSearch import RewardScheme
+from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.scenario import Scenario
+
+SEARCH = NamedSearch("small", "For tests.", Scenario.checked(
+    grid_size=5, n_drones=2, vector=(0, 0), person_initial_position=[(2, 2), (1, 3)],
+    disperse_constant=5, timestep_limit=15, probability_of_detection=1, bayesian_update=True,
+    reward_scheme=RewardScheme(),
+), ((2, 2), (2, 3)))
+
+class Fickle:
+    def __init__(self, scenario):
+        self.n_drones = scenario.n_drones
+        self.rng = np.random.default_rng(5)
+
+    def __call__(self, shown):
+        return self.rng.integers(4, 6, (len(shown["row"]), self.n_drones))
+"""
+
+
+def still(shown: Any) -> Any:
+    return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
+
+
+class Dies:
+    """Ends the process that plays the portion with some seed, if a file says so."""
+
+    def __init__(self, seed: int, file: Path) -> None:
+        self.seed, self.file = seed, file
+
+    def reset(self, seed: list[int], rows: None = None) -> None:
+        if self.seed in seed and self.file.exists():
+            until(lambda: len(list(self.file.parent.glob("kept/*.json"))) >= 2)
+            os._exit(3)
+
+    def __call__(self, shown: Any) -> Any:
+        return still(shown)
+
+
+class Refuses:
+    def __call__(self, shown: Any) -> Any:
+        raise LookupError("no chart of this sea")
+
+
+class Unsendable(Exception):  # noqa: N818
+    def __init__(self, one: int, other: int) -> None:
+        super().__init__(f"{one} and {other}")
+
+
+def raises_unsendable(report: Any) -> None:
+    raise Unsendable(1, 2)
+
+
+def add(one: int, other: int, report: Any) -> int:
+    report(0.5)
+    return one + other
+
+
+@pytest.fixture
+def _small_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "PORTION", 20)
+
+
+@pytest.mark.usefixtures("_small_portions")
+def test_figures_are_the_same_whatever_the_workers(tmp_path):
+    path = tmp_path / "fickle.py"
+    path.write_text(FICKLE, "utf-8")
+    small = runpy.run_path(str(path))["SEARCH"]
+    results = [
+        evaluate(f"{path}:Fickle", small, episodes=90, workers=count, progress=False)
+        for count in (1, 2)
+    ]
+    alone, shared = results
+    assert 0 < alone.success.value < 1
+    assert shared.data == alone.data
+    assert shared.episodes.data == alone.episodes.data
+
+
+@pytest.mark.usefixtures("_small_portions")
+def test_lambdas_and_closures_travel():
+    action = int(Action.IDLE)
+    got = evaluate(
+        lambda shown: np.full(shown["positions"].shape[:2], action),
+        "pond",
+        episodes=40,
+        workers=2,
+        progress=False,
+    )
+    assert got.reliability.searches.sum() == 0
+    assert len(got.episodes) == 40
+
+
+@pytest.mark.usefixtures("_small_portions")
+def test_a_crashed_worker_is_named_and_what_is_finished_is_kept(tmp_path):
+    fuse = tmp_path / "fuse"
+    fuse.touch()
+    arguments: dict[str, Any] = {
+        "policy": Dies(45, fuse),
+        "search": "pond",
+        "episodes": 100,
+        "store": tmp_path / "kept",
+        "name": "dies",
+        "workers": 2,
+        "progress": False,
+    }
+    message = r"died \(exit code 3\) while it was doing episodes 40 to 59 of dies on pond$"
+    with pytest.raises(WorkerCrashed, match=message):
+        evaluate(**arguments)
+    kept = len(Store(tmp_path / "kept"))
+    assert 2 <= kept < 5
+    fuse.unlink()
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()}
+    got = evaluate(**arguments)
+    assert len(Store(tmp_path / "kept")) == 5
+    for path, written in before.items():  # none was played again
+        assert path.stat().st_mtime_ns == written
+    assert got.episodes.data == evaluate(still, "pond", episodes=100).episodes.data
+
+
+def test_what_a_policy_raises_elsewhere_is_raised_here():
+    with pytest.raises(LookupError, match="no chart of this sea") as caught:
+        evaluate(Refuses(), "pond", episodes=2, workers=2, progress=False)
+    assert 'raise LookupError("no chart of this sea")' in str(caught.value.__cause__)
+    with pytest.raises(RuntimeError, match=r"Unsendable\('1 and 2'\)"):
+        run_jobs([Job("x", raises_unsendable)], workers=2)
+
+
+def test_what_cannot_be_sent_is_told():
+    lock = threading.Lock()
+
+    def policy(shown: Any) -> Any:
+        with lock:
+            return still(shown)
+
+    with pytest.raises(TypeError, match=r"the making of policy for pond cannot be sent.*lock"):
+        evaluate(policy, "pond", episodes=2, workers=2, progress=False)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_jobs_may_be_followed_by_others(workers):
+    done: list[Any] = []
+    told: list[float] = []
+
+    def then(result: int) -> list[Job]:
+        done.append(result)
+        if result >= 4:
+            return []
+        return [Job("more", add, (result, 2), 1.0, then), Job("last", add, (90, result), 1.0, then)]
+
+    run_jobs([Job("first", add, (1, 1), 2.0, then)], workers=workers, progress=told.append)
+    assert sorted(done) == [2, 4, 92]
+    assert told == sorted(told)
+    assert told[0] in (1.0, 2.0)
+    assert told[-1] == 4.0
+
+
+def test_jobs_with_nothing_to_do_count_as_done():
+    told: list[float] = []
+    followers = [Job("", None, weight=2.0), Job("", add, (1, 1), 3.0)]
+    jobs = [Job("", None, weight=5.0), Job("", add, (1, 1), 1.0, lambda result: followers)]
+    run_jobs(jobs, progress=told.append)
+    assert told == [5.0, 5.5, 6.0, 8.0, 9.5, 11.0]
+
+
+def test_here_jobs_are_done_in_their_order_followers_first():
+    done: list[int] = []
+
+    def last(result: int) -> list[Job]:
+        done.append(result)
+        return []
+
+    def first(result: int) -> list[Job]:
+        done.append(result)
+        return [Job("", add, (10, 0), then=last), Job("", add, (11, 0), then=last)]
+
+    run_jobs([Job("", add, (1, 0), then=first), Job("", add, (2, 0), then=last)])
+    assert done == [1, 10, 11, 2]
+
+
+SCRIPT = """
+import json, sys, time
+from pathlib import Path
+import numpy as np
+from DroneSwarmSearch.evaluation import evaluate, run
+
+run.PORTION = 5
+home = Path(sys.argv[1])
+
+class Slow:
+    def reset(self, seed, rows=None):
+        with (home / "played").open("a") as file:
+            print(seed[0], file=file)
+        self.waits = seed[0] >= 10 and not (home / "free").exists()
+
+    def __call__(self, shown):
+        if self.waits:
+            time.sleep(600)
+        return np.full(shown["positions"].shape[:2], 4)
+
+def main():
+    got = evaluate(
+        Slow(), "pond", episodes=20, workers=int(sys.argv[2]), store=home / "kept", name="slow"
+    )
+    print(json.dumps(got.episodes.data))
+"""
+GUARD = 'if __name__ == "__main__":\n    main()\n'
+
+
+def begun(home: Path, workers: int, text: str = SCRIPT + GUARD) -> subprocess.Popen[str]:
+    """A script that evaluates, in a process group of its own, as in a terminal."""
+    (home / "script.py").write_text(text, "utf-8")
+    return subprocess.Popen(
+        [sys.executable, str(home / "script.py"), str(home), str(workers)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def until(happened: Callable[[], bool]) -> None:
+    """Wait for something that other processes do."""
+    end = time.monotonic() + PATIENCE
+    while not happened():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def is_alive(group: int) -> bool:
+    """Whether a process group has members."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def lines_of(path: Path) -> list[str]:
+    return path.read_text("utf-8").split() if path.exists() else []
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups")
+def test_ctrl_c_stops_at_once_and_a_rerun_goes_on(tmp_path, monkeypatch):
+    process = begun(tmp_path, 2)
+    stuck = {"10", "15"}
+    until(lambda: stuck <= {*lines_of(tmp_path / "played")} and len(Store(tmp_path / "kept")) == 2)
+    os.killpg(process.pid, signal.SIGINT)  # as the terminal does: workers hear it, too
+    _, told = process.communicate(timeout=PATIENCE)
+    assert process.returncode != 0
+    assert told.rstrip().endswith("KeyboardInterrupt")
+    assert told.count("Traceback") == 1
+    assert len(Store(tmp_path / "kept")) == 2
+    until(lambda: not is_alive(process.pid))  # nobody is left behind
+
+    (tmp_path / "played").unlink()
+    (tmp_path / "free").touch()
+    printed, _ = begun(tmp_path, 1).communicate(timeout=PATIENCE)
+    assert sorted(lines_of(tmp_path / "played")) == ["10", "15"]
+    monkeypatch.setattr(run, "PORTION", 5)
+    assert json.loads(printed) == evaluate(still, "pond", episodes=20).episodes.data
+
+
+def test_a_script_without_a_guard_is_told_to_have_one(tmp_path):
+    _, told = begun(tmp_path, 2, SCRIPT + "main()\n").communicate(timeout=PATIENCE)
+    last = told.splitlines()[-1]
+    assert "WorkerCrashed" in last
+    assert 'if __name__ == "__main__"' in last
+
+
+# Ray.
+
+
+def test_without_ray_there_is_a_hint(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ImportError) as caught:
+        evaluate(still, "pond", episodes=2, ray="local", progress=False)
+    assert str(caught.value) == RAY_HINT
+
+
+CLUSTER = """
+import sys
+import ray
+from ray.cluster_utils import Cluster
+from DroneSwarmSearch.evaluation import WorkerCrashed, evaluate, run
+from fickle import SEARCH
+
+run.PORTION = 20
+path = sys.argv[1]
+plain = evaluate(f"{path}:Fickle", SEARCH, episodes=90)
+cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+cluster.add_node(num_cpus=1)
+spread = evaluate(f"{path}:Fickle", SEARCH, episodes=90, ray=cluster.address)
+assert spread.data == plain.data
+assert spread.episodes.data == plain.episodes.data
+assert not ray.is_initialized()
+
+ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
+assert ray.cluster_resources()["CPU"] == 2
+assert len([node for node in ray.nodes() if node["Alive"]]) == 2
+for name, kind, words in (
+    ("dies", WorkerCrashed, "while it was doing episodes 0 to 19 of"),
+    ("refuses", LookupError, "no chart"),
+):
+    try:
+        evaluate(f"{path}:{name}", "pond", episodes=20, ray=cluster.address)
+    except kind as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError(name)
+assert ray.is_initialized()  # begun outside, so not ended
+ray.shutdown()
+cluster.shutdown()
+print("the same")
+"""
+
+DIES = """
+import os
+
+def dies(shown):
+    os._exit(3)
+
+def refuses(shown):
+    raise LookupError("no chart of this sea")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
+def test_figures_are_the_same_on_a_cluster_of_two_nodes(tmp_path):
+    """Two nodes of one processor each, on this machine."""
+    (tmp_path / "fickle.py").write_text(FICKLE + DIES, "utf-8")
+    (tmp_path / "cluster.py").write_text(CLUSTER, "utf-8")
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "cluster.py"), str(tmp_path / "fickle.py")],
+        capture_output=True,
+        text=True,
+        timeout=5 * PATIENCE,
+        check=False,
+        env={**os.environ, "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0", "RAY_USAGE_STATS_ENABLED": "0"},
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.splitlines()[-1] == "the same"
+
+
+def test_the_suite_travels_as_it_is():
+    """A search is sent with the work, so both sides mean the same."""
+    again = pickle.loads(pickle.dumps(search("wreck")))
+    assert again == search("wreck")
+    assert again.fingerprint == search("wreck").fingerprint
