@@ -34,7 +34,7 @@ from DroneSwarmSearch.observations import (
 )
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.sea import Sea
 from DroneSwarmSearch.streams import Streams
 
@@ -222,7 +222,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if person_initial_position is not None:
             search = search.with_persons(person_initial_position)
         if drones_positions is not None:
-            cells = _drone_cells(drones_positions, scenario)
+            cells = scenario.drone_cells(drones_positions)
 
         # Everything is checked: from here on the environment changes.
         if search is not self._search:
@@ -527,23 +527,3 @@ def _searches(chosen: bytes, cells: list[int]) -> dict[int, int]:
         searches[cells[drone]] = drone
         drone = chosen.find(_SEARCH, drone + 1)
     return searches
-
-
-def _drone_cells(value: object, scenario: Scenario) -> list[int]:
-    """Check the drones' start cells; returns them by number."""
-    name, n, size = "drones_positions", scenario.n_drones, scenario.grid_size
-    entries = checks.items(name, value, f"{n} cells (x, y), one for each drone")
-    if len(entries) != n:
-        raise ValueError(
-            f"{name} must hold {n} cells (x, y), one for each drone, got {len(entries)}: {value!r}"
-        )
-    first_at: dict[Cell, int] = {}
-    for drone, entry in enumerate(entries):
-        cell = checks.cell(f"{name}[{drone}]", entry, size)
-        if cell in first_at:
-            raise ValueError(
-                f"{name} must hold different cells, got {cell} for both "
-                f"drone{first_at[cell]} and drone{drone}"
-            )
-        first_at[cell] = drone
-    return [y * size + x for x, y in first_at]

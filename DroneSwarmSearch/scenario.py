@@ -95,6 +95,34 @@ class Scenario:
             )
         return replace(self, persons=persons)
 
+    def drone_cells(self, drones_positions: object) -> list[int]:
+        """The drones' cells by number, y * N + x.
+
+        Args:
+            drones_positions: a cell (x, y) for each drone.
+
+        Raises:
+            TypeError: they are no cells.
+            ValueError: they are not as many as the drones, off the grid, or two are alike.
+        """
+        name, n, size = "drones_positions", self.n_drones, self.grid_size
+        entries = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
+        if len(entries) != n:
+            raise ValueError(
+                f"{name} must hold {n} cells (x, y), one for each drone, "
+                f"got {len(entries)}: {drones_positions!r}"
+            )
+        first_at: dict[Cell, int] = {}
+        for drone, entry in enumerate(entries):
+            cell = checks.cell(f"{name}[{drone}]", entry, size)
+            if cell in first_at:
+                raise ValueError(
+                    f"{name} must hold different cells, got {cell} for both "
+                    f"drone{first_at[cell]} and drone{drone}"
+                )
+            first_at[cell] = drone
+        return [y * size + x for x, y in first_at]
+
     @property
     def detections(self) -> tuple[float, ...]:
         """Every person's probability of detection."""

@@ -215,6 +215,7 @@ def leaderboard(
     added: Sequence[object] = (),
     view: str = "swarm",
     observation: str = "dict",
+    posterior: bool = False,
     episodes: int = 2000,
     seed: int = 0,
     workers: int = 1,
@@ -231,6 +232,8 @@ def leaderboard(
         added: further policies, in any form that `evaluate` takes.
         view: how the added policies are shown the searches, see `evaluate`.
         observation: in which layout, see `evaluate`.
+        posterior: show the added policies the posterior, not the drift alone. Their returns
+            then follow another matrix; whom they find, and when, stays comparable.
         episodes: of every policy on every search.
         seed: of the first episode.
         workers: processes to work in.
@@ -252,6 +255,7 @@ def leaderboard(
         added,
         view=view,
         observation=observation,
+        posterior=posterior,
         episodes=episodes,
         seed=seed,
         store=store if store is None or isinstance(store, Store) else Store(store),
@@ -271,6 +275,7 @@ class _Contest:
         *,
         view: str,
         observation: str,
+        posterior: bool,
         episodes: int,
         seed: int,
         store: Store | None,
@@ -282,14 +287,14 @@ class _Contest:
         _all_different("policies", [each.name for each in (*strangers, *usual)])
         _all_different("searches", [each.name for each in named])
 
-        def cell(contestant: Contestant, search: NamedSearch, posterior: bool | None) -> Cell:
+        def cell(contestant: Contestant, search: NamedSearch, updated: bool | None) -> Cell:
             mine = contestant in strangers
             return Cell(
                 contestant,
                 search,
                 episodes=episodes,
                 seed=seed,
-                bayesian_update=posterior,
+                bayesian_update=True if mine and posterior else updated,
                 view=view if mine else "swarm",
                 observation=observation if mine else "dict",
                 store=store,
@@ -508,6 +513,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             options.add,
             view=options.view,
             observation=options.observation,
+            posterior=options.posterior,
             episodes=options.episodes,
             seed=options.seed,
             store=store,
@@ -577,6 +583,9 @@ def _parser() -> argparse.ArgumentParser:
         choices=("dict", "flat", "planes"),
         default="dict",
         help="in which layout (default: dict)",
+    )
+    what.add_argument(
+        "--posterior", action="store_true", help="show policies of your own the posterior"
     )
     what.add_argument(
         "--seed", metavar="N", type=int, default=0, help="of the first episode (default: 0)"

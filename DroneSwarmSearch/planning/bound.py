@@ -35,10 +35,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import best_path, values_to_go
 from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.streams import numbers, stream_keys
 
 __all__ = [
@@ -56,16 +57,13 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SAMPLE = 65536
+SAMPLE = 32768
 """Ways of a person in the sample that gives the bound."""
-
-TRIED = 8
-"""One in so many ways decides how far a step goes."""
 
 ITERATIONS = 600
 """The most for the episode's limit."""
 
-ITERATIONS_BEFORE = 80
+ITERATIONS_BEFORE = 60
 """The most for fewer steps."""
 
 MEMORY = 10.0
@@ -83,7 +81,7 @@ SOFTNESS = 0.5, 0.02
 SOFTENING = 10.0
 """After so many steps of the method g's corners are rounded off half as far as at first."""
 
-HORIZONS = 16
+HORIZONS = 12
 """Numbers of steps for which the relaxation is solved; those between take the next one's."""
 
 
@@ -310,7 +308,6 @@ class AlongWays:
     def __init__(self, ways: Ways, grid_size: int, detection: float) -> None:
         self._cells, self._chances = ways.cells, ways.chances
         self._size, self._q = grid_size, detection
-        self._tried = slice(None, None, TRIED if ways.sampled else 1)
         self._effort = np.zeros(len(ways.cells) * grid_size**2)
         self._sums = np.zeros(len(ways.chances))
         self._corners = np.arange(self._most() + 2.0)
@@ -347,27 +344,30 @@ class AlongWays:
         return found
 
     def value(self) -> float:
-        return float(self._chances @ self._found(self._sums))
+        return self._mean(self._found(self._sums))
 
     def tangent(self) -> tuple[float, Floats]:
         corner, turned = self._nearest(self._sums)
         slope = (1.0 - turned) * self._slopes[corner - 1] + turned * self._slopes[corner]
-        intercept = self._chances @ (1.0 - self._kept[corner] - slope * corner)
+        intercept = self._mean(1.0 - self._kept[corner] - slope * corner)
         weights, cells = self._chances * slope, self._size**2
         gains = np.empty((len(self._cells), cells))
         for row, at in zip(gains, self._cells, strict=True):
             row[:] = np.bincount(at, weights, cells)
-        return float(intercept), gains.reshape(-1, self._size, self._size)
+        return intercept, gains.reshape(-1, self._size, self._size)
 
     def approach(self, target: Effort) -> None:
         there = np.zeros(len(self._effort))
         np.add.at(there, target.places, target.amounts)
         ahead = self._along(there) - self._sums
-        here, way, chances = self._sums[self._tried], ahead[self._tried], self._chances[self._tried]
-        step = best_step(lambda part: float(chances @ self._softly_found(here + part * way)))
+        step = best_step(lambda part: self._mean(self._softly_found(self._sums + part * ahead)))
         self._sums += step * ahead
         self._effort += step * (there - self._effort)
         self._approaches += 1
+
+    def _mean(self, values: Floats) -> float:
+        """The expectation; summed by NumPy alone, so that no thread takes part in it."""
+        return float((self._chances * values).sum())
 
     def _nearest(self, sums: Floats) -> tuple[Ints, Floats]:
         """The nearest corner of g, and how far the slope has turned from its left to its right."""
@@ -489,7 +489,7 @@ class SuccessBound:
 
 def success_bound(
     scenario: Scenario,
-    drones: Sequence[Cell],
+    drones_positions: object,
     *,
     sample: int = SAMPLE,
     gap: float = 0.008,
@@ -500,14 +500,21 @@ def success_bound(
 
     Args:
         scenario: the search.
-        drones: every drone's cell (x, y) at the beginning.
+        drones_positions: every drone's cell (x, y) at the beginning.
         sample: ways of each person to draw where they are too many to enumerate.
         gap: the duality gap at which to stop, as a share of the bound.
         horizons: numbers of steps for which to solve the relaxation.
         report: told now and then which share of the work is done.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits.
     """
     size, limit = scenario.grid_size, scenario.timestep_limit
-    starts = [y * size + x for x, y in drones]
+    starts = scenario.drone_cells(drones_positions)
+    checks.integer("sample", sample, 1)
+    checks.integer("horizons", horizons, 1)
+    checks.real("gap", gap, 0)
     kinds = sorted(set(zip(scenario.persons, scenario.detections, strict=True)))
     bounds = []
     for number, (cell, detection) in enumerate(kinds):

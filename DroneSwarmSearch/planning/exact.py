@@ -9,7 +9,6 @@ work grows exponentially with steps and drones; this is for tests of what is les
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -19,7 +18,7 @@ from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["best_success"]
 
@@ -29,12 +28,12 @@ LEAST_GAIN = 1e-12
 """Plans that differ by less are equally good."""
 
 
-def best_success(scenario: Scenario, drones: Sequence[Cell], known: float = 0.0) -> float:
+def best_success(scenario: Scenario, drones_positions: object, known: float = 0.0) -> float:
     """The chance of the best of all policies to find the person by the limit.
 
     Args:
         scenario: a search for one person, small: some ten steps of one drone, or six of two.
-        drones: every drone's cell (x, y) at the beginning.
+        drones_positions: every drone's cell (x, y) at the beginning.
         known: what some plan is known to reach, to save work.
 
     Raises:
@@ -42,7 +41,7 @@ def best_success(scenario: Scenario, drones: Sequence[Cell], known: float = 0.0)
     """
     if len(scenario.persons) > 1:
         raise ValueError(f"scenario must have one person, got {len(scenario.persons)}")
-    return _Search(scenario, known).run([y * scenario.grid_size + x for x, y in drones])
+    return _Search(scenario, known).run(scenario.drone_cells(drones_positions))
 
 
 class _Search:

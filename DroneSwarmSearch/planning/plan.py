@@ -126,6 +126,18 @@ class Plan:
             if gained < least:
                 break
 
+    def scatter(self, rng: np.random.Generator) -> None:
+        """Improve every drone's path as a whole, by gains that are distorted at random.
+
+        Different numbers lead to different plans, whose improvement ends in different ones.
+        """
+        for drone in range(len(self.paths)):
+            self.sweep(
+                drone,
+                self.steps,
+                distort=lambda gains: gains * np.exp(rng.normal(size=gains.shape)),
+            )
+
     def sweep(
         self,
         drone: int,
@@ -139,7 +151,7 @@ class Plan:
             drone: its number.
             length: of the stretches, in steps.
             shift: by so many steps the first one is cut short.
-            distort: changes the gains before a path is sought, to find other ones.
+            distort: changes the gains before a path is sought.
 
         Returns:
             What the plan gained.

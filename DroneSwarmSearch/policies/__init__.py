@@ -27,6 +27,7 @@ from DroneSwarmSearch.policies.patterns import (
     ParallelSweepPolicy,
     SectorSearchPolicy,
 )
+from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.policies.random_walk import RandomPolicy
 from DroneSwarmSearch.policies.swarm import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.scenario import Scenario
@@ -39,6 +40,7 @@ __all__ = [
     "GreedyPolicy",
     "Knowledge",
     "ParallelSweepPolicy",
+    "PlannerPolicy",
     "Policy",
     "PosteriorGreedyPolicy",
     "RandomPolicy",
@@ -58,13 +60,6 @@ class Policy(Protocol):
         """Forget the episode: the next observations are the first of another one."""
 
 
-def _planner(scenario: Scenario) -> BatchPolicy:
-    # Imported when wanted: planning builds on modules of this package.
-    from DroneSwarmSearch.policies.planner import PlannerPolicy
-
-    return PlannerPolicy(scenario)
-
-
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "random": RandomPolicy,
     "parallel-sweep": ParallelSweepPolicy,
@@ -73,7 +68,7 @@ POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "sector-search": SectorSearchPolicy,
     "greedy-matrix": GreedyPolicy,
     "greedy-posterior": PosteriorGreedyPolicy,
-    "planner": _planner,
+    "planner": PlannerPolicy,
 }
 """The policies by name, from the weakest idea to the strongest: what makes one for a search."""
 

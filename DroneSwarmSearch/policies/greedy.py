@@ -2,7 +2,7 @@
 
 For a target that stays where it is and looks that cost alike, the best plan is to look
 next where a look is most likely to succeed (Stone, Theory of Optimal Search, 1975;
-Chew, Annals of Mathematical Statistics 38:1967). A drone must also get there, and while
+Chew, Annals of Mathematical Statistics 38:494, 1967). A drone must also get there, and while
 it flies it finds nobody. The heuristic here is the usual way out: a success is worth the
 less the later it comes, `DISCOUNT` for each step of the way, and of the cells the drone
 takes the one with the greatest discounted probability. It looks one target ahead and

@@ -38,11 +38,14 @@ LEAST_GAIN = 5e-4
 ROUNDS = 8
 """The most rounds for a plan made from nothing."""
 
-ROUNDS_AGAIN = 1
-"""The most rounds for what is left of a plan after a find."""
-
-SHORTEST = 6
+SHORTEST = 3
 """Stretches of so few steps are still improved by themselves."""
+
+STARTS = 32
+"""The most plans that are begun at random, in small searches, where a plan is cheap."""
+
+EFFORT = 400_000
+"""The most that is spent on them: plans times drones times persons times steps times cells."""
 
 LEAST_CHANCE = 0.05
 """Persons less likely to be found than this count as if they were so likely."""
@@ -87,13 +90,18 @@ class PlannerPolicy(SwarmPolicy):
         self._chains_begin = -1
         self._plans: dict[_Occasion, list[Path]] = {}
 
-    def prepare(self, drones: Sequence[Cell]) -> None:
+    def prepare(self, drones_positions: object) -> None:
         """Make the first plan now, so that copies and pickles of the policy carry it.
 
         Args:
-            drones: every drone's cell (x, y) at the beginning of the episode.
+            drones_positions: every drone's cell (x, y) at the beginning of the episode.
+
+        Raises:
+            TypeError: they are no cells.
+            ValueError: they are not as many as the drones, off the grid, or two are alike.
         """
-        self._renew(self.begin(), list(drones))
+        starts = self.scenario.drone_cells(drones_positions)
+        self._renew(self.begin(), self._positions(starts))
 
     def begin(self) -> _Memory:
         return _Memory(Knowledge(self.scenario))
@@ -108,6 +116,10 @@ class PlannerPolicy(SwarmPolicy):
 
     def _numbers(self, cells: Sequence[Cell]) -> list[int]:
         return [y * self.scenario.grid_size + x for x, y in cells]
+
+    def _positions(self, numbers: Sequence[int]) -> list[Cell]:
+        cells = (divmod(number, self.scenario.grid_size) for number in numbers)
+        return [(x, y) for y, x in cells]
 
     def _renew(self, memory: _Memory, cells: list[Cell]) -> None:
         """Give a search a plan from its present step on."""
@@ -124,32 +136,34 @@ class PlannerPolicy(SwarmPolicy):
     def _plan(self, memory: _Memory, starts: list[int]) -> list[Path]:
         knowledge, step = memory.knowledge, memory.knowledge.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
-        rest = memory.rest(starts)
-        if rest is not None and len(rest[0].searches) == steps:
-            plan = self._improved(knowledge, rest, steps, ROUNDS_AGAIN)
-        else:
-            greedy = self._greedy_paths(knowledge, starts, steps)
-            plans = [self._improved(knowledge, greedy, SHORTEST, ROUNDS)]
-            if len(knowledge.missing) == 1:
-                idle = idle_paths(starts, steps)
-                plans.append(self._improved(knowledge, idle, SHORTEST, ROUNDS))
-            plan = max(plans, key=lambda plan: plan.value())
-        return plan.paths
-
-    def _improved(
-        self, knowledge: Knowledge, paths: list[Path], shortest: int, rounds: int
-    ) -> Plan:
-        step, steps = knowledge.step, len(paths[0].searches)
         targets = [
             Target(self._chain(person, step, steps), knowledge.belief(person))
             for person in knowledge.missing
         ]
         worth = 1.0 + HASTE * (1.0 - np.arange(steps) / steps)
-        plan = Plan(targets, worth, step, paths)
-        if len(targets) > 1:
+
+        def begun(paths: list[Path]) -> Plan:
+            return Plan(targets, worth, step, paths)
+
+        rest = memory.rest(starts)
+        if rest is not None and len(rest[0].searches) == steps:
+            plan = begun(rest)
             _weigh(plan)
-        plan.improve(shortest=shortest, least=LEAST_GAIN, rounds=rounds)
-        return plan
+            plan.improve(shortest=steps, least=LEAST_GAIN, rounds=1)
+            return plan.paths
+        greedy = begun(self._greedy_paths(knowledge, starts, steps))
+        _weigh(greedy)
+        plans, idle = [greedy], begun(idle_paths(starts, steps))
+        if len(targets) == 1:  # for several, one plan takes long enough
+            plans.append(idle)
+        work = len(starts) * len(targets) * steps * self.scenario.grid_size**2
+        rng = np.random.default_rng(0)
+        for _ in range(min(STARTS, EFFORT // work)):
+            plans.append(begun(idle.paths))
+            plans[-1].scatter(rng)
+        for plan in plans:
+            plan.improve(shortest=SHORTEST, least=LEAST_GAIN, rounds=ROUNDS)
+        return max(plans, key=Plan.value).paths
 
     def _greedy_paths(self, knowledge: Knowledge, starts: list[int], steps: int) -> list[Path]:
         """The paths of a greedy swarm that finds nobody: a plan like any other to begin with."""
@@ -157,8 +171,7 @@ class PlannerPolicy(SwarmPolicy):
         neighbours = neighbours_of_all(self.scenario.grid_size)
         ways, searches = [starts], []
         for _ in range(steps):
-            cells = [divmod(cell, self.scenario.grid_size)[::-1] for cell in ways[-1]]
-            actions = greedy.choose(known, cells, known.shown())
+            actions = greedy.choose(known, self._positions(ways[-1]), known.shown())
             ways.append(neighbours[ways[-1], actions].tolist())
             searches.append([action == Action.SEARCH for action in actions])
         return [
@@ -171,14 +184,14 @@ class PlannerPolicy(SwarmPolicy):
     def _chain(self, person: int, step: int, steps: int) -> Chain:
         """A person's chain over the steps of a plan."""
         begin = step // HORIZON * HORIZON
+        end = max(min(begin + 2 * HORIZON, self.scenario.timestep_limit), step + steps)
         if begin != self._chains_begin:
             self._chains.clear()
             self._chains_begin = begin
-        chain = self._chains.get((person, begin))
+        chain = self._chains.get((person, end))
         if chain is None:
-            end = max(min(begin + 2 * HORIZON, self.scenario.timestep_limit), step + steps)
             chain = Chain(self._laws[person], self.scenario.detections[person], begin, end)
-            self._chains[person, begin] = chain
+            self._chains[person, end] = chain
         return chain
 
     def __getstate__(self) -> dict[str, Any]:
@@ -188,6 +201,8 @@ class PlannerPolicy(SwarmPolicy):
 
 def _weigh(plan: Plan) -> None:
     """Let each person count in inverse proportion to the chance that the plan gives it."""
+    if len(plan.targets) == 1:
+        return
     chances = np.maximum(plan.chances(), LEAST_CHANCE)
     weights = (1.0 / chances) / np.mean(1.0 / chances)
     for target, weight in zip(plan.targets, weights.tolist(), strict=True):
