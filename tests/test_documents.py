@@ -6,6 +6,8 @@ import contextlib
 import io
 import os
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +16,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+GUIDES = ("README.md", "evaluation.md", "policies.md")
+"""The pages whose commands take seconds and need nothing that is not installed."""
 
 
 def blocks(language: str) -> list[tuple[str, str]]:
@@ -28,9 +32,10 @@ def blocks(language: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("block", [pytest.param(text, id=name) for name, text in blocks("python")])
-def test_python_block(block: str) -> None:
-    for trainer in ("stable_baselines3",):  # an extra
-        if f"from {trainer} " in block:
+def test_python_block(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for trainer in ("stable_baselines3", "torch"):  # extras, or nothing of ours
+        if re.search(rf"^(from|import) {trainer}\b", block, re.M):
             pytest.importorskip(trainer)
     with contextlib.redirect_stdout(io.StringIO()) as output:
         exec(compile(block, "block", "exec"), {"__name__": "__main__"})
@@ -45,7 +50,8 @@ def test_the_readme_search_succeeds() -> None:
 
 
 def test_the_readme_has_the_two_commands_that_ci_runs() -> None:
-    commands = [text.strip() for name, text in blocks("sh") if name.startswith("README")]
+    texts = [text.strip() for name, text in blocks("sh") if name.startswith("README")]
+    commands = [text for text in texts if " pip install " in text]
     assert [command.split("&&")[1].strip() for command in commands] == [
         "python basic_env.py",
         "python -m pytest",
@@ -56,9 +62,44 @@ def test_the_readme_has_the_two_commands_that_ci_runs() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_and_pictures_exist(page: Path) -> None:
     text = page.read_text("utf-8")
-    targets = re.findall(r"\]\(([^)#\s]+)\)", text) + re.findall(r'src="([^"]+)"', text)
+    targets = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'src="([^"]+)"', text)
     for target in targets:
-        assert target.startswith("https://") or (page.parent / target).exists(), target
+        if target.startswith("https://"):
+            continue
+        name, _, section = target.partition("#")
+        there = page.parent / name if name else page
+        assert there.exists(), target
+        assert not section or section in sections(there), target
+
+
+def sections(page: Path) -> list[str]:
+    """The names of a page's sections in links, as GitHub forms them."""
+    titles = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    return [re.sub(r"[^\w\- ]", "", title).lower().replace(" ", "-") for title in titles]
+
+
+def commands() -> list[str]:
+    """The commands of the guides, but for those that install something."""
+    lines = [
+        line
+        for name, text in blocks("sh")
+        if name.rsplit("-", 1)[0] in GUIDES
+        for line in text.splitlines()
+    ]
+    return [line for line in lines if " pip install " not in line]
+
+
+@pytest.mark.parametrize("command", commands())
+def test_command(command: str, tmp_path: Path) -> None:
+    """Each is run where files may be written, with the examples at hand as in a clone."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    program, *arguments = shlex.split(command)
+    assert program == "python"
+    shown = run_python(arguments, tmp_path)
+    assert shown.strip()
+    for place, argument in enumerate(arguments):
+        if argument == "--out":
+            assert (tmp_path / arguments[place + 1]).exists()
 
 
 @pytest.mark.parametrize(
@@ -68,19 +109,25 @@ def test_links_and_pictures_exist(page: Path) -> None:
         (["-m", "DroneSwarmSearch"], "return"),
         (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
+        (["examples/evaluate_your_own.py", "--episodes", "20"], "greedy-posterior: found"),
         (["tests/benchmarks/bench_step.py", "--rounds", "1", "--steps", "20"], "idle/floor"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )
 def test_script(script: list[str], shows: str) -> None:
+    assert shows in run_python(script, ROOT)
+
+
+def run_python(arguments: list[str], folder: Path) -> str:
+    """What Python prints in a folder, where there is no display."""
     without_display = {
         name: value
         for name, value in os.environ.items()
         if name not in ("DISPLAY", "SDL_VIDEODRIVER")
     }
     run = subprocess.run(
-        [sys.executable, *script],
-        cwd=ROOT,
+        [sys.executable, *arguments],
+        cwd=folder,
         env={**without_display, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
@@ -88,4 +135,4 @@ def test_script(script: list[str], shows: str) -> None:
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    assert shows in run.stdout
+    return run.stdout

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from DroneSwarmSearch import Action
 from DroneSwarmSearch import __main__ as command
 from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, Reliability, bounds, page, run
 from DroneSwarmSearch.evaluation.files import Store
@@ -255,6 +256,17 @@ class TestRun:
         ranked = [name for rank in THEORY for name in rank]
         contest = leaderboard(searches=["pond"], episodes=1, bounds=False, progress=False)
         assert list(contest.policies) == ranked
+
+    def test_a_policy_of_ones_own_may_be_shown_the_posterior(self) -> None:
+        def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
+            return np.full(seen["positions"].shape[:2], int(Action.SEARCH))
+
+        board = leaderboard(
+            ["random"], ["pond"], added=[stay], posterior=True, episodes=2, bounds=False,
+            progress=False,
+        )  # fmt: skip
+        shown = {each.policy: each.search.scenario.bayesian_update for each in board.evaluations}
+        assert shown == {"stay": True, "random": False}
 
     @pytest.mark.slow
     @pytest.mark.usefixtures("_no_figures")
