@@ -54,7 +54,7 @@ def test_the_readme_has_the_two_commands_that_ci_runs() -> None:
     commands = [text for text in texts if " pip install " in text]
     assert [command.split("&&")[1].strip() for command in commands] == [
         "python basic_env.py",
-        "python -m pytest",
+        "python -m pytest -n auto",
     ]
     assert all(command.startswith("python -m pip install ") for command in commands)
 

@@ -53,12 +53,7 @@ def plans_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return steps
 
 
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plans begun in two ways only, where their quality does not matter."""
-    monkeypatch.setattr(planner_module, "STARTS", 0)
-
-
+@pytest.mark.good_plans
 class TestQuality:
     @pytest.mark.parametrize("index", range(len(SMALL)))
     def test_is_within_2_percent_of_the_best_plan(self, index: int) -> None:
@@ -70,7 +65,7 @@ class TestQuality:
         """It improves many plans until no stretch can be improved alone: not always to the best."""
         rng = np.random.default_rng(0)
         shares = []
-        while len(shares) < 40:
+        while len(shares) < 15:
             of = random_search(rng)
             mine = reached(of)
             most = best_success(of.scenario, of.drones, known=mine)
@@ -79,7 +74,15 @@ class TestQuality:
         assert np.mean(np.array(shares) > 0.98) > 0.95
         assert np.mean(shares) > 0.995
 
-    @pytest.mark.parametrize("name", ["pond", "lagoon", "harbour", "fog"])
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "pond",
+            pytest.param("lagoon", marks=pytest.mark.slow),
+            pytest.param("harbour", marks=pytest.mark.slow),
+            pytest.param("fog", marks=pytest.mark.slow),
+        ],
+    )
     def test_is_never_below_the_greedy_one(self, name: str) -> None:
         of = SUITE[name]
         greedy = chances(of, flown(PosteriorGreedyPolicy(of.scenario), of))[0]
@@ -92,12 +95,9 @@ class TestQuality:
         )  # fmt: skip
         assert reached(of) >= 0.34
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
-        ("vector", "constant", "floor"),
-        [
-            pytest.param((0.3, 0.3), 3, 0.88, marks=pytest.mark.slow),
-            ((0.1, -0.2), 10, 0.60),
-        ],
+        ("vector", "constant", "floor"), [((0.3, 0.3), 3, 0.88), ((0.1, -0.2), 10, 0.60)]
     )
     def test_has_not_become_worse_for_four(
         self, vector: tuple[float, float], constant: float, floor: float
@@ -108,6 +108,7 @@ class TestQuality:
         )  # fmt: skip
         assert reached(of) >= floor
 
+    @pytest.mark.slow
     def test_searches_for_all_persons(self) -> None:
         of = search(
             [(6, 0), (0, 6)], grid_size=13, person_initial_position=[(3, 3), (9, 8)],
@@ -141,7 +142,6 @@ A_SEARCH = search(
 )  # fmt: skip
 
 
-@pytest.mark.usefixtures("quick")
 class TestFlight:
     def test_flies_one_plan_while_nobody_is_found(self, plans_made: list[int]) -> None:
         paths = flown(planner(A_SEARCH), A_SEARCH)
@@ -233,7 +233,6 @@ class TestFlight:
         assert min(chances(A_SEARCH, paths)) > 0.2
 
 
-@pytest.mark.usefixtures("quick")
 class TestNews:
     def test_plans_anew_after_a_find_for_those_still_missing(self, plans_made: list[int]) -> None:
         of, policy = A_SEARCH, planner(A_SEARCH)
