@@ -112,7 +112,7 @@ class _Greedy(SwarmPolicy):
 
 
 class GreedyPolicy(_Greedy):
-    """Sends every drone to the cell that is worth most for its distance, and searches there.
+    """Greedy on the matrix shown: to the cell worth most for its distance, and search there.
 
     In every step:
 
@@ -154,7 +154,9 @@ class GreedyPolicy(_Greedy):
 
 
 class PosteriorGreedyPolicy(_Greedy):
-    """Makes the choice of `GreedyPolicy` on the exact posterior, whatever the matrix shows.
+    """Greedy on the exact posterior, which the swarm keeps itself, whatever the matrix shows.
+
+    The choice is that of `GreedyPolicy`.
 
     A cell is worth the chance that a search of it succeeds, POS: the mean over the
     persons missing of POD times posterior, as `Knowledge` keeps it. Cells with less than

@@ -23,7 +23,7 @@ Singles = NDArray[np.float32]
 
 
 class RandomPolicy(BatchPolicy):
-    """Picks free actions at random; see the module.
+    """Random: every free action of a drone is as likely as the others.
 
     The numbers depend on a search's seed, the step and the drone alone, not on the other
     searches of a batch. Row i has seed i until `reset` says otherwise; a reset without a
