@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from DroneSwarmSearch import checks
+from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import RewardScheme
 
 __all__ = ["Cell", "Scenario"]
@@ -94,6 +95,13 @@ class Scenario:
                 f"probability_of_detection, got {person_initial_position!r}"
             )
         return replace(self, persons=persons)
+
+    def laws(self) -> tuple[ProbabilityMatrix, ...]:
+        """Every person's law."""
+        return tuple(
+            ProbabilityMatrix(self.grid_size, cell, self.vector, self.disperse_constant)
+            for cell in self.persons
+        )
 
     def drone_cells(self, drones_positions: object) -> list[int]:
         """The drones' cells by number, y * N + x.

@@ -47,10 +47,7 @@ class Sea:
         size = search.grid_size
         self._bayesian = search.bayesian_update
         self._detections = search.detections
-        self._laws = tuple(
-            ProbabilityMatrix(size, cell, search.vector, search.disperse_constant)
-            for cell in search.persons
-        )
+        self._laws = search.laws()
         self._paths_at_start = [[y * size + x] for x, y in search.persons]
         self._block_steps = self._laws[0].block_steps
         self.everybody = tuple(range(len(self._laws)))

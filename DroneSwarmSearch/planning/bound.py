@@ -510,15 +510,15 @@ def success_bound(
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of its limits.
     """
-    size, limit = scenario.grid_size, scenario.timestep_limit
+    limit = scenario.timestep_limit
     starts = scenario.drone_cells(drones_positions)
     checks.integer("sample", sample, 1)
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
-    kinds = sorted(set(zip(scenario.persons, scenario.detections, strict=True)))
+    persons = zip(scenario.persons, scenario.detections, scenario.laws(), strict=True)
+    kinds = {(cell, detection): law for cell, detection, law in persons}
     bounds = []
-    for number, (cell, detection) in enumerate(kinds):
-        law = ProbabilityMatrix(size, cell, scenario.vector, scenario.disperse_constant)
+    for number, ((_, detection), law) in enumerate(sorted(kinds.items())):
 
         def told(share: float, number: int = number) -> None:
             report((number + share) / len(kinds))

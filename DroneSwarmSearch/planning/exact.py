@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import values_to_go
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
 
@@ -46,9 +45,7 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
 
 class _Search:
     def __init__(self, scenario: Scenario, known: float) -> None:
-        law = ProbabilityMatrix(
-            scenario.grid_size, scenario.persons[0], scenario.vector, scenario.disperse_constant
-        )
+        (law,) = scenario.laws()
         self._first = law.exact(0)
         self._limit = scenario.timestep_limit
         self._q = scenario.detections[0]

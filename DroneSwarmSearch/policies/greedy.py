@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
+from DroneSwarmSearch.policies.traffic import MOVES
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -54,14 +55,6 @@ claimed."""
 
 LEAST = 1e-300
 """Stands for a probability of 0, whose logarithm would be infinite."""
-
-STEPS: tuple[tuple[Action, int, int], ...] = (
-    (Action.LEFT, -1, 0),
-    (Action.RIGHT, 1, 0),
-    (Action.UP, 0, -1),
-    (Action.DOWN, 0, 1),
-)
-"""The moves and where they lead, (x, y)."""
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -227,7 +220,7 @@ def _approach(
     nearer = [
         # Where both ways are as likely, the longer leg first: that leaves the choice open.
         ((probability[y + dy, x + dx], abs(across * dx + down * dy)), action, (x + dx, y + dy))
-        for action, dx, dy in STEPS
+        for (dx, dy), action in MOVES.items()
         if across * dx + down * dy > 0 and (x + dx, y + dy) not in taken
     ]
     if not nearer:

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.belief import after_drift, after_fruitless_search
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -58,10 +57,7 @@ class Knowledge:
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.laws = tuple(
-            ProbabilityMatrix(scenario.grid_size, cell, scenario.vector, scenario.disperse_constant)
-            for cell in scenario.persons
-        )
+        self.laws = scenario.laws()
         self.step = 0
         self.missing = tuple(range(len(self.laws)))
         self._beliefs: tuple[Floats, ...] | None = None  # None: nobody has searched yet

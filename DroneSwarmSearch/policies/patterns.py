@@ -37,7 +37,7 @@ from DroneSwarmSearch.policies.tracks import (
     strips,
     sweep,
 )
-from DroneSwarmSearch.policies.traffic import settle
+from DroneSwarmSearch.policies.traffic import MOVES, settle
 from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
@@ -62,14 +62,6 @@ STEPS_PER_CELL = 2
 
 STAIRS = 4 / math.pi
 """Cells per cell of length along a line of any direction, in the mean: |cos| + |sin|."""
-
-_MOVES = {
-    (-1, 0): Action.LEFT,
-    (1, 0): Action.RIGHT,
-    (0, -1): Action.UP,
-    (0, 1): Action.DOWN,
-    (0, 0): Action.IDLE,
-}
 
 
 class Datum(NamedTuple):
@@ -197,7 +189,7 @@ class PatternPolicy(SwarmPolicy):
                 memory.flights[drone].searched()
                 actions.append(Action.SEARCH)
             else:
-                actions.append(_MOVES[next_x - x, next_y - y])
+                actions.append(MOVES[next_x - x, next_y - y])
         memory.knowledge.acted(cells, actions)
         return actions
 

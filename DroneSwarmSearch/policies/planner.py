@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.grid import Neighbours, grid_of
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target, idle_paths
 from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
 from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
-from DroneSwarmSearch.rules import Action, neighbours_of_all
+from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["PlannerPolicy"]
@@ -53,13 +54,6 @@ LEAST_CHANCE = 0.05
 PLANS_KEPT = 4096
 """Plans that are remembered for other searches that come to the same point."""
 
-_MOVES = {
-    (-1, 0): Action.LEFT,
-    (1, 0): Action.RIGHT,
-    (0, -1): Action.UP,
-    (0, 1): Action.DOWN,
-}
-
 _Occasion = tuple[Any, ...]
 """When plans were made in a search, where the drones were and who was missing: with the
 scenario this says all that a plan depends on."""
@@ -85,7 +79,8 @@ class PlannerPolicy(SwarmPolicy):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._laws = Knowledge(scenario).laws
+        self._laws = scenario.laws()
+        self._neighbours, self._positions = grid_of(scenario.grid_size)
         self._chains: dict[tuple[int, int], Chain] = {}
         self._chains_begin = -1
         self._plans: dict[_Occasion, list[Path]] = {}
@@ -101,7 +96,7 @@ class PlannerPolicy(SwarmPolicy):
             ValueError: they are not as many as the drones, off the grid, or two are alike.
         """
         starts = self.scenario.drone_cells(drones_positions)
-        self._renew(self.begin(), self._positions(starts))
+        self._renew(self.begin(), [self._positions[cell] for cell in starts])
 
     def begin(self) -> _Memory:
         return _Memory(Knowledge(self.scenario))
@@ -110,16 +105,12 @@ class PlannerPolicy(SwarmPolicy):
         memory.knowledge.observe(matrix)
         if not memory.holds(self._numbers(cells)):
             self._renew(memory, cells)
-        actions = memory.actions(self.scenario.grid_size)
+        actions = memory.actions(self._neighbours)
         memory.knowledge.acted(cells, actions)
         return actions
 
     def _numbers(self, cells: Sequence[Cell]) -> list[int]:
         return [y * self.scenario.grid_size + x for x, y in cells]
-
-    def _positions(self, numbers: Sequence[int]) -> list[Cell]:
-        cells = (divmod(number, self.scenario.grid_size) for number in numbers)
-        return [(x, y) for y, x in cells]
 
     def _renew(self, memory: _Memory, cells: list[Cell]) -> None:
         """Give a search a plan from its present step on."""
@@ -168,11 +159,16 @@ class PlannerPolicy(SwarmPolicy):
     def _greedy_paths(self, knowledge: Knowledge, starts: list[int], steps: int) -> list[Path]:
         """The paths of a greedy swarm that finds nobody: a plan like any other to begin with."""
         greedy, known = PosteriorGreedyPolicy(self.scenario), copy.deepcopy(knowledge)
-        neighbours = neighbours_of_all(self.scenario.grid_size)
         ways, searches = [starts], []
         for _ in range(steps):
-            actions = greedy.choose(known, self._positions(ways[-1]), known.shown())
-            ways.append(neighbours[ways[-1], actions].tolist())
+            cells = [self._positions[cell] for cell in ways[-1]]
+            actions = greedy.choose(known, cells, known.shown())
+            ways.append(
+                [
+                    self._neighbours[cell][action]
+                    for cell, action in zip(ways[-1], actions, strict=True)
+                ]
+            )
             searches.append([action == Action.SEARCH for action in actions])
         return [
             Path(np.array(way), np.array(searched))
@@ -228,8 +224,7 @@ class _Memory:
     occasion: _Occasion = ()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Memory:
-        knowledge = self.knowledge.__deepcopy__(memo)
-        return _Memory(knowledge, self.paths, self.since, self.missing, self.occasion)
+        return replace(self, knowledge=copy.deepcopy(self.knowledge, memo))
 
     @property
     def _place(self) -> int:
@@ -248,7 +243,7 @@ class _Memory:
             return None
         return [Path(path.cells[place:], path.searches[place:]) for path in self.paths]
 
-    def actions(self, grid_size: int) -> list[int]:
+    def actions(self, neighbours: Neighbours) -> list[int]:
         """What the plan says that the drones do in this step."""
         assert self.paths is not None
         place, actions = self._place, []
@@ -256,7 +251,6 @@ class _Memory:
             here, there = path.cells[place : place + 2].tolist()
             if here == there:
                 actions.append(int(Action.SEARCH if path.searches[place] else Action.IDLE))
-                continue
-            (y, x), (v, u) = divmod(here, grid_size), divmod(there, grid_size)
-            actions.append(int(_MOVES[u - x, v - y]))
+            else:
+                actions.append(neighbours[here].index(there))
         return actions

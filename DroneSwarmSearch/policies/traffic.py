@@ -1,12 +1,22 @@
-"""Right of way: which of the drones may move so that no two end up in one cell."""
+"""How drones move, and right of way: who may go so that no two end up in one cell."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 
-__all__ = ["settle"]
+__all__ = ["MOVES", "settle"]
+
+MOVES: dict[Cell, Action] = {
+    (-1, 0): Action.LEFT,
+    (1, 0): Action.RIGHT,
+    (0, -1): Action.UP,
+    (0, 1): Action.DOWN,
+    (0, 0): Action.IDLE,
+}
+"""What brings a drone by (x, y) to another cell, without a search."""
 
 
 def settle(
