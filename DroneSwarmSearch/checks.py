@@ -14,7 +14,18 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["boolean", "cell", "choice", "finite", "integer", "is_number", "items", "pair", "real"]
+__all__ = [
+    "boolean",
+    "cell",
+    "choice",
+    "finite",
+    "integer",
+    "is_number",
+    "items",
+    "pair",
+    "positive",
+    "real",
+]
 
 
 def boolean(name: str, value: object) -> bool:
@@ -82,6 +93,15 @@ def real(name: str, value: object, low: float | None = None, high: float | None 
     limits = f" of at {' and at '.join(bounds)}" if bounds else ""
     error = ValueError if is_number(value) else TypeError
     raise error(f"{name} must be a finite number{limits}, got {value!r}")
+
+
+def positive(name: str, value: object) -> float:
+    """A finite real number above 0."""
+    number = finite(value)
+    if number is not None and number > 0.0:
+        return number
+    error = ValueError if is_number(value) else TypeError
+    raise error(f"{name} must be a finite number above 0, got {value!r}")
 
 
 def finite(value: object) -> float | None:

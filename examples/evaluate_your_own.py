@@ -52,8 +52,8 @@ class ScentNetwork:
         self.spreading = (REACH ** np.abs(cells[:, None] - cells)).astype(np.float32)
 
     def __call__(self, seen: Singles) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for planes (drones, 3, N, N): matrix, own place, others."""
-        matrix, own, others = seen.transpose(1, 0, 2, 3)
+        """Actions, shape (drones,), for planes (drones, 4, N, N): matrix, itself, others, time."""
+        matrix, own, others, _ = seen.transpose(1, 0, 2, 3)
         drones = np.arange(len(own))
         y, x = np.divmod(own.reshape(len(own), -1).argmax(axis=1), own.shape[-1])
 

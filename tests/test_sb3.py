@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from helpers import plain
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch.rules import ENDINGS
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.views import SearchVectorEnv
 
@@ -26,7 +27,7 @@ from stable_baselines3.common.vec_env import (
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 
 both_views = pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
-all_layouts = pytest.mark.parametrize("layout", ["flat", "dict", "planes"])
+all_layouts = pytest.mark.parametrize("layout", ["flat", "dict", "planes", "top-cells"])
 
 SMALL: dict[str, Any] = {
     "grid_size": 4,
@@ -231,6 +232,42 @@ def test_attributes_and_methods_are_the_views(view: type[SearchVectorEnv]) -> No
 
 
 @both_views
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_every_slot_has_a_mask_of_its_own(view: type[SearchVectorEnv], right_of_way: bool) -> None:
+    apart = {**SMALL, "drones_positions": [(0, 0), (2, 0)]}  # both might go between
+    env = SB3VecEnv(view(3, autoreset_mode="SameStep", **apart), right_of_way)
+    env.reset()
+    masks = env.env.action_masks(right_of_way)
+    rows = env.env_method("action_masks")
+    assert env.has_attr("action_masks")
+    assert plain(np.stack(rows)) == plain(masks)
+    assert rows[0].shape == (6 * 2 if view is SwarmVectorEnv else 6,)
+    assert plain(env.env_method("action_masks", indices=[2, 0])) == plain([masks[2], masks[0]])
+    other = env.env.action_masks(not right_of_way)
+    assert plain(np.stack(env.env_method("action_masks", not right_of_way))) == plain(other)
+    assert plain(VecMonitor(env).env_method("action_masks")) == plain(list(masks))
+    assert (masks != other).any()
+
+
+@both_views
+def test_maskable_ppo_learns_and_keeps_to_the_masks(view: type[SearchVectorEnv]) -> None:
+    contrib = pytest.importorskip("sb3_contrib")
+    env = SB3VecEnv(
+        view(8, autoreset_mode="SameStep", observation="flat", **SMALL), right_of_way=True
+    )
+    model = contrib.MaskablePPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=2, seed=1)
+    model.learn(2 * 16 * env.num_envs)
+    seen, endings = env.reset(), set()
+    for _ in range(30):
+        masks = contrib.common.maskable.utils.get_action_masks(env)
+        actions, _ = model.predict(seen, action_masks=masks)
+        seen, *_ = env.step(actions)
+        endings |= {ENDINGS[code] for code in env.batch.endings.tolist()}
+    assert {Ending.FOUND, Ending.TIME_UP} & endings
+    assert not {Ending.COLLISION, Ending.LEFT_GRID} & endings
+
+
+@both_views
 def test_spaces_are_those_of_a_slot(view: type[SearchVectorEnv]) -> None:
     env = made(view, 4, observation="planes")
     assert env.num_envs == env.env.num_envs == (4 if view is SwarmVectorEnv else 8)
@@ -270,6 +307,8 @@ def test_wrappers_work(view: type[SearchVectorEnv]) -> None:
 def test_other_environments_are_refused() -> None:
     with pytest.raises(TypeError, match="env must be a SwarmVectorEnv or a DroneVectorEnv, got <"):
         SB3VecEnv(DroneSwarmSearch())  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
+        SB3VecEnv(DroneVectorEnv(2, autoreset_mode="SameStep"), 1)  # type: ignore[arg-type]
     for mode in ("NextStep", "Disabled"):
         words = rf"env must have autoreset_mode='SameStep', got '{mode}'"
         with pytest.raises(ValueError, match=words):

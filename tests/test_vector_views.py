@@ -17,17 +17,24 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import vector as wrappers
 from helpers import plain
+from layouts_by_hand import drone_by_hand, swarm_by_hand
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
 from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.layouts import mark, scaled_matrices, scaled_positions
+from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rules import ENDINGS
 from DroneSwarmSearch.vector import Buffers, DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.views import SearchVectorEnv
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
 MODES = list(AutoresetMode)
-LAYOUTS = [("dict", True), ("dict", False), ("flat", True), ("planes", True)]  # matrices written?
+LAYOUTS = [  # with matrices written, or without
+    ("dict", True),
+    ("dict", False),
+    ("flat", True),
+    ("planes", True),
+    ("top-cells", True),
+]
 
 both_views = pytest.mark.parametrize("view", VIEWS)
 all_modes = pytest.mark.parametrize("mode", MODES)
@@ -214,11 +221,13 @@ def test_spaces_can_be_sampled(view: type[SearchVectorEnv], layout: str, writes:
     ("view", "layout", "shapes"),
     [
         (SwarmVectorEnv, "dict", {"positions": (3, 2), "probability_matrix": (4, 4)}),
-        (SwarmVectorEnv, "flat", (2 * 3 + 16,)),
-        (SwarmVectorEnv, "planes", (1 + 3, 4, 4)),
+        (SwarmVectorEnv, "flat", (2 * 3 + 1 + 16,)),
+        (SwarmVectorEnv, "planes", (2 + 3, 4, 4)),
+        (SwarmVectorEnv, "top-cells", (3, 3 * 8 + 2 * 3 + 1)),
         (DroneVectorEnv, "dict", {"position": (2,), "probability_matrix": (4, 4)}),
-        (DroneVectorEnv, "flat", (2 * 3 + 16,)),
-        (DroneVectorEnv, "planes", (3, 4, 4)),
+        (DroneVectorEnv, "flat", (2 * 3 + 1 + 16,)),
+        (DroneVectorEnv, "planes", (4, 4, 4)),
+        (DroneVectorEnv, "top-cells", (3 * 8 + 2 * 3 + 1,)),
     ],
 )
 def test_shapes_are_the_documented_ones(
@@ -268,92 +277,104 @@ def test_both_views_show_the_same_searches(case: dict[str, Any]) -> None:
             assert plain(rest[3][key]) == plain(infos[key].repeat(n, axis=0)), key
 
 
-# Flat vectors and planes, worked out from the dict layout.
+# All other layouts, worked out from the dict layout.
 
 
-def flat_by_hand(positions: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Positions, in the order in which they are shown, and a matrix as one vector."""
-    size = len(matrix)
-    numbers = [number / (size - 1) for position in positions.tolist() for number in position]
-    return np.concatenate([np.float32(numbers), (matrix / matrix.max()).reshape(-1)])
-
-
-def planes_by_hand(groups: list[np.ndarray], matrix: np.ndarray) -> np.ndarray:
-    """A matrix and, for every group of drones, a plane."""
-    planes = np.zeros((1 + len(groups), *matrix.shape), np.float32)
-    planes[0] = matrix / matrix.max()
-    for plane, positions in zip(planes[1:], groups, strict=True):
-        for x, y in positions.tolist():
-            plane[y, x] = 1
-    return planes
-
-
-def by_hand(view: type[SearchVectorEnv], layout: str, seen: dict[str, np.ndarray]) -> np.ndarray:
+def by_hand(
+    view: type[SearchVectorEnv], layout: str, seen: dict[str, np.ndarray], left: np.ndarray
+) -> np.ndarray:
     """A whole batch of observations from those that `SwarmVectorEnv` gives as a dict."""
     shown = []
-    for positions, matrix in zip(seen["positions"], seen["probability_matrix"], strict=True):
-        n = len(positions)
+    for cells, matrix, share in zip(
+        seen["positions"].tolist(), seen["probability_matrix"], left, strict=True
+    ):
         if view is SwarmVectorEnv:
-            orders = [list(range(n))]
+            shown.append(swarm_by_hand(layout, cells, matrix, share))
         else:
-            orders = [[k, *[other for other in range(n) if other != k]] for k in range(n)]
-        for order in orders:
-            ordered = positions[order]
-            if layout == "flat":
-                shown.append(flat_by_hand(ordered, matrix))
-            elif view is SwarmVectorEnv:
-                shown.append(planes_by_hand(list(ordered[:, None]), matrix))
-            else:
-                shown.append(planes_by_hand([ordered[:1], ordered[1:]], matrix))
+            drones = range(len(cells))
+            shown += [drone_by_hand(layout, k, cells, matrix, share) for k in drones]
     return np.stack(shown)
 
 
 @both_views
-@pytest.mark.parametrize("layout", ["flat", "planes"])
+@pytest.mark.parametrize("layout", ["flat", "planes", "top-cells"])
 @CASES
 def test_layouts_follow_from_the_dict(
     view: type[SearchVectorEnv], layout: str, case: dict[str, Any]
 ) -> None:
     env = view(3, observation=layout, autoreset_mode="SameStep", **case)
     swarms = SwarmVectorEnv(3, autoreset_mode="SameStep", **case)
-    rng, ended = np.random.default_rng(2), 0
-    seen, shown = swarms.reset(seed=8)[0], env.reset(seed=8)[0]
+    rng, ended, limit = np.random.default_rng(2), 0, case["timestep_limit"]
+    (seen, infos), shown = swarms.reset(seed=8), env.reset(seed=8)[0]
     for _ in range(60):
-        assert plain(shown) == plain(by_hand(view, layout, seen))
+        left = 1 - infos["step"] / limit
+        assert plain(shown) == plain(by_hand(view, layout, seen, left))
         actions = random_actions(rng, swarms)
         seen, _, over, _, infos = swarms.step(actions)
         shown, *_, also = env.step(actions.reshape(env.action_space.shape))
         for swarm in over.nonzero()[0]:
             last = {key: array[None] for key, array in infos["final_obs"][swarm].items()}
+            left = 1 - infos["final_info"]["step"][swarm : swarm + 1] / limit
             per_swarm = env.num_envs // 3
             slots = also["final_obs"][swarm * per_swarm : (swarm + 1) * per_swarm]
-            assert plain(np.stack(list(slots))) == plain(by_hand(view, layout, last))
+            assert plain(np.stack(list(slots))) == plain(by_hand(view, layout, last, left))
             ended += 1
     assert ended > 5
 
 
-def test_layouts_take_any_leading_axes() -> None:
+@both_views
+def test_as_many_cells_are_shown_as_asked_for(view: type[SearchVectorEnv]) -> None:
+    for cells in (1, 16):
+        env = view(2, observation="top-cells", top_cells=cells, **SMALL)
+        assert env.single_observation_space.shape[-1] == 3 * cells + 2 * 3 + 1
+        assert env.reset(seed=0)[0] in env.observation_space
+    for wrong, error in ((0, ValueError), (17, ValueError), (2.0, TypeError)):
+        words = f"top_cells must be an integer from 1 to 16, got {wrong}"
+        with pytest.raises(error, match=words):
+            view(2, observation="top-cells", top_cells=wrong, **SMALL)
+
+
+# Rewards and masks.
+
+
+@both_views
+@pytest.mark.parametrize("scale", [2**-17, 0.3])
+def test_rewards_are_scaled(view: type[SearchVectorEnv], scale: float) -> None:
+    env, plainly = view(3, reward_scale=scale, **SMALL), view(3, **SMALL)
+    env.reset(seed=1)
+    plainly.reset(seed=1)
     rng = np.random.default_rng(0)
-    matrices = rng.random((2, 3, 5, 5), np.float32)
-    wanted = np.stack([[m / m.max() for m in row] for row in matrices])
-    out = np.full_like(matrices, 7)
-    scaled_matrices(matrices, out)
-    assert plain(out) == plain(wanted)
-    scaled_matrices(matrices, matrices)
-    assert plain(matrices) == plain(wanted)
-    positions = rng.integers(0, 5, (2, 3, 4, 2))
-    out = np.empty(positions.shape, np.float32)
-    scaled_positions(positions, 5, out)
-    assert plain(out) == plain((positions / 4).astype(np.float32))
+    for _ in range(40):
+        actions = random_actions(rng, env)
+        _, rewards, _, _, infos = env.step(actions)
+        _, theirs, _, _, their_infos = plainly.step(actions)
+        assert plain(env.batch.rewards) == plain(plainly.batch.rewards)
+        if scale == 2**-17:
+            assert plain(rewards / scale) == plain(theirs)
+        by_drone = plainly.batch.rewards * scale
+        if view is SwarmVectorEnv:
+            assert plain(infos["rewards"]) == plain(by_drone)
+            assert plain(rewards) == plain(sum(by_drone.T, np.zeros(3)))
+            assert plain(their_infos["rewards"]) == plain(plainly.batch.rewards)
+        else:
+            assert plain(rewards) == plain(by_drone.reshape(-1))
 
 
-def test_marks_replace_whatever_was_there() -> None:
-    planes = np.full((2, 3, 3), 7, np.float32)
-    mark(np.array([[0, 5], [4, 4]]), planes)
-    assert planes[0].tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]
-    assert planes[1].tolist() == [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
-    mark(np.empty((2, 0), np.int64), planes)
-    assert not planes.any()
+@both_views
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_masks_are_those_of_the_cells(view: type[SearchVectorEnv], right_of_way: bool) -> None:
+    env = view(4, **SMALL)
+    env.reset(seed=1)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        masks = env.action_masks(right_of_way)
+        wanted = action_masks(env.batch.cells, SMALL["grid_size"], right_of_way)
+        shape = (4, 3 * 6) if view is SwarmVectorEnv else (4 * 3, 6)
+        assert plain(masks) == plain(wanted.reshape(shape))
+        assert not masks.all()
+        env.step(random_actions(rng, env))
+    with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
+        env.action_masks(1)  # type: ignore[arg-type]
 
 
 # The table of matrices.
@@ -1018,7 +1039,7 @@ def spaces_in(space: spaces.Space) -> dict[str, spaces.Box]:
     return dict(space.items()) if isinstance(space, spaces.Dict) else {"": space}
 
 
-FLAT = np.zeros((2, 2 * 3 + 16), np.float32)
+FLAT = np.zeros((2, 2 * 3 + 1 + 16), np.float32)
 MATRICES = {"probability_matrix": np.zeros((2, 4, 4), np.float32)}
 
 
@@ -1153,6 +1174,8 @@ def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
         ({"autoreset_mode": None}, ValueError, "autoreset_mode must be one of"),
         ({"write_matrices": 1}, TypeError, "write_matrices must be True or False, got 1"),
         ({"separate_flags": "no"}, TypeError, "separate_flags must be True or False"),
+        ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
+        ({"reward_scale": "1"}, TypeError, "reward_scale must be a finite number above 0"),
         ({"copy": None}, TypeError, "copy must be True or False"),
         ({"render_mode": "human"}, ValueError, "render_mode must be one of None, 'ansi', 'rgb_ar"),
         ({"observation": "flat", "write_matrices": False}, ValueError, "write_matrices=False need"),

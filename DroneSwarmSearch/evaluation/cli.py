@@ -28,6 +28,7 @@ from DroneSwarmSearch.evaluation.run import Cell
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
 from DroneSwarmSearch.evaluation.workers import WorkerCrashed
+from DroneSwarmSearch.layouts import LAYOUTS
 
 __all__ = ["bound_main", "evaluate_main", "guarded"]
 
@@ -215,7 +216,9 @@ def _evaluate_parser() -> argparse.ArgumentParser:
         "--view", default="swarm", help="what a policy is shown: swarm, drone or parallel (swarm)"
     )
     parser.add_argument(
-        "--observation", default="dict", help="in which layout: dict, flat or planes (dict)"
+        "--observation",
+        default="dict",
+        help=f"in which layout: {', '.join(LAYOUTS)} (dict)",
     )
     parser.add_argument(
         "--bound", action="store_true", help="also tell the upper bound, and the share reached"

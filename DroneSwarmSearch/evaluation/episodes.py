@@ -17,10 +17,11 @@ from DroneSwarmSearch.evaluation.results import Episodes
 from DroneSwarmSearch.evaluation.statistics import Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.views import LAYOUTS, DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector.views import DroneVectorEnv, SwarmVectorEnv
 
 __all__ = ["VIEWS", "checked_view", "play"]
 
@@ -41,7 +42,7 @@ def checked_view(view: object, observation: object) -> tuple[str, str]:
         ValueError: there is no such view or layout, or they do not go together.
     """
     view = checks.choice("view", view, VIEWS)
-    observation = checks.choice("observation", observation, LAYOUTS)
+    observation = checks.choice("observation", observation, tuple(LAYOUTS))
     if view == "parallel" and observation != "dict":
         raise ValueError(f"view='parallel' needs observation='dict', got {observation!r}")
     return str(view), str(observation)
@@ -67,7 +68,7 @@ def play(
             "drone": what `DroneVectorEnv` shows; actions of shape (E * n_drones,).
             "parallel": what `DroneSwarmSearch` shows, one search after another; actions as
             a dict.
-        observation: the layout of the first two: "dict", "flat" or "planes".
+        observation: the layout of the first two, see `layouts.LAYOUTS`.
         report: told now and then which share of the work is done.
 
     Raises:

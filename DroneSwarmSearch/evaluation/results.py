@@ -126,7 +126,7 @@ class Evaluation:
         search: the search, with `bayesian_update` as it was evaluated.
         seed: of the first episode; episode i has the seed `seed + i`.
         view: how the searches were shown: "swarm", "drone" or "parallel".
-        observation: in which layout: "dict", "flat" or "planes".
+        observation: in which layout, a name of `layouts.LAYOUTS`.
         episodes: what happened.
         bound: what no policy can exceed on this search, if it was worked out.
     """

@@ -70,7 +70,7 @@ def evaluate(
             actions of shape (E, n_drones). "drone": their drones as `DroneVectorEnv` shows
             them; actions of shape (E * n_drones,). "parallel": one search at a time as
             `DroneSwarmSearch` shows it; a dict of actions.
-        observation: the layout of the first two: "dict", "flat" or "planes".
+        observation: the layout of the first two, a name of `layouts.LAYOUTS`.
         workers: processes to play in.
         ray: play on Ray instead: "local", or a cluster's address.
         store: where finished portions are kept and looked for; a `Store` or its folder. A

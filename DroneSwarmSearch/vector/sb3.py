@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.vector.views import SearchVectorEnv
 
 __all__ = ["SB3VecEnv"]
@@ -26,21 +27,27 @@ class SB3VecEnv(VecEnv):
     without terminating (separate_flags=True). Otherwise a slot's info is empty: `env.batch`
     knows the rest. `VecMonitor` adds the returns of episodes.
 
+    `env_method("action_masks")` gives every slot's mask of sensible actions, as
+    `MaskablePPO` of sb3-contrib wants it.
+
     Args:
         env: a `SwarmVectorEnv` or a `DroneVectorEnv` with autoreset_mode="SameStep".
+        right_of_way: mask moves to where a drone of a lower number may be next, too; see
+            `masks.action_masks`.
 
     Raises:
-        TypeError: `env` is no such view.
+        TypeError: `env` is no such view, or `right_of_way` neither True nor False.
         ValueError: it begins episodes anew at another time.
     """
 
-    def __init__(self, env: SearchVectorEnv) -> None:
+    def __init__(self, env: SearchVectorEnv, right_of_way: bool = False) -> None:
         if not isinstance(env, SearchVectorEnv):
             raise TypeError(f"env must be a SwarmVectorEnv or a DroneVectorEnv, got {env!r}")
         mode = env.metadata["autoreset_mode"]
         if mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"env must have autoreset_mode='SameStep', got {mode.value!r}")
         self.env = env
+        self._right_of_way = checks.boolean("right_of_way", right_of_way)
         self.metadata = env.metadata
         self._actions: NDArray[Any] | None = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
@@ -101,9 +108,16 @@ class SB3VecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Call a method of the view once; its result for each of these slots."""
+        """Call a method of the view once; its result for each of these slots.
+
+        Of "action_masks" each slot gets its own row.
+        """
+        slots = self._get_indices(indices)
+        if method_name == "action_masks":
+            masks = self.env.action_masks(*args or (self._right_of_way,), **kwargs)
+            return [masks[slot] for slot in slots]
         result = getattr(self.env, method_name)(*args, **kwargs)
-        return [result for _ in self._get_indices(indices)]
+        return [result for _ in slots]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Whether slots are wrapped: they are not."""

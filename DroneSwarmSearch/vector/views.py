@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import checks
 from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.layouts import mark, scaled_matrices, scaled_positions
+from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, StackedLayout, share_left
+from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS, Action, Ending
 from DroneSwarmSearch.vector.engine import SearchBatch
@@ -33,7 +34,6 @@ Observations = Any  # an array, or a dict of arrays
 Slots = Any  # an array with a first axis for the slots
 Infos = dict[str, Any]
 
-LAYOUTS = ("dict", "flat", "planes")
 _TIME_UP = ENDINGS.index(Ending.TIME_UP)
 
 
@@ -59,8 +59,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     Args:
         num_envs: the number of swarms, E.
-        observation: "dict", or one float32 array: "flat" or "planes"; each view says what
-            is in them.
+        observation: "dict", or one float32 array: "flat", "planes", "top-cells" or
+            "glimpses"; each view says what is in them.
+        top_cells: how many cells the layout "top-cells" shows; from 1 to grid_size².
         write_matrices: False shows, in place of matrices, where in the table `matrices`,
             which all swarms share, the matrix of each stands; for one person, without
             `bayesian_update` and `sampler`, and with observation="dict".
@@ -70,6 +71,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         separate_flags: False: an episode's end is termination and truncation at once, as
             in `DroneSwarmSearch`. True: the time limit alone is truncation, all else
             termination, as value bootstrapping wants it.
+        reward_scale: what rewards are multiplied by; above 0. A power of two loses nothing,
+            see `wrappers.ScaledRewards`. `batch.rewards` are as they were.
         copy: return new arrays at every step; False returns the same ones every time,
             overwritten.
         render_mode: None, "ansi" or "rgb_array": whether `render` returns text or pictures.
@@ -97,16 +100,19 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         num_envs: int = 1,
         *,
         observation: str = "dict",
+        top_cells: int = 8,
         write_matrices: bool = True,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         separate_flags: bool = False,
+        reward_scale: float = 1.0,
         copy: bool = True,
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
-        self.observation = checks.choice("observation", observation, LAYOUTS)
+        self.observation = checks.choice("observation", observation, tuple(LAYOUTS))
         self._writes = checks.boolean("write_matrices", write_matrices)
         self._separate = checks.boolean("separate_flags", separate_flags)
+        self._reward_scale = checks.positive("reward_scale", reward_scale)
         copies = checks.boolean("copy", copy)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
         if not self._writes and observation != "dict":
@@ -128,9 +134,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         scenario = self.batch.scenario
         self._size, self._drones = scenario.grid_size, scenario.n_drones
         self._all_rows = np.arange(self.batch.num_rows)
-        # For every drone the drones in the order in which it is shown them: itself first.
-        order = [[k, *(i for i in range(self._drones) if i != k)] for k in range(self._drones)]
-        self._own_first = np.array(order)
+        self._layout_options: dict[str, Any] = {}
+        if observation == "top-cells":
+            self._layout_options = {"k": top_cells, "name": "top_cells"}
+        self._layout = self._choose_layout(str(observation))
         self.num_envs = self.batch.num_rows * self._per_swarm
         self.single_observation_space = self._space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -143,6 +150,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     # What a slot is; each view says.
 
+    _positions_name: str  # in the dict layout
+
     @property
     def _per_swarm(self) -> int:
         raise NotImplementedError
@@ -150,7 +159,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _action_space(self) -> spaces.Space[Any]:
         raise NotImplementedError
 
-    def _space(self) -> spaces.Space[Any]:
+    def _choose_layout(self, name: str) -> Layout:
         raise NotImplementedError
 
     def _rewards(self) -> NDArray[np.float64]:
@@ -161,8 +170,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """What the slots are told, each an array of shape (slots, ...)."""
         raise NotImplementedError
 
-    def _observe(self, rows: Ints, out: Observations) -> None:
-        """Write what some swarms' slots are shown."""
+    def _by_row(self, slots: Slots, rows: Ints) -> Slots:
+        """An array of some swarms' slots as the layout writes it: with an axis for swarms."""
+        raise NotImplementedError
+
+    def _flat_masks(self, masks: Flags) -> Flags:
+        """Masks, shape (swarms, drones, 6), as those of the slots."""
         raise NotImplementedError
 
     # Gymnasium's API.
@@ -272,6 +285,20 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._observe(rows, observed)
         return observed
 
+    def action_masks(self, right_of_way: bool = False) -> Flags:
+        """Which actions are sensible now, see `masks.action_masks`; a new array.
+
+        Args:
+            right_of_way: mask moves to where a drone of a lower number may be next, too:
+                drones that keep to the masks then never collide.
+
+        Returns:
+            bool, True where allowed. Of a view of drones (slots, 6), indexed by
+            `rules.Action`; of one of swarms (swarms, n_drones * 6), drone after drone.
+        """
+        right_of_way = checks.boolean("right_of_way", right_of_way)
+        return self._flat_masks(action_masks(self.batch.cells, self._size, right_of_way))
+
     def use_buffers(self, buffers: Buffers) -> None:
         """From now on write what `reset` and `step` return into given arrays.
 
@@ -348,6 +375,11 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             )
         return chosen.reshape(self.batch.num_rows, self._drones)
 
+    def _rewards_of_drones(self) -> NDArray[np.float64]:
+        """Every drone's reward for the last step: (swarms, drones); perhaps the batch's own."""
+        rewards = self.batch.rewards
+        return rewards if self._reward_scale == 1.0 else rewards * self._reward_scale
+
     def _flags(self) -> tuple[Flags, Flags]:
         """Terminations and truncations of every slot."""
         endings = self.batch.endings.repeat(self._per_swarm)
@@ -398,12 +430,25 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         flags = np.zeros(n, np.bool_)
         return Buffers(self._new(n), np.zeros(n), flags, flags.copy())
 
-    def _matrix_space(self) -> dict[str, spaces.Space[Any]]:
-        """The entry of the dict layout that tells the matrix."""
+    def _space(self) -> spaces.Space[Any]:
+        """What a slot is shown."""
+        space = self._layout.space
         if self._writes:
-            shape = (self._size, self._size)
-            return {"probability_matrix": spaces.Box(0.0, 1.0, shape, np.float32)}
-        return {"matrix_index": spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)}
+            return space
+        entries = dict(space.items())  # type: ignore[attr-defined]  # a Dict
+        del entries["probability_matrix"]
+        index = spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)
+        return spaces.Dict({**entries, "matrix_index": index})
+
+    def _observe(self, rows: Ints, out: Observations) -> None:
+        """Write what some swarms' slots are shown."""
+        positions = self._of_rows(self.batch.positions, rows)
+        if self.observation == "dict":
+            self._by_row(out[self._positions_name], rows)[...] = positions
+            self._show_matrices(rows, out)
+            return
+        left = share_left(self._of_rows(self.batch.steps, rows), self.batch.scenario.timestep_limit)
+        self._layout.write(positions, self._matrices(rows), left, self._by_row(out, rows))
 
     def _show_matrices(self, rows: Ints, out: dict[str, Slots]) -> None:
         """Write the entry of the dict layout that tells the matrix."""
@@ -440,12 +485,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.batch.write_matrices(self._scratch)
         return self._scratch
 
-    def _scaled_matrices(self, rows: Ints) -> Singles:
-        """The same with their maximum scaled to 1."""
-        matrices = self._matrices(rows)
-        scaled_matrices(matrices, matrices)
-        return matrices
-
     def _of_rows(self, values: Slots, rows: Ints) -> Slots:
         """Values of all swarms, cut down to some."""
         return values if len(rows) == self.batch.num_rows else values[rows]
@@ -475,10 +514,12 @@ class SwarmVectorEnv(SearchVectorEnv):
     - "dict": `positions`, every drone's (x, y), int32, shape (n_drones, 2);
       `probability_matrix`, float32, (N, N), indexed [y, x]; with write_matrices=False
       `matrix_index` in place of the matrix.
-    - "flat": every drone's x and y, with the grid scaled to 1, then the matrix row by row,
-      with its maximum scaled to 1: float32, (2 n_drones + N²,).
-    - "planes": the matrix, with its maximum scaled to 1, then for every drone a plane with
-      1 at its cell: float32, (1 + n_drones, N, N).
+    - "flat": every drone's x and y, with the grid scaled to 1; the share of the steps left,
+      1 at the beginning; the matrix row by row, with its maximum scaled to 1: float32,
+      (2 n_drones + 1 + N²,).
+    - "planes": the matrix, with its maximum scaled to 1; for every drone a plane with 1 at
+      its cell; the share of the steps left, in every cell: float32, (2 + n_drones, N, N).
+    - all others: what `DroneVectorEnv` shows of each drone, (n_drones, ...).
 
     Rewards: the sum over the drones. Infos: `rewards` of every drone, (E, n_drones);
     `Found`, whether anybody has been found; `persons_found`, who, (E, persons);
@@ -488,6 +529,8 @@ class SwarmVectorEnv(SearchVectorEnv):
     Arguments: those of `SearchVectorEnv`.
     """
 
+    _positions_name = "positions"
+
     @property
     def _per_swarm(self) -> int:
         return 1
@@ -495,43 +538,32 @@ class SwarmVectorEnv(SearchVectorEnv):
     def _action_space(self) -> spaces.Space[Any]:
         return spaces.MultiDiscrete([len(Action)] * self._drones)
 
-    def _space(self) -> spaces.Space[Any]:
-        n, size = self._drones, self._size
-        if self.observation == "flat":
-            return spaces.Box(0.0, 1.0, (2 * n + size**2,), np.float32)
-        if self.observation == "planes":
-            return spaces.Box(0.0, 1.0, (1 + n, size, size), np.float32)
-        positions = spaces.Box(0, size - 1, (n, 2), np.int32)
-        return spaces.Dict({"positions": positions, **self._matrix_space()})
+    def _choose_layout(self, name: str) -> Layout:
+        size, n = self._size, self._drones
+        if name in JOINT_LAYOUTS:
+            return JOINT_LAYOUTS[name](size, n)
+        return StackedLayout(LAYOUTS[name](size, n, **self._layout_options))
+
+    def _by_row(self, slots: Slots, rows: Ints) -> Slots:
+        return slots
+
+    def _flat_masks(self, masks: Flags) -> Flags:
+        return masks.reshape(len(masks), -1)
 
     def _rewards(self) -> NDArray[np.float64]:
         # Drone by drone, as one adds up a dict of rewards, and faster than over short rows.
-        total: NDArray[np.float64] = np.ascontiguousarray(self.batch.rewards.T).sum(axis=0)
+        total: NDArray[np.float64] = np.ascontiguousarray(self._rewards_of_drones().T).sum(axis=0)
         return total
 
     def _infos(self) -> Infos:
         batch = self.batch
         return {
-            "rewards": batch.rewards.copy(),
+            "rewards": self._rewards_of_drones().copy(),
             "Found": batch.found.copy(),
             "persons_found": ~batch.missing,
             "ending": batch.endings.copy(),
             "step": batch.steps,
         }
-
-    def _observe(self, rows: Ints, out: Observations) -> None:
-        n, positions = self._drones, self._of_rows(self.batch.positions, rows)
-        if self.observation == "flat":
-            scaled_positions(positions.reshape(-1, 2 * n), self._size, out[:, : 2 * n])
-            out[:, 2 * n :] = self._scaled_matrices(rows).reshape(len(rows), -1)
-        elif self.observation == "planes":
-            out[:, 0] = self._scaled_matrices(rows)
-            cells = self._of_rows(self.batch.cells, rows)
-            for drone in range(n):
-                mark(cells[:, drone : drone + 1], out[:, 1 + drone])
-        else:
-            out["positions"][...] = positions
-            self._show_matrices(rows, out)
 
 
 class DroneVectorEnv(SearchVectorEnv):
@@ -546,10 +578,15 @@ class DroneVectorEnv(SearchVectorEnv):
 
     - "dict": `position`, its (x, y), int32, shape (2,); `probability_matrix`, float32,
       (N, N), indexed [y, x]; with write_matrices=False `matrix_index` in place of it.
-    - "flat": its x and y, then those of the other drones, with the grid scaled to 1, then
-      the matrix row by row, with its maximum scaled to 1: float32, (2 n_drones + N²,).
+    - "flat": its x and y, then those of the other drones, with the grid scaled to 1; the
+      share of the steps left, 1 at the beginning; the matrix row by row, with its maximum
+      scaled to 1: float32, (2 n_drones + 1 + N²,).
     - "planes": the matrix, with its maximum scaled to 1; itself; the other drones (1 at
-      their cells): float32, (3, N, N).
+      their cells); the share of the steps left, in every cell: float32, (4, N, N).
+    - "top-cells": the likeliest cells and the other drones, as they lie around it: float32,
+      (3 top_cells + 2 n_drones + 1,), see `layouts.top_cells`.
+    - "glimpses": the matrix and the other drones in windows around it, fine and coarse:
+      float32, (202,) whatever the search, see `layouts.glimpses`.
 
     Rewards: the drone's own. Infos, alike for all drones of a swarm: `Found`, whether
     anybody has been found; `persons_found`, who, (slots, persons); `ending`, why the last
@@ -559,6 +596,8 @@ class DroneVectorEnv(SearchVectorEnv):
     Arguments: those of `SearchVectorEnv`.
     """
 
+    _positions_name = "position"
+
     @property
     def _per_swarm(self) -> int:
         return self._drones
@@ -566,17 +605,17 @@ class DroneVectorEnv(SearchVectorEnv):
     def _action_space(self) -> spaces.Space[Any]:
         return spaces.Discrete(len(Action))
 
-    def _space(self) -> spaces.Space[Any]:
-        n, size = self._drones, self._size
-        if self.observation == "flat":
-            return spaces.Box(0.0, 1.0, (2 * n + size**2,), np.float32)
-        if self.observation == "planes":
-            return spaces.Box(0.0, 1.0, (3, size, size), np.float32)
-        position = spaces.Box(0, size - 1, (2,), np.int32)
-        return spaces.Dict({"position": position, **self._matrix_space()})
+    def _choose_layout(self, name: str) -> Layout:
+        return LAYOUTS[name](self._size, self._drones, **self._layout_options)
+
+    def _by_row(self, slots: Slots, rows: Ints) -> Slots:
+        return slots.reshape(len(rows), self._drones, *slots.shape[1:])
+
+    def _flat_masks(self, masks: Flags) -> Flags:
+        return masks.reshape(-1, masks.shape[-1])
 
     def _rewards(self) -> NDArray[np.float64]:
-        return self.batch.rewards.reshape(-1).copy()
+        return self._rewards_of_drones().reshape(-1).copy()
 
     def _infos(self) -> Infos:
         batch, n = self.batch, self._drones
@@ -586,21 +625,3 @@ class DroneVectorEnv(SearchVectorEnv):
             "ending": batch.endings.repeat(n),
             "step": batch.steps.repeat(n),
         }
-
-    def _observe(self, rows: Ints, out: Observations) -> None:
-        n, positions = self._drones, self._of_rows(self.batch.positions, rows)
-        if self.observation == "flat":
-            by_drone = out.reshape(len(rows), n, -1)
-            places = by_drone[..., : 2 * n].reshape(len(rows), n, n, 2)
-            scaled_positions(positions[:, self._own_first], self._size, places)
-            matrices = self._scaled_matrices(rows).reshape(len(rows), 1, -1)
-            by_drone[:, :, 2 * n :] = matrices
-        elif self.observation == "planes":
-            planes = out.reshape(len(rows), n, 3, self._size, self._size)
-            planes[:, :, 0] = self._scaled_matrices(rows)[:, None]
-            cells = self._of_rows(self.batch.cells, rows)[:, self._own_first].reshape(-1, n)
-            mark(cells[:, :1], out[:, 1])
-            mark(cells[:, 1:], out[:, 2])
-        else:
-            out["position"][...] = positions.reshape(-1, 2)
-            self._show_matrices(rows, out)

@@ -1,0 +1,32 @@
+"""Layouts of observations for networks: what each drone is shown, as arrays.
+
+The batched views and the PettingZoo wrappers show the same arrays by the same code. A
+layout is one file here, and one line in `LAYOUTS`.
+"""
+
+from __future__ import annotations
+
+from DroneSwarmSearch.layouts.dictionary import DictLayout, JointDictLayout
+from DroneSwarmSearch.layouts.flat import FlatLayout, JointFlatLayout
+from DroneSwarmSearch.layouts.glimpses import GlimpsesLayout
+from DroneSwarmSearch.layouts.layout import Layout, StackedLayout, share_left
+from DroneSwarmSearch.layouts.planes import JointPlanesLayout, PlanesLayout
+from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+
+__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "share_left"]
+
+LAYOUTS: dict[str, type[Layout]] = {
+    "dict": DictLayout,
+    "flat": FlatLayout,
+    "planes": PlanesLayout,
+    "top-cells": TopCellsLayout,
+    "glimpses": GlimpsesLayout,
+}
+"""What each drone is shown, by the name of the layout."""
+
+JOINT_LAYOUTS: dict[str, type[Layout]] = {
+    "dict": JointDictLayout,
+    "flat": JointFlatLayout,
+    "planes": JointPlanesLayout,
+}
+"""What a swarm is shown as a whole; in the other layouts it is shown what its drones are."""

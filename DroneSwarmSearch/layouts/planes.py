@@ -1,0 +1,56 @@
+"""The layout "planes": channels as of a picture, for convolutional networks."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium import spaces
+
+from DroneSwarmSearch.layouts.layout import (
+    Layout,
+    Positions,
+    Singles,
+    mark,
+    own_first,
+    scaled_matrices,
+)
+
+__all__ = ["JointPlanesLayout", "PlanesLayout"]
+
+
+class PlanesLayout(Layout):
+    """For each drone four planes: float32 in [0, 1], shape (4, N, N), indexed [plane, y, x].
+
+    The matrix, with its maximum scaled to 1; the drone itself, 1 at its cell; the other
+    drones, 1 at their cells; the share of the steps left, in every cell.
+    """
+
+    def __init__(self, grid_size: int, n_drones: int) -> None:
+        super().__init__(grid_size, n_drones)
+        self.space = spaces.Box(0.0, 1.0, (4, grid_size, grid_size), np.float32)
+        self._own_first = own_first(n_drones)
+
+    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+        scaled_matrices(matrices, matrices)
+        out[:, :, 0] = matrices[:, None]
+        ordered = positions[:, self._own_first]
+        mark(ordered[:, :, :1], out[:, :, 1])
+        mark(ordered[:, :, 1:], out[:, :, 2])
+        out[:, :, 3] = left[:, None, None, None]
+
+
+class JointPlanesLayout(Layout):
+    """For each swarm 2 + n planes: float32 in [0, 1], shape (2 + n, N, N).
+
+    The matrix, with its maximum scaled to 1; for every drone a plane with 1 at its cell;
+    the share of the steps left, in every cell. Indexed [plane, y, x].
+    """
+
+    def __init__(self, grid_size: int, n_drones: int) -> None:
+        super().__init__(grid_size, n_drones)
+        self.space = spaces.Box(0.0, 1.0, (2 + n_drones, grid_size, grid_size), np.float32)
+
+    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+        scaled_matrices(matrices, matrices)
+        out[:, 0] = matrices
+        mark(positions[:, :, None], out[:, 1:-1])
+        out[:, -1] = left[:, None, None]

@@ -1,0 +1,94 @@
+"""The layout "top-cells": the likeliest cells as the drone sees them, whatever the grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from DroneSwarmSearch import checks
+from DroneSwarmSearch.layouts.layout import (
+    Layout,
+    Positions,
+    Singles,
+    own_first,
+    scaled_positions,
+)
+
+__all__ = ["TopCellsLayout", "likeliest_cells"]
+
+_LOW = np.uint64(2**32 - 1)
+_HALF = np.uint64(32)
+
+
+class TopCellsLayout(Layout):
+    """For each drone a vector: float32 in [-1, 1], length 3 k + 2 n + 1.
+
+    For each of the k likeliest cells, the likeliest first, how far it lies to the right and
+    how far down, and its probability, with the maximum scaled to 1; the drone's own x and
+    y; for each of the other drones, the nearest first (in steps; of equals the first by
+    number), how far it is to the right and down; the share of the steps left. Distances
+    and positions have the grid scaled to 1.
+
+    Args:
+        grid_size: cells along each side, N.
+        n_drones: the drones in each search, n.
+        k: how many cells; from 1 to N².
+        name: what `k` is called in errors.
+
+    Raises:
+        TypeError: k is no integer.
+        ValueError: it is out of its limits.
+    """
+
+    def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
+        super().__init__(grid_size, n_drones)
+        self.k = checks.integer(name, k, 1, grid_size**2)
+        low = np.concatenate(
+            [
+                np.tile([-1.0, -1.0, 0.0], self.k),
+                [0.0, 0.0],
+                np.full(2 * n_drones - 2, -1.0),
+                [0.0],
+            ]
+        ).astype(np.float32)
+        self.space = spaces.Box(low, np.ones_like(low), dtype=np.float32)
+        self._others = own_first(n_drones)[:, 1:]
+
+    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+        size, k, own = self.grid_size, self.k, positions[:, :, None]
+        cells, probabilities = likeliest_cells(matrices, k)
+        likely = np.stack(np.divmod(cells, size)[::-1], axis=-1)
+        by_cell = out[..., : 3 * k].reshape(*out.shape[:2], k, 3)
+        scaled_positions(likely[:, None] - own, size, by_cell[..., :2])
+        by_cell[..., 2] = (probabilities / probabilities[:, :1])[:, None]
+
+        scaled_positions(positions, size, out[..., 3 * k : 3 * k + 2])
+        others = positions[:, self._others] - own
+        order = np.abs(others).sum(axis=-1).argsort(axis=-1, kind="stable")
+        others = np.take_along_axis(others, order[..., None], axis=2)
+        by_drone = out[..., 3 * k + 2 : -1].reshape(others.shape)
+        scaled_positions(others, size, by_drone)
+        out[..., -1] = left[:, None]
+
+
+def likeliest_cells(matrices: Singles, k: int) -> tuple[NDArray[np.int64], Singles]:
+    """The k likeliest cells of each matrix, the likeliest first; of equals the first.
+
+    Args:
+        matrices: float32, at least 0, shape (S, N, N).
+        k: from 1 to N².
+
+    Returns:
+        The cells, y * N + x, int64, and what the matrices say of them, float32; both of
+        shape (S, k).
+    """
+    # Floats of at least 0 are in the order of their bits: with the cell's rank behind them,
+    # counted from the last, they are integers of which no two are alike.
+    bits = np.ascontiguousarray(matrices).reshape(len(matrices), -1).view(np.uint32)
+    n = bits.shape[1]
+    keys = bits.astype(np.uint64) << _HALF
+    keys |= np.arange(n - 1, -1, -1, dtype=np.uint64)
+    best = np.sort(np.partition(keys, n - k, axis=1)[:, n - k :], axis=1)[:, ::-1]
+    cells = n - 1 - (best & _LOW).astype(np.int64)
+    return cells, (best >> _HALF).astype(np.uint32).view(np.float32)

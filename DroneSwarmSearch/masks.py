@@ -1,0 +1,106 @@
+"""Which actions are sensible: masks that keep drones on the grid and out of each other."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
+
+__all__ = ["action_masks", "choose_in_turn"]
+
+
+def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> NDArray[np.bool_]:
+    """Which actions each drone of some swarms is allowed.
+
+    A move is masked that leaves the grid or leads into a cell where another drone is.
+    Searching and idling are always allowed. So no drone leaves the grid, but two may still
+    collide by moving into the same empty cell.
+
+    With right of way that cannot happen either, whatever drones choose independently of
+    each other: a drone gives way to those before it and is not allowed to move within a
+    step of any of their cells, where they may be next. Two drones can only meet in a cell
+    that the later one moves into, which is then beyond the reach of the earlier one, or in
+    one where the later one has stayed, which the earlier one may not move into.
+
+    Args:
+        cells: every drone's cell, y * grid_size + x; integers, shape (..., n).
+        grid_size: cells along each side.
+        right_of_way: mask moves to where an earlier drone may be next, too.
+
+    Returns:
+        bool, shape (..., n, 6), indexed by `Action`: True where allowed.
+    """
+    places = np.asarray(cells)
+    shape, n, width = places.shape, places.shape[-1], grid_size + 2
+    # Grids with a margin one cell wide, one behind another: whoever leaves a grid comes into
+    # its margin.
+    y, x = np.divmod(places.reshape(-1, n), grid_size)
+    margin = np.ones((width, width), np.bool_)
+    margin[1:-1, 1:-1] = False
+    grids = np.arange(len(y))[:, None] * margin.size
+    places = grids + (y + 1) * width + (x + 1)
+    moves = np.array([-1, 1, -width, width])  # in the order of `Action`
+    targets = places[..., None] + moves
+
+    closed = np.tile(margin.reshape(-1), len(y))
+    closed[places] = True
+    masks = np.ones((len(y), n, len(Action)), np.bool_)
+    masks[..., :4] = ~closed[targets]
+    if right_of_way:
+        first = np.full(closed.size, n, np.int16)  # of the drones that may be there next
+        for drone in reversed(range(n)):
+            first[places[:, drone]] = drone
+            first[targets[:, drone]] = drone
+        masks[..., :4] &= first[targets] >= np.arange(n)[:, None]
+    return masks.reshape(*shape, len(Action))
+
+
+def choose_in_turn(
+    scores: NDArray[np.floating], cells: NDArray[np.integer], grid_size: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Let the drones of each swarm choose one after another, so that none collide.
+
+    Each takes its best-scored action among those that are open to it: no move off the grid,
+    none into a cell where another drone is, and none into one that a drone before it is
+    about to enter. Searching and idling are always open.
+
+    With Gumbel noise added to logits as scores this draws from their softmax over the open
+    actions (E. J. Gumbel, Statistical theory of extreme values and some practical
+    applications, 1954), so that a policy trained on it samples exactly what it is paid for.
+
+    Args:
+        scores: of every action of every drone, shape (swarms, n, 6), indexed by `Action`;
+            or (swarms, n, 5), where drones never idle.
+        cells: every drone's cell, y * grid_size + x; shape (swarms, n).
+        grid_size: cells along each side.
+
+    Returns:
+        The actions, int64, shape (swarms, n); and which were open to each drone when its
+        turn came, bool, of the scores' shape.
+    """
+    swarms = np.arange(len(cells))
+    targets = _targets(grid_size)
+    closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
+    closed[:, -1] = True  # off the grid
+    closed[swarms[:, None], cells] = True
+    actions = np.empty(cells.shape, np.int64)
+    masks = np.ones(scores.shape, np.bool_)
+    for drone in range(cells.shape[1]):
+        ahead = targets[cells[:, drone]]
+        masks[:, drone, :4] = ~closed[swarms[:, None], ahead[:, :4]]
+        chosen = np.where(masks[:, drone], scores[:, drone], -np.inf).argmax(axis=1)
+        actions[:, drone] = chosen
+        closed[swarms, ahead[swarms, chosen]] = True
+    return actions, masks
+
+
+@lru_cache(maxsize=16)
+def _targets(grid_size: int) -> NDArray[np.int64]:
+    """Where actions lead, indexed [cell, action]; the last cell + 1 stands for off the grid."""
+    targets = neighbours_of_all(grid_size)
+    targets[targets == OFF_GRID] = grid_size**2
+    targets.flags.writeable = False
+    return targets

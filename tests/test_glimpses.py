@@ -1,0 +1,99 @@
+"""The layout "glimpses", against boxes added up cell by cell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers import plain
+from hypothesis import given
+from hypothesis import strategies as st
+
+from DroneSwarmSearch.layouts.glimpses import LENGTH, SCALES, WINDOW, GlimpsesLayout
+
+BOXES = WINDOW**2
+
+
+def glimpses(positions: np.ndarray, matrices: np.ndarray, left: np.ndarray) -> np.ndarray:
+    layout = GlimpsesLayout(matrices.shape[-1], positions.shape[1])
+    out = np.full((*positions.shape[:2], *layout.space.shape), 7, np.float32)
+    layout.write(positions, matrices.copy(), left, out)
+    for vector in out.reshape(-1, out.shape[-1]):
+        assert layout.space.contains(vector)
+    return out
+
+
+def window(scale: int, own: list[int], values: np.ndarray) -> np.ndarray:
+    """The sum of some values of cells, [y, x], in every box of a window around a drone."""
+    reach = scale * WINDOW // 2
+    (x, y), around = own, np.pad(values, reach)
+    cells = around[y : y + 2 * reach + 1, x : x + 2 * reach + 1]
+    return cells.reshape(WINDOW, scale, WINDOW, scale).sum(axis=(1, 3)).reshape(-1)
+
+
+@st.composite
+def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, matrices and shares of the steps left."""
+    count, size, drones = draw(st.integers(1, 3)), draw(st.integers(2, 24)), draw(st.integers(1, 4))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    cells = np.stack([rng.permutation(size**2)[:drones] for _ in range(count)])
+    matrices = rng.random((count, size, size)) ** draw(st.sampled_from([1, 20]))
+    matrices /= matrices.sum(axis=(1, 2), keepdims=True)
+    positions = np.stack([cells % size, cells // size], axis=-1)
+    return positions, matrices.astype(np.float32), rng.random(count).astype(np.float32)
+
+
+@given(shown=searches())
+def test_windows_show_the_boxes_around_the_drone(
+    shown: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:
+    positions, matrices, left = shown
+    seen = glimpses(*shown)
+    for search, matrix in enumerate(matrices.astype(np.float64)):
+        for drone, own in enumerate(positions[search].tolist()):
+            vector = seen[search, drone]
+            others = np.zeros(matrix.shape)
+            for x, y in np.delete(positions[search], drone, axis=0).tolist():
+                others[y, x] += 1
+            for place, scale in enumerate(SCALES):
+                start = 2 * place * BOXES
+                mean = window(scale, own, matrix / matrix.max()) / scale**2
+                boxes = vector[start : start + BOXES].astype(np.float64) ** 2
+                assert np.allclose(boxes, mean, atol=3e-4)  # sums in single precision
+                counts = vector[start + BOXES : start + 2 * BOXES]
+                assert plain(counts) == plain(window(scale, own, others).astype(np.float32))
+            assert vector[-2] == left[search]
+            assert vector[-1] == pytest.approx(np.log10(matrix.max()) / 6, abs=1e-6)
+
+
+@given(shown=searches())
+def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    together = glimpses(*shown)
+    alone = [glimpses(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
+    assert plain(np.concatenate(alone)) == plain(together)
+
+
+def test_length_depends_on_neither_grid_nor_swarm() -> None:
+    lengths = {GlimpsesLayout(size, drones).space.shape for size, drones in ((2, 1), (60, 16))}
+    assert lengths == {(LENGTH,)}
+
+
+def test_a_matrix_in_one_cell_is_seen_there() -> None:
+    matrix = np.zeros((1, 9, 9), np.float32)
+    matrix[0, 5, 4] = 1.0
+    seen = glimpses(np.array([[[3, 5]]]), matrix, np.ones(1, np.float32))[0, 0]
+    middle = BOXES // 2
+    assert seen[:BOXES].argmax() == middle + 1  # to the right of the drone
+    assert seen[:BOXES].sum() == 1.0
+    assert seen[2 * BOXES + middle] == pytest.approx(1 / 3)  # one cell of nine
+    assert seen[-1] == 0.0
+
+
+def test_it_writes_into_parts_of_larger_arrays() -> None:
+    rng = np.random.default_rng(1)
+    matrices = rng.random((2, 6, 6)).astype(np.float32)
+    positions = rng.integers(0, 6, (2, 3, 2))
+    layout = GlimpsesLayout(6, 3)
+    large = np.zeros((2, 5, 400), np.float32)
+    part = large[:, 1:4, 20 : 20 + layout.space.shape[0]]
+    layout.write(positions, matrices.copy(), np.ones(2, np.float32), part)
+    assert plain(part) == plain(glimpses(positions, matrices, np.ones(2, np.float32)))

@@ -1,0 +1,180 @@
+"""Layouts of observations, against what is worked out by hand, and the pieces they consist of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+from helpers import plain
+from hypothesis import given
+from hypothesis import strategies as st
+from layouts_by_hand import TOP_CELLS, drone_by_hand, swarm_by_hand, top_cells
+
+from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, StackedLayout, share_left
+from DroneSwarmSearch.layouts.layout import mark, own_first, scaled_matrices, scaled_positions
+from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
+
+BY_HAND = [name for name in LAYOUTS if name != "glimpses"]  # which are in test_glimpses.py
+
+by_hand_too = pytest.mark.parametrize("name", BY_HAND)
+every_layout = pytest.mark.parametrize("name", LAYOUTS)
+
+Seas = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def seas(searches: int = 5, size: int = 6, drones: int = 3) -> Seas:
+    """Positions, matrices and shares of steps left; drones may share a cell, and cells a value."""
+    rng = np.random.default_rng(3)
+    positions = rng.integers(0, size, (searches, drones, 2)).astype(np.int32)
+    positions[0, :2] = positions[0, 0]  # as after a collision
+    matrices = rng.integers(0, 4, (searches, size, size)).astype(np.float32)
+    matrices[-1] = 0.0
+    matrices[-1, 2, 3] = 1.0
+    matrices /= matrices.sum(axis=(1, 2), keepdims=True)
+    return positions, matrices, share_left(np.arange(searches), 7)
+
+
+def made(name: str, size: int = 6, drones: int = 3) -> tuple[Layout, Layout]:
+    """What drones are shown, and what swarms are."""
+    layout = LAYOUTS[name](size, drones)
+    joint = JOINT_LAYOUTS[name](size, drones) if name in JOINT_LAYOUTS else StackedLayout(layout)
+    return layout, joint
+
+
+def written(layout: Layout, shown: Seas, *leading: int) -> Any:
+    """What a layout writes, into arrays with something in them."""
+    positions, matrices, left = shown
+
+    def array(space: spaces.Space[Any]) -> np.ndarray:
+        return np.full((*leading, *space.shape), 7, space.dtype)
+
+    is_dict = isinstance(layout.space, spaces.Dict)
+    out = (
+        {key: array(space) for key, space in layout.space.items()}
+        if is_dict
+        else array(layout.space)
+    )
+    layout.write(positions.copy(), matrices.copy(), left, out)
+    return out
+
+
+@by_hand_too
+@pytest.mark.parametrize("drones", [1, 3])
+def test_every_drone_is_shown_what_it_should_be(name: str, drones: int) -> None:
+    shown = seas(drones=drones)
+    layout, _ = made(name, drones=drones)
+    out = written(layout, shown, 5, drones)
+    for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
+        for drone in range(drones):
+            wanted = drone_by_hand(name, drone, cells.tolist(), matrix, float(left))
+            seen = (
+                {key: array[search, drone] for key, array in out.items()}
+                if isinstance(out, dict)
+                else out[search, drone]
+            )
+            assert plain(seen) == plain(wanted)
+            assert seen in layout.space
+
+
+@by_hand_too
+def test_every_swarm_is_shown_what_it_should_be(name: str) -> None:
+    shown = seas()
+    _, joint = made(name)
+    out = written(joint, shown, 5)
+    for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
+        if isinstance(out, dict):
+            seen = {key: array[search] for key, array in out.items()}
+            assert plain(seen) == plain({"positions": cells, "probability_matrix": matrix})
+        else:
+            seen = out[search]
+            wanted = swarm_by_hand(name, cells.tolist(), matrix, float(left))
+            assert plain(seen) == plain(wanted)
+        assert seen in joint.space
+
+
+@every_layout
+def test_a_search_is_shown_the_same_alone_and_among_others(name: str) -> None:
+    shown = seas()
+    layout, _ = made(name)
+    together = written(layout, shown, 5, 3)
+    for search in range(5):
+        one = tuple(array[search : search + 1] for array in shown)
+        alone = written(layout, one, 1, 3)  # type: ignore[arg-type]
+        if isinstance(together, dict):
+            assert plain(alone) == plain({k: v[search : search + 1] for k, v in together.items()})
+        else:
+            assert plain(alone) == plain(together[search : search + 1])
+
+
+@given(
+    cells=st.lists(st.sampled_from([0.0, 0.1, 0.25, 0.3, 1.0]), min_size=16, max_size=16),
+    k=st.integers(1, 16),
+)
+def test_the_likeliest_cells_come_first_and_of_equals_the_first(cells: list[float], k: int) -> None:
+    matrix = np.float32(cells).reshape(1, 4, 4)
+    found, probabilities = likeliest_cells(matrix, k)
+    wanted = np.argsort(-matrix.reshape(-1), kind="stable")[:k]
+    assert plain(found) == plain(wanted[None])
+    assert plain(probabilities) == plain(matrix.reshape(-1)[wanted][None])
+
+
+def test_top_cells_are_as_many_as_asked_for() -> None:
+    positions, matrices, left = seas()
+    for k in (1, 3, 36):
+        layout = TopCellsLayout(6, 3, k)
+        assert layout.space.shape == (3 * k + 2 * 3 + 1,)
+        out = written(layout, (positions, matrices, left), 5, 3)
+        own, *others = positions[2].tolist()
+        wanted = top_cells(own, others, matrices[2], float(left[2]), k)
+        assert plain(out[2, 0]) == plain(wanted)
+    assert TopCellsLayout(6, 3).k == TOP_CELLS
+    for wrong, error in ((0, ValueError), (37, ValueError), (1.0, TypeError), (True, TypeError)):
+        with pytest.raises(error, match=f"k must be an integer from 1 to 36, got {wrong}"):
+            TopCellsLayout(6, 3, wrong)
+
+
+def test_equally_near_drones_come_by_number() -> None:
+    positions = np.array([[(2, 2), (2, 3), (2, 1), (2, 4), (1, 2)]], np.int32)
+    _, matrices, left = seas(1)
+    out = written(TopCellsLayout(6, 5, 1), (positions, matrices, left), 1, 5)
+    offsets = (out[0, 0, 5:-1] * 5).round().astype(int).reshape(-1, 2)
+    assert offsets.tolist() == [[0, 1], [0, -1], [-1, 0], [0, 2]]
+
+
+# The pieces.
+
+
+def test_the_share_left_falls_from_one_to_zero() -> None:
+    assert plain(share_left([0, 1, 2, 3, 4], 4)) == plain(np.float32([1, 0.75, 0.5, 0.25, 0]))
+    assert plain(share_left([1], 3)) == plain(np.float32([2 / 3]))
+
+
+def test_every_drone_comes_first_in_its_own_order() -> None:
+    assert own_first(1).tolist() == [[0]]
+    assert own_first(3).tolist() == [[0, 1, 2], [1, 0, 2], [2, 0, 1]]
+
+
+def test_matrices_and_positions_may_have_any_leading_axes() -> None:
+    rng = np.random.default_rng(0)
+    matrices = rng.random((2, 3, 5, 5), np.float32)
+    wanted = np.stack([[m / m.max() for m in row] for row in matrices])
+    out = np.full_like(matrices, 7)
+    scaled_matrices(matrices, out)
+    assert plain(out) == plain(wanted)
+    scaled_matrices(matrices, matrices)
+    assert plain(matrices) == plain(wanted)
+    positions = rng.integers(0, 5, (2, 3, 4, 2))
+    out = np.empty(positions.shape, np.float32)
+    scaled_positions(positions, 5, out)
+    assert plain(out) == plain((positions / 4).astype(np.float32))
+
+
+def test_marks_replace_whatever_was_there() -> None:
+    planes = np.full((2, 3, 3), 7, np.float32)
+    mark(np.array([[(0, 0), (2, 1)], [(1, 1), (1, 1)]]), planes)
+    assert planes[0].tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]
+    assert planes[1].tolist() == [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
+    mark(np.empty((2, 0, 2), np.int64), planes)
+    assert not planes.any()

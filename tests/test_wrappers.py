@@ -1,0 +1,669 @@
+"""The wrappers: PettingZoo's own tests, against the batched views, and on top of one another."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+import pickle
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+from helpers import SCHEMES, careful_actions, inside, plain, target_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pettingzoo import ParallelEnv
+from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
+
+import DroneSwarmSearch.wrappers as all_wrappers
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch.errors import ResetNeeded
+from DroneSwarmSearch.mappings import Infos, Rewards
+from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch.vector import DroneVectorEnv
+from DroneSwarmSearch.wrappers import (
+    ActionMask,
+    DictObservation,
+    FlatObservation,
+    GlimpsesObservation,
+    OtherDrones,
+    PlanesObservation,
+    ScaledRewards,
+    SeparateFlags,
+    TopCellsObservation,
+)
+
+with warnings.catch_warnings():
+    # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
+    warnings.filterwarnings("ignore", category=DeprecationWarning)
+    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+
+Wrap = Callable[[Any], Any]
+
+
+def masked(env: Any) -> ActionMask:
+    return ActionMask(env, in_observation=True, right_of_way=True)
+
+
+def usual(env: Any) -> ActionMask:
+    """The usual stack."""
+    return ActionMask(FlatObservation(ScaledRewards(SeparateFlags(env))), in_observation=True)
+
+
+LAYOUTS: dict[str, Wrap] = {
+    "dict": DictObservation,
+    "flat": FlatObservation,
+    "planes": PlanesObservation,
+    "top-cells": TopCellsObservation,
+    "glimpses": GlimpsesObservation,
+}
+WRAPPERS: dict[str, Wrap] = {
+    **LAYOUTS,
+    "channels last": lambda env: PlanesObservation(env, channels_last=True),
+    "others": OtherDrones,
+    "scaled": ScaledRewards,
+    "separate": SeparateFlags,
+    "mask": ActionMask,
+    "mask in observation": masked,
+    "usual stack": usual,
+    "others in dict": lambda env: OtherDrones(DictObservation(ActionMask(env))),
+    "mask around others": lambda env: masked(OtherDrones(env)),
+}
+
+SMALL: dict[str, Any] = {
+    "grid_size": 4,
+    "n_drones": 3,
+    "vector": (0.3, -0.2),
+    "person_initial_position": (2, 1),
+    "timestep_limit": 9,
+}
+ALONE: dict[str, Any] = {**SMALL, "grid_size": 3, "n_drones": 1, "bayesian_update": True}
+MISSION: dict[str, Any] = {
+    **SMALL,
+    "person_initial_position": [(2, 1), (1, 2)],
+    "probability_of_detection": 0.7,
+    "bayesian_update": True,
+    "timestep_limit": 14,
+}
+CASES = [SMALL, ALONE, MISSION]
+
+each_wrapper = pytest.mark.parametrize("wrap", WRAPPERS.values(), ids=WRAPPERS)
+each_layout = pytest.mark.parametrize(("layout", "wrap"), LAYOUTS.items(), ids=LAYOUTS)
+each_case = pytest.mark.parametrize("case", CASES, ids=["small", "alone", "mission"])
+
+unknown_option_is_warned_about = pytest.mark.filterwarnings(
+    "ignore:options may hold .* 'options':UserWarning"
+)
+other_names_are_recommended = pytest.mark.filterwarnings(
+    "ignore:We recommend agents to be named in the format:UserWarning"
+)
+
+
+def random_action(rng: np.random.Generator) -> int:
+    """An action; moves are rare, since they end most episodes."""
+    return int(rng.choice(len(Action), p=[0.02, 0.06, 0.02, 0.06, 0.44, 0.4]))
+
+
+def episodes(env: Any, seeds: range, policy_seed: int = 0) -> list[Any]:
+    """Everything that some episodes return, as plain data."""
+    rng = np.random.default_rng(policy_seed)
+    log = []
+    for seed in seeds:
+        log.append(plain(env.reset(seed=seed)))
+        while env.agents:
+            actions = {agent: random_action(rng) for agent in env.agents}
+            log.append(plain(env.step(actions)))
+    return log
+
+
+# PettingZoo's tests.
+
+
+@unknown_option_is_warned_about
+@each_wrapper
+@each_case
+def test_parallel_api(wrap: Wrap, case: dict[str, Any]) -> None:
+    parallel_api_test(wrap(DroneSwarmSearch(**case)))
+
+
+@each_wrapper
+def test_parallel_seed(wrap: Wrap) -> None:
+    parallel_seed_test(lambda: wrap(DroneSwarmSearch(**MISSION)))
+
+
+@each_wrapper
+def test_aec_seed(wrap: Wrap) -> None:
+    seed_test(lambda: parallel_to_aec(wrap(DroneSwarmSearch(**MISSION))), num_cycles=50)
+
+
+@unknown_option_is_warned_about
+@other_names_are_recommended
+@pytest.mark.parametrize("name", ["flat", "planes", "top-cells", "glimpses"])
+def test_aec_api(name: str) -> None:
+    env = ScaledRewards(SeparateFlags(WRAPPERS[name](DroneSwarmSearch(**SMALL))))
+    api_test(parallel_to_aec(env), num_cycles=50)
+
+
+@each_wrapper
+def test_the_aec_form_shows_the_same(wrap: Wrap) -> None:
+    env, aec = wrap(DroneSwarmSearch(**SMALL)), parallel_to_aec(wrap(DroneSwarmSearch(**SMALL)))
+    rng, steps = np.random.default_rng(0), 0
+    for seed in range(8):
+        observations, _ = env.reset(seed=seed)
+        aec.reset(seed=seed)
+        while env.agents:
+            actions = {agent: random_action(rng) for agent in env.agents}
+            for agent in env.possible_agents:
+                assert plain(aec.observe(agent)) == plain(observations[agent])
+                aec.step(actions[agent])
+            observations, rewards, terminations, truncations, _ = env.step(actions)
+            for agent in env.possible_agents:
+                assert aec.rewards[agent] == rewards[agent]
+                assert aec.terminations[agent] == terminations[agent]
+                assert aec.truncations[agent] == truncations[agent]
+            steps += 1
+    assert steps > 16
+
+
+# What wrappers have in common.
+
+
+@each_wrapper
+@each_case
+def test_spaces_hold_every_observation_and_stay(wrap: Wrap, case: dict[str, Any]) -> None:
+    env = wrap(DroneSwarmSearch(**case))
+    agents = env.possible_agents
+    before = [env.observation_space(agent) for agent in agents]
+    assert len({id(space) for space in before}) == len(agents)  # each is seeded by itself
+    assert [env.observation_spaces[agent] for agent in agents] == before
+    assert [env.action_spaces[agent] for agent in agents] == [spaces.Discrete(6)] * len(agents)
+    rng = np.random.default_rng(1)
+    for seed in range(6):
+        observations, infos = env.reset(seed=seed)
+        while True:
+            assert list(observations) == list(infos) == agents
+            for agent in agents:
+                assert observations[agent] in env.observation_space(agent)
+            if not env.agents:
+                break
+            actions = {agent: random_action(rng) for agent in env.agents}
+            observations, *_, infos = env.step(actions)
+    assert all(
+        env.observation_space(agent) is space is env.observation_spaces[agent]
+        for agent, space in zip(agents, before, strict=True)
+    )
+    for space in before:
+        assert space.sample() in space
+
+
+@each_wrapper
+@pytest.mark.parametrize(
+    "way", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy], ids=["pickle", "copy"]
+)
+def test_copies_go_on_identically(wrap: Wrap, way: Wrap) -> None:
+    env = wrap(DroneSwarmSearch(**MISSION))
+    untouched = way(env)
+    assert episodes(untouched, range(2)) == episodes(env, range(2))
+    env.reset(seed=7)
+    idle = dict.fromkeys(env.agents, Action.IDLE)
+    env.step(idle)
+    other = way(env)
+    for _ in range(3):
+        assert plain(other.step(idle)) == plain(env.step(idle))
+    assert plain(other.reset()) == plain(env.reset())
+    env.reset()
+    env.step(idle)
+    assert (other.frame().step, env.frame().step) == (0, 1)
+
+
+@each_wrapper
+def test_what_was_returned_never_changes(wrap: Wrap) -> None:
+    env = wrap(DroneSwarmSearch(**MISSION))
+    results: list[Any] = [env.reset(seed=3)]
+    as_it_was = [plain(results[0])]
+    while env.agents:
+        results.append(env.step(dict.fromkeys(env.agents, Action.SEARCH)))
+        as_it_was.append(plain(results[-1]))
+    assert len(results) > 2
+    assert [plain(result) for result in results] == as_it_was
+
+
+@each_layout
+def test_what_is_shown_may_be_written_to(layout: str, wrap: Wrap) -> None:
+    """Nothing that was handed out is the environment's own memory, or another drone's."""
+    env, other = (masked(wrap(DroneSwarmSearch(**SMALL))) for _ in range(2))
+    results = env.reset(seed=1), other.reset(seed=1)
+    while other.agents:
+        for agent in other.possible_agents:
+            mine, theirs = (result[0][agent] for result in results)
+            assert plain(mine) == plain(theirs)
+            info, also = (result[-1][agent] for result in results)
+            shown = mine["observation"]
+            for array in (*(shown.values() if isinstance(shown, dict) else [shown]), info):
+                if isinstance(array, np.ndarray):
+                    array[...] = 3
+            mine["action_mask"][...] = 3
+            assert plain(info) == plain(also)
+            info["action_mask"][...] = 5
+        idle = dict.fromkeys(other.agents, Action.IDLE)
+        results = env.step(idle), other.step(idle)
+
+
+@each_wrapper
+def test_resets_take_what_the_environment_takes(wrap: Wrap) -> None:
+    cells, vector = [(3, 3), (0, 1), (2, 2)], (-0.4, 0.9)
+    env = wrap(DroneSwarmSearch(**SMALL))
+    shown = [
+        plain(env.reset(seed=2, options={"drones_positions": cells, "vector": vector})),
+        plain(env.reset(seed=2, drones_positions=cells, vector=vector)),
+        plain(env.reset(2, {"drones_positions": cells})),  # the drift has stayed
+    ]
+    assert shown[0] == shown[1] == shown[2] != plain(env.reset(seed=2))
+    assert env.vector == vector
+    with pytest.warns(UserWarning, match="ignored: 'speed'"):
+        env.reset(options={"speed": 3})
+
+
+@each_wrapper
+def test_all_else_is_the_environments(wrap: Wrap) -> None:
+    inner = DroneSwarmSearch(**SMALL)
+    env = wrap(inner)
+    assert isinstance(env, BaseParallelWrapper)
+    assert env.unwrapped is inner
+    assert env.metadata is inner.metadata
+    assert env.possible_agents == env.get_agents() == inner.possible_agents
+    assert (env.grid_size, env.n_drones, env.render_mode) == (4, 3, "ansi")
+    assert (env.max_num_agents, env.num_agents) == (3, 0)
+    with pytest.raises(ResetNeeded):
+        env.step({})
+    env.reset(seed=1)
+    assert env.scenario is inner.scenario
+    assert plain(env.state()) == plain(inner.state())
+    assert env.state_space is inner.state_space
+    assert env.frame().drones == inner.frame().drones
+    assert env.render() == inner.render()
+    assert env.agents == inner.agents
+    assert env.num_agents == 3
+    for agent in ("drone3", None):
+        with pytest.raises(ValueError, match=r"agent must be one of drone0, \.\.\., drone2, got"):
+            env.observation_space(agent)
+    env.close()
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = env.nothing
+
+
+def classes() -> list[type[Any]]:
+    return [getattr(all_wrappers, name) for name in all_wrappers.__all__]
+
+
+@pytest.mark.parametrize("wrapper", classes())
+def test_other_environments_are_refused(wrapper: type[Any]) -> None:
+    class Other(ParallelEnv):
+        possible_agents: list[str] = []  # noqa: RUF012
+
+    for other in (Other(), parallel_to_aec(DroneSwarmSearch()), None, DroneSwarmSearch):
+        with pytest.raises(TypeError, match="env must be a DroneSwarmSearch, or a parallel wrap"):
+            wrapper(other)
+
+
+# Layouts.
+
+
+@each_layout
+@settings(max_examples=12, deadline=None)
+@given(
+    case=st.sampled_from(CASES),
+    seed=st.integers(0, 2**64),
+    policy_seed=st.integers(0, 2**16),
+    own_limit=st.integers(1, 12),
+)
+def test_layouts_are_the_batched_views(
+    layout: str, wrap: Wrap, case: dict[str, Any], seed: int, policy_seed: int, own_limit: int
+) -> None:
+    """Observations, rewards and flags of several episodes, to the last bit."""
+    case = {**case, "timestep_limit": own_limit}
+    env = wrap(ScaledRewards(SeparateFlags(DroneSwarmSearch(**case))))
+    view = DroneVectorEnv(
+        2,
+        observation=layout,
+        separate_flags=True,
+        reward_scale=2**-17,
+        autoreset_mode="Disabled",
+        **case,
+    )
+    agents, n = env.possible_agents, env.n_drones
+    rng = np.random.default_rng(policy_seed)
+    assert env.observation_space(agents[-1]) == view.single_observation_space
+
+    def check(shown: Mapping[str, Any], batch: Any) -> None:
+        for slot, agent in enumerate(agents):
+            seen = shown[agent]
+            if layout == "dict":
+                assert plain(seen) == plain({key: array[slot] for key, array in batch.items()})
+            else:
+                assert plain(seen) == plain(batch[slot])
+
+    for episode in range(3):
+        seeds = [seed, 1] if episode == 0 else None
+        check(env.reset(seed=seed if episode == 0 else None)[0], view.reset(seed=seeds)[0])
+        while env.agents:
+            actions = [random_action(rng) for _ in agents]
+            shown, rewards, *flags, _ = env.step(dict(zip(agents, actions, strict=True)))
+            over = view.batch.over.repeat(n)
+            if over.any():  # the other search is done
+                view.reset(options={"reset_mask": over})
+            batch, paid, *ended, _ = view.step(np.array([*actions, *[Action.IDLE] * n]))
+            check(shown, batch)
+            assert list(rewards.values()) == paid[:n].tolist()
+            for mine, theirs in zip(flags, ended, strict=True):
+                assert list(mine.values()) == theirs[:n].tolist()
+
+
+def test_a_layout_replaces_what_other_wrappers_show() -> None:
+    plainly, stacked = (DroneSwarmSearch(**SMALL) for _ in range(2))
+    env = PlanesObservation(OtherDrones(DictObservation(FlatObservation(stacked))))
+    assert episodes(PlanesObservation(plainly), range(3)) == episodes(env, range(3))
+
+
+def test_top_cells_are_as_many_as_asked_for() -> None:
+    env = TopCellsObservation(DroneSwarmSearch(**SMALL), k=3)
+    assert env.reset(seed=0)[0]["drone1"].shape == (3 * 3 + 2 * 3 + 1,)
+    for wrong, error in ((0, ValueError), (17, ValueError), (2.0, TypeError), (True, TypeError)):
+        with pytest.raises(error, match=f"k must be an integer from 1 to 16, got {wrong}"):
+            TopCellsObservation(DroneSwarmSearch(**SMALL), k=wrong)
+
+
+@pytest.mark.parametrize("layout", [*LAYOUTS.values(), OtherDrones])
+def test_masks_in_observations_are_not_thrown_away(layout: Wrap) -> None:
+    env = ActionMask(DroneSwarmSearch(**SMALL), in_observation=True)
+    for inner in (env, ScaledRewards(env)):
+        with pytest.raises(ValueError, match=r"env must not have masks in its observations.*put"):
+            layout(inner)
+    layout(ActionMask(DroneSwarmSearch(**SMALL)))  # masks in the infos are left alone
+
+
+@pytest.mark.parametrize("inner", [lambda env: env, DictObservation], ids=["plain", "dict"])
+@each_case
+def test_other_drones_are_added(inner: Wrap, case: dict[str, Any]) -> None:
+    env, plainly = OtherDrones(inner(DroneSwarmSearch(**case))), inner(DroneSwarmSearch(**case))
+    agents, rng = env.possible_agents, np.random.default_rng(1)
+    for seed in range(4):
+        shown, wanted = env.reset(seed=seed)[0], plainly.reset(seed=seed)[0]
+        while True:
+            cells = dict(zip(agents, env.frame().drones, strict=True))
+            for agent in agents:
+                others = [list(cells[other]) for other in agents if other != agent]
+                seen = dict(shown[agent])
+                added = seen.pop("other_drones")
+                assert (added.dtype, added.shape) == (np.int32, (len(agents) - 1, 2))
+                assert added.tolist() == others
+                assert plain(seen) == plain(wanted[agent])
+            if not env.agents:
+                break
+            actions = {agent: random_action(rng) for agent in agents}
+            shown, wanted = env.step(actions)[0], plainly.step(actions)[0]
+
+
+@pytest.mark.parametrize(
+    "inner", [FlatObservation, PlanesObservation, TopCellsObservation, OtherDrones]
+)
+def test_other_drones_are_not_added_twice(inner: Wrap) -> None:
+    with pytest.raises(ValueError, match="env must not show the other drones already"):
+        OtherDrones(inner(DroneSwarmSearch(**SMALL)))
+
+
+# Rewards and flags.
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=["usual", "sparse", "fractions"])
+@settings(max_examples=15, deadline=None)
+@given(
+    case=st.sampled_from(CASES),
+    seed=st.integers(0, 2**32),
+    policy_seed=st.integers(0, 2**16),
+    exponent=st.integers(-40, 40),
+)
+def test_scaled_rewards_can_be_scaled_back_to_the_last_bit(
+    scheme: Any, case: dict[str, Any], seed: int, policy_seed: int, exponent: int
+) -> None:
+    scale = math.ldexp(1.0, exponent)
+    env = ScaledRewards(DroneSwarmSearch(reward_scheme=scheme, **case), scale)
+    plainly = DroneSwarmSearch(reward_scheme=scheme, **case)
+    rng = np.random.default_rng(policy_seed)
+    shown, wanted = env.reset(seed=seed), plainly.reset(seed=seed)
+    while env.agents:
+        actions = {agent: random_action(rng) for agent in env.agents}
+        shown, rewards, *rest = env.step(actions)
+        wanted, their_rewards, *their_rest = plainly.step(actions)
+        assert plain([shown, *rest]) == plain([wanted, *their_rest])
+        assert isinstance(rewards, Rewards)
+        assert {agent: reward / scale for agent, reward in rewards.items()} == their_rewards
+        assert rewards["total_reward"] / scale == their_rewards["total_reward"]
+        assert "total_reward" not in list(rewards)
+
+
+def test_the_usual_scale_is_as_documented() -> None:
+    env = ScaledRewards(DroneSwarmSearch(grid_size=4, person_initial_position=(0, 0)))
+    assert env.scale == 2**-17 == 1 / 131072
+    env.reset(seed=0)
+    assert env.step({"drone0": Action.SEARCH})[1] == {"drone0": 20000 / 131072}
+    env.reset(seed=0)
+    assert env.step({"drone0": Action.LEFT})[1] == {"drone0": -100000 / 131072}
+    assert round(-100000 / 131072, 3) == -0.763
+    assert round(20000 / 131072, 3) == 0.153
+
+
+@pytest.mark.parametrize(
+    ("scale", "error"),
+    [
+        (0, ValueError),
+        (-1.0, ValueError),
+        (math.nan, ValueError),
+        (math.inf, ValueError),
+        (10**400, ValueError),
+        ("1", TypeError),
+        (True, TypeError),
+        (None, TypeError),
+    ],
+)
+def test_wrong_scales_are_refused(scale: Any, error: type[Exception]) -> None:
+    with pytest.raises(error, match="scale must be a finite number above 0, got"):
+        ScaledRewards(DroneSwarmSearch(), scale)
+
+
+@each_case
+def test_the_time_limit_alone_is_truncation(case: dict[str, Any]) -> None:
+    env, rng, met = SeparateFlags(DroneSwarmSearch(**case)), np.random.default_rng(0), set()
+    for seed in range(60):
+        observations, _ = env.reset(seed=seed)
+        careful = np.random.default_rng(seed).random() < 0.5
+        while env.agents:
+            actions = {agent: random_action(rng) for agent in env.agents}
+            if careful:
+                actions = careful_actions(rng, observations, env.grid_size)
+            observations, _, terminations, truncations, _ = env.step(actions)
+            ending = env.frame().ending
+            assert list(terminations) == list(truncations) == env.possible_agents
+            assert {*terminations.values()} == {ending not in (None, Ending.TIME_UP)}
+            assert {*truncations.values()} == {ending is Ending.TIME_UP}
+        met.add(ending)
+    assert met == {*Ending} - ({Ending.COLLISION} if case is ALONE else set())
+
+
+@pytest.mark.parametrize(
+    ("last", "terminated"),
+    [
+        ((Action.SEARCH, Action.IDLE), True),
+        ((Action.IDLE, Action.UP), True),
+        ((Action.IDLE, Action.LEFT), True),
+        ((Action.IDLE, Action.IDLE), False),
+    ],
+    ids=["found", "left the grid", "collided", "time up"],
+)
+def test_an_ending_in_the_last_step_is_what_it_would_be_before(
+    last: tuple[Action, Action], terminated: bool
+) -> None:
+    env = SeparateFlags(
+        DroneSwarmSearch(
+            grid_size=3, n_drones=2, timestep_limit=2, vector=(0, 0), disperse_constant=0
+        )
+    )
+    env.reset(seed=0)
+    idle = {"drone0": Action.IDLE, "drone1": Action.IDLE}
+    assert not any(env.step(idle)[2].values())
+    _, _, terminations, truncations, _ = env.step(dict(zip(idle, last, strict=True)))
+    assert [*terminations.values()] == [terminated] * 2
+    assert [*truncations.values()] == [not terminated] * 2
+
+
+# Masks.
+
+
+@pytest.mark.parametrize("right_of_way", [False, True])
+@each_case
+def test_masks_are_those_of_the_cells(case: dict[str, Any], right_of_way: bool) -> None:
+    env = ActionMask(DroneSwarmSearch(**case), in_observation=True, right_of_way=right_of_way)
+    plainly = DroneSwarmSearch(**case)
+    size, agents, rng = env.grid_size, env.possible_agents, np.random.default_rng(3)
+    for seed in range(5):
+        (shown, infos), (wanted, told) = env.reset(seed=seed), plainly.reset(seed=seed)
+        while True:
+            cells = [y * size + x for x, y in env.frame().drones]
+            masks = action_masks(cells, size, right_of_way).astype(np.int8)
+            assert isinstance(infos, Infos)
+            assert infos["Found"] == told["Found"]
+            for agent, mask in zip(agents, masks, strict=True):
+                assert plain(shown[agent]["action_mask"]) == plain(mask)
+                assert plain(shown[agent]["observation"]) == plain(wanted[agent])
+                assert plain(infos[agent]) == plain({**told[agent], "action_mask": mask})
+            if not env.agents:
+                break
+            actions = {agent: random_action(rng) for agent in agents}
+            shown, *_, infos = env.step(actions)
+            wanted, *_, told = plainly.step(actions)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    size=st.integers(2, 6),
+    drones=st.integers(1, 9),
+    seed=st.integers(0, 2**32),
+    policy_seed=st.integers(0, 2**16),
+)
+def test_drones_that_give_way_come_to_no_harm(
+    size: int, drones: int, seed: int, policy_seed: int
+) -> None:
+    drones, rng = min(drones, size**2), np.random.default_rng(policy_seed)
+    places = rng.permutation(size**2)[:drones].tolist()
+    env = ActionMask(
+        DroneSwarmSearch(
+            grid_size=size, n_drones=drones, timestep_limit=30, probability_of_detection=0
+        ),
+        right_of_way=True,
+    )
+    _, infos = env.reset(seed=seed, drones_positions=[divmod(place, size) for place in places])
+    while env.agents:
+        actions = {
+            agent: int(rng.choice(np.flatnonzero(infos[agent]["action_mask"])))
+            for agent in env.agents
+        }
+        *_, infos = env.step(actions)
+    assert env.frame().ending is Ending.TIME_UP
+
+
+def test_without_right_of_way_no_drone_leaves_nor_hits_one_that_stays() -> None:
+    env, rng = ActionMask(DroneSwarmSearch(**SMALL)), np.random.default_rng(0)
+    endings = set()
+    for seed in range(80):
+        _, infos = env.reset(seed=seed)
+        while env.agents:
+            before = env.frame().drones
+            actions = {
+                agent: int(rng.choice(np.flatnonzero(infos[agent]["action_mask"])))
+                for agent in env.agents
+            }
+            *_, infos = env.step(actions)
+            for cell, action in zip(before, actions.values(), strict=True):
+                target = target_of(cell, action)
+                assert inside(target, env.grid_size)
+                assert target == cell or target not in before
+        endings.add(env.frame().ending)
+    assert endings == {Ending.FOUND, Ending.COLLISION, Ending.TIME_UP}
+
+
+def test_actions_can_be_sampled_by_the_mask() -> None:
+    env = ActionMask(FlatObservation(DroneSwarmSearch(**SMALL)), True, right_of_way=True)
+    observations, _ = env.reset(seed=0)
+    while env.agents:
+        actions = {
+            agent: env.action_space(agent).sample(mask=observations[agent]["action_mask"])
+            for agent in env.agents
+        }
+        observations, *_ = env.step(actions)
+    assert env.frame().ending in (Ending.FOUND, Ending.TIME_UP)
+
+
+def test_masks_need_an_episode_and_flags() -> None:
+    with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
+        ActionMask(DroneSwarmSearch()).action_masks()
+    for name in ("in_observation", "right_of_way"):
+        with pytest.raises(TypeError, match=f"{name} must be True or False, got 1"):
+            ActionMask(DroneSwarmSearch(), **{name: 1})
+
+
+# Wrappers on top of one another.
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
+def test_the_order_of_wrappers_does_not_matter(order: tuple[int, ...]) -> None:
+    steps = [FlatObservation, ScaledRewards, SeparateFlags, ActionMask]
+    env, usual_order = DroneSwarmSearch(**MISSION), DroneSwarmSearch(**MISSION)
+    for place in order:
+        env = steps[place](env)
+    for step in steps:
+        usual_order = step(usual_order)
+    assert episodes(env, range(4)) == episodes(usual_order, range(4))
+    assert env.observation_spaces == usual_order.observation_spaces
+
+
+# Other people's conversions.
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
+def test_supersuit_makes_a_vector_environment_of_it() -> None:
+    supersuit = pytest.importorskip("supersuit")
+    wrapped = FlatObservation(DroneSwarmSearch(**MISSION))
+    vector = supersuit.pettingzoo_env_to_vec_env_v1(wrapped)
+    reference = FlatObservation(DroneSwarmSearch(**MISSION))
+    assert vector.num_envs == 3
+    assert vector.observation_space == reference.observation_space("drone0")
+    observations, _ = vector.reset(seed=5)
+    wanted, _ = reference.reset(seed=5)
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(60):
+        assert plain(np.stack(list(wanted.values()))) == plain(np.asarray(observations))
+        actions = [random_action(rng) for _ in range(3)]
+        observations, rewards, terminated, _, _ = vector.step(np.array(actions))
+        names = dict(zip(reference.possible_agents, actions, strict=True))
+        wanted, their_rewards, *_ = reference.step(names)
+        assert np.float32([*their_rewards.values()]).tolist() == np.float32(rewards).tolist()
+        assert np.all(terminated) == (not reference.agents)
+        if not reference.agents:
+            ended += 1
+            wanted, _ = reference.reset()
+    assert ended > 3
+
+
+def test_planes_with_channels_last_are_the_same_planes() -> None:
+    first = PlanesObservation(DroneSwarmSearch(**SMALL))
+    last = PlanesObservation(DroneSwarmSearch(**SMALL), channels_last=True)
+    assert last.observation_space("drone0").shape == (4, 4, 4)
+    (shown, _), (turned, _) = first.reset(seed=2), last.reset(seed=2)
+    for drone, planes in shown.items():
+        assert plain(np.moveaxis(planes, 0, -1)) == plain(turned[drone])
+    with pytest.raises(TypeError, match="channels_last must be True or False, got 1"):
+        PlanesObservation(DroneSwarmSearch(**SMALL), channels_last=1)  # type: ignore[arg-type]
