@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.observations import Observation
-from DroneSwarmSearch.policies import GreedyPolicy, Policy
+from DroneSwarmSearch.policies import POLICIES, Policy, make
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
 from DroneSwarmSearch.rendering.video import INSTALL_HINT, SUFFIXES, write_film
@@ -35,7 +35,8 @@ __all__ = ["main"]
 DESCRIPTION = """\
 Drones search a grid at sea for shipwrecked persons who drift. They start around the
 border, the persons in the middle. Every drone goes for the cell that is worth most for
-its distance (the greedy policy), unless you fly the first one yourself.
+its distance (the policy "greedy-matrix"), unless you choose another policy or fly the
+first one yourself.
 """
 
 EPILOG = """\
@@ -61,6 +62,9 @@ POLL = 50
 
 FPS_LEAST, FPS_MOST = 0.1, 50.0
 """The most is what a GIF can do."""
+
+USUAL_POLICY = "greedy-matrix"
+"""It looks at what it is shown alone, so that it can fly beside a person at the keys."""
 
 OPTIONS = {
     "grid_size": "--grid-size",
@@ -97,6 +101,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     if options.manual and (options.text or options.record):
         parser.error("argument --manual: needs the window, so not with --text or --record")
+    if options.manual and options.policy != USUAL_POLICY:
+        parser.error(
+            f"argument --manual: the other drones fly by {USUAL_POLICY}, so not with --policy"
+        )
     try:
         return _run(parser, options)
     except KeyboardInterrupt:
@@ -135,6 +143,13 @@ def _parser() -> argparse.ArgumentParser:
         " searched, not the posterior given the searches",
     )
     search = parser.add_argument_group("the search")
+    search.add_argument(
+        "--policy",
+        metavar="NAME",
+        choices=list(POLICIES),
+        default=USUAL_POLICY,
+        help=f"what steers the drones: {', '.join(POLICIES)}",
+    )
     search.add_argument("--drones", metavar="N", type=int, default=4, help="number of drones")
     search.add_argument("--grid-size", metavar="N", type=int, default=20, help="cells along a side")
     search.add_argument("--persons", metavar="N", type=_count, default=1, help="number of persons")
@@ -246,10 +261,12 @@ class _Episode:
             probability_of_detection=options.probability_of_detection,
             bayesian_update=not options.prior,
         )
-        self.policy: Policy = GreedyPolicy(self.env.scenario)
+        steering = make(options.policy, self.env.scenario)
         self._observations, _ = self.env.reset(
             options.seed, drones_positions=_around_the_border(options.drones, size)
         )
+        steering.reset(seed=options.seed)
+        self.policy: Policy = steering
         self._total = 0.0
         self._seconds = 0.0
 

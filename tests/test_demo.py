@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import demo
+from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering import video
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
@@ -199,7 +200,7 @@ class TestOptions:
             *("--manual", "--drones", "--grid-size", "--persons", "--vector", "--record"),
             *("--disperse-constant", "--timestep-limit", "--probability-of-detection"),
             *("--seed", "--fps", "--grid", "--no-grid", "--gradient", "--no-gradient"),
-            *("--prior", "--text"),
+            *("--prior", "--text", "--policy"),
         ):
             assert re.search(rf"^ +.*{option}\b(?!-).*\S", text, re.MULTILINE), option
 
@@ -224,6 +225,7 @@ class TestOptions:
             ("--seed", ["-1"], "must be an integer of at least 0, got -1"),
             ("--fps", ["0"], "must be a number from 0.1 to 50, got '0'"),
             ("--fps", ["fast"], "must be a number from 0.1 to 50, got 'fast'"),
+            ("--policy", ["best"], "invalid choice: 'best' (choose from"),
             ("--record", ["film.avi"], "must end in .gif or .mp4, got 'film.avi'"),
         ],
     )
@@ -231,13 +233,28 @@ class TestOptions:
         self, capsys: pytest.CaptureFixture[str], option: str, values: list[str], problem: str
     ) -> None:
         line = refusal(capsys, "--text", option, *values)
-        assert line.endswith(f"error: argument {option}: {problem}")
+        assert f"error: argument {option}: {problem}" in line
 
     @pytest.mark.parametrize("other", [["--text"], ["--record", "film.gif"]])
     def test_manual_needs_the_window(
         self, capsys: pytest.CaptureFixture[str], other: list[str]
     ) -> None:
         assert "argument --manual: needs the window" in refusal(capsys, "--manual", *other)
+
+    def test_manual_needs_the_usual_policy(self, capsys: pytest.CaptureFixture[str]) -> None:
+        line = refusal(capsys, "--manual", "--policy", "greedy-posterior")
+        assert "the other drones fly by greedy-matrix, so not with --policy" in line
+
+    @pytest.mark.parametrize("policy", POLICIES)
+    def test_every_policy_flies_and_always_does_the_same(
+        self, capsys: pytest.CaptureFixture[str], policy: str
+    ) -> None:
+        small = ("--text", "--grid-size", "8", "--timestep-limit", "15", "--fps", "50")
+        shown = []
+        for _ in range(2):
+            assert demo.main([*small, "--policy", policy]) == 0
+            shown.append(capsys.readouterr().out.partition("speed")[0])
+        assert shown[0] == shown[1]
 
     def test_a_fault_of_the_program_is_not_blamed_on_an_option(
         self, monkeypatch: pytest.MonkeyPatch

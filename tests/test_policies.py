@@ -69,6 +69,7 @@ class TestRegistry:
             "sector-search",
             "greedy-matrix",
             "greedy-posterior",
+            "ppo",
             "planner",
         ]
 

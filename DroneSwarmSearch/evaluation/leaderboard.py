@@ -35,6 +35,7 @@ from DroneSwarmSearch.evaluation.run import Cell
 from DroneSwarmSearch.evaluation.statistics import Estimate, bootstrap_mean
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, as_named
 from DroneSwarmSearch.evaluation.tables import print_table
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 
 __all__ = ["Leaderboard", "Rung", "Standing", "leaderboard", "main"]
@@ -43,16 +44,16 @@ Floats = NDArray[np.float64]
 
 THEORY: tuple[tuple[str, ...], ...] = (
     ("planner",),
-    ("greedy-posterior",),
+    ("ppo", "greedy-posterior"),
     ("greedy-matrix", "parallel-sweep", "creeping-line", "expanding-square", "sector-search"),
     ("random",),
 )
 """Who should be ahead of whom, from the first to the last; within a group nothing is said.
 
 A plan made with the person's law is an optimal policy's form, one look ahead with the right
-belief is its heuristic, effort that ignores what was searched is worth less, and effort
-that ignores where the person may be is worth least (Stone, Theory of Optimal Search, 1975;
-Brown, Operations Research 28:1275, 1980)."""
+belief is its heuristic, which a network may better or fall short of, effort that ignores what
+was searched is worth less, and effort that ignores where the person may be is worth least
+(Stone, Theory of Optimal Search, 1975; Brown, Operations Research 28:1275, 1980)."""
 
 ILLUSTRATED = "classic"
 """The search of the figures that show only one, if it is among those evaluated."""
@@ -580,7 +581,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     what.add_argument(
         "--observation",
-        choices=("dict", "flat", "planes"),
+        choices=tuple(LAYOUTS),
         default="dict",
         help="in which layout (default: dict)",
     )

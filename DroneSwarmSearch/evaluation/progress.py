@@ -31,12 +31,14 @@ class Progress:
         what: what is being done, in a few words.
         total: the whole amount of work, in whatever unit; more than 0.
         shown: False shows nothing at all.
+        done: how much was done before, in another run; less than the total.
     """
 
-    def __init__(self, what: str, total: float, shown: bool = True) -> None:
+    def __init__(self, what: str, total: float, shown: bool = True, done: float = 0.0) -> None:
         self._what = what
         self._total = total
         self._shown = shown
+        self._before = done / total
         self._begun = self._told = time.monotonic()
         self._bar: Any = None
 
@@ -53,17 +55,19 @@ class Progress:
             self._bar.stop()
             self._bar = None
 
-    def __call__(self, done: float) -> None:
+    def __call__(self, done: float, note: str = "") -> None:
         """Tell how much is done.
 
         Args:
-            done: from 0 to the whole amount.
+            done: from 0 to the whole amount, what was done before included.
+            note: shown behind it, the latest figures for example.
         """
         now = time.monotonic()
         if not self._shown or now - self._begun < PATIENCE:
             return
         share = min(done / self._total, 1.0)
-        left = _left(share, now - self._begun)
+        left = _left(share, now - self._begun, self._before)
+        left = f"{left}, {note}" if note else left
         if not sys.stderr.isatty():
             if now - self._told >= LINES_EVERY:
                 self._told = now
@@ -75,11 +79,17 @@ class Progress:
             self._bar.update(self._bar.task_ids[0], completed=share, left=left)
 
 
-def _left(share: float, seconds: float) -> str:
-    """How long the rest will take if it goes on like this."""
-    if share <= 0.0:
+def _left(share: float, seconds: float, before: float = 0.0) -> str:
+    """How long the rest will take if it goes on like this.
+
+    Args:
+        share: what is done of the whole.
+        seconds: how long it took.
+        before: a share that was done before, in none of these seconds.
+    """
+    if share <= before:
         return "time left unknown"
-    left = round(seconds * (1.0 - share) / share)
+    left = round(seconds * (1.0 - share) / (share - before))
     if left >= 3600:
         return f"about {left // 3600} h {left % 3600 // 60:02} min left"
     return f"about {left // 60} min {left % 60:02} s left" if left >= 60 else f"about {left} s left"

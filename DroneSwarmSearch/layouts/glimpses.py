@@ -60,6 +60,13 @@ class GlimpsesLayout(Layout):
         ]
         # Products with this sum up along an axis, several times as fast as cumsum.
         self._summing = np.triu(np.ones((grid_size, grid_size), np.float32))
+        # For each scale, [offset + N - 1]: the box of a window's axis that a drone is in
+        # whose cell lies so far from one's own; beyond all boxes if it is out of the window.
+        offsets = np.arange(1 - grid_size, grid_size)
+        self._axes = []
+        for scale in SCALES:
+            boxes = (offsets + scale // 2) // scale + WINDOW // 2
+            self._axes.append(np.where((boxes < 0) | (boxes >= WINDOW), self._boxes, boxes))
         self._is_other = ~np.eye(n_drones, dtype=np.bool_)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
@@ -91,13 +98,14 @@ class GlimpsesLayout(Layout):
 
     def _write_others(self, positions: Positions, out: Singles) -> None:
         """Write the windows of the other drones."""
-        # [search, drone, other]: how far the other is to the right and down.
-        offsets = positions[:, None, :] - positions[:, :, None]
-        for start, scale in zip(self._starts, SCALES, strict=True):
+        searches, drones = positions.shape[:2]
+        # [search, drone, other]: how far the other is to the right and down, plus N - 1.
+        offsets = positions[:, None, :] - positions[:, :, None] + (self.grid_size - 1)
+        across, down = offsets[..., 0], offsets[..., 1]
+        slots = np.arange(searches * drones).reshape(searches, drones, 1) * self._boxes
+        for start, axis in zip(self._starts, self._axes, strict=True):
+            boxes = axis.take(down) * WINDOW + axis.take(across)
+            seen = (boxes < self._boxes) & self._is_other
+            counts = np.bincount((slots + boxes)[seen], minlength=slots.size * self._boxes)
             first = start + self._boxes
-            out[..., first : first + self._boxes] = 0.0
-            boxes = (offsets + scale // 2) // scale + WINDOW // 2
-            seen = ((boxes >= 0) & (boxes < WINDOW)).all(axis=-1) & self._is_other
-            searches, drones, _ = seen.nonzero()
-            across, down = boxes[seen].T
-            np.add.at(out, (searches, drones, first + down * WINDOW + across), 1.0)
+            out[..., first : first + self._boxes] = counts.reshape(searches, drones, -1)

@@ -28,6 +28,7 @@ from DroneSwarmSearch.policies.patterns import (
     SectorSearchPolicy,
 )
 from DroneSwarmSearch.policies.planner import PlannerPolicy
+from DroneSwarmSearch.policies.ppo import PPOPolicy
 from DroneSwarmSearch.policies.random_walk import RandomPolicy
 from DroneSwarmSearch.policies.swarm import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.scenario import Scenario
@@ -39,6 +40,7 @@ __all__ = [
     "ExpandingSquarePolicy",
     "GreedyPolicy",
     "Knowledge",
+    "PPOPolicy",
     "ParallelSweepPolicy",
     "PlannerPolicy",
     "Policy",
@@ -68,6 +70,7 @@ POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "sector-search": SectorSearchPolicy,
     "greedy-matrix": GreedyPolicy,
     "greedy-posterior": PosteriorGreedyPolicy,
+    "ppo": PPOPolicy,
     "planner": PlannerPolicy,
 }
 """The policies by name, from the weakest idea to the strongest: what makes one for a search."""

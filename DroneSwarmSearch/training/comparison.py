@@ -1,0 +1,104 @@
+"""How good a trained policy is: beside the baselines, on the same seas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
+from DroneSwarmSearch.evaluation.run import evaluate
+from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
+from DroneSwarmSearch.vector.engine import SearchBatch
+
+__all__ = ["BASELINES", "compare_with_baselines"]
+
+BASELINES = ("random", "greedy-matrix", "greedy-posterior")
+
+SEED = 1_000_000
+"""Of the first episode: training begins its sequences of episodes with small seeds."""
+
+
+def compare_with_baselines(
+    policy: object,
+    parameters: Mapping[str, Any],
+    *,
+    view: str = "drone",
+    observation: str = "flat",
+    episodes: int = 1000,
+    name: str = "trained",
+    folder: str | Path | None = None,
+    baselines: Sequence[str] = BASELINES,
+) -> list[Evaluation]:
+    """Evaluate a policy and the baselines on the same seas, and print a table.
+
+    Args:
+        policy: a callable from observations to actions, see `evaluation.evaluate`.
+        parameters: of the search, those of `DroneSwarmSearch` and "drones_positions".
+        view: what the policy is shown, and what it returns; as for `evaluate`.
+        observation: in which layout; as for `evaluate`.
+        episodes: how many; at least 1.
+        name: what the policy is called.
+        folder: gets evaluation.csv, a row for each policy.
+        baselines: names of policies of the registry.
+
+    Returns:
+        The evaluations: the policy's, then the baselines' in their order.
+
+    Raises:
+        StorageError: evaluation.csv cannot be written.
+        TypeError: an argument is of the wrong type, or what the policy returns.
+        ValueError: an argument is out of its limits, or what the policy returns.
+    """
+    search = _search(parameters)
+    usual: dict[str, Any] = {"episodes": episodes, "seed": SEED}
+    mine = evaluate(policy, search, view=view, observation=observation, name=name, **usual)
+    rivals = [evaluate(rival, search, **usual) for rival in baselines]
+    print_table(
+        ["policy", "found, %", "time, steps", "mishaps, %", "ahead of it, points", "steps earlier"],
+        [_row(mine), *(_row(rival, mine) for rival in rivals)],
+        words=1,
+    )
+    print(
+        f"\n{episodes:,} episodes, the same seas for all; in brackets 95 % intervals. Found: "
+        "everybody\nby the limit. Time: to find everybody, the limit where not all were found. "
+        "Mishaps:\nepisodes in which drones collided or left the grid. The last two columns "
+        f"say how far\n{name} is ahead of each baseline, episode by episode."
+    )
+    if folder is not None:
+        save_csv(Path(folder) / "evaluation.csv", [mine, *rivals])
+    return [mine, *rivals]
+
+
+def _search(parameters: Mapping[str, Any]) -> NamedSearch:
+    """The search with these parameters, the environment's defaults for all others."""
+    scenario = SearchBatch(1, **parameters).scenario
+    cells = parameters.get("drones_positions")
+    drones = () if cells is None else tuple((int(x), int(y)) for x, y in cells)
+    return NamedSearch("exercise", "Given by its parameters.", scenario, drones)
+
+
+def _row(each: Evaluation, mine: Evaluation | None = None) -> list[str]:
+    """A policy's figures, and how far another is ahead of it."""
+    count = sum(
+        number
+        for ending, number in each.endings.items()
+        if ending.name in ("COLLISION", "LEFT_GRID")
+    )
+    mishaps = f"{100 * count / len(each.episodes):.1f}"
+    row = [each.policy, percent(each.success), figure(each.time), mishaps]
+    if mine is None:
+        return [*row, "", ""]
+    ahead = compare(mine, each)
+    return [*row, _signed(ahead.success.scaled(100.0)), _signed(_negative(ahead.time))]
+
+
+def _negative(estimate: Estimate) -> Estimate:
+    return Estimate(-estimate.value, -estimate.high, -estimate.low)
+
+
+def _signed(estimate: Estimate) -> str:
+    value, low, high = (round(number, 1) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
+    return f"{value:+.1f} ({low:+.1f} to {high:+.1f})"

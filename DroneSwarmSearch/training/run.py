@@ -1,0 +1,184 @@
+"""A training run: its folder, its learning curve, and how far it has come."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from contextlib import AbstractContextManager
+from pathlib import Path
+from types import TracebackType
+
+from DroneSwarmSearch import checks
+from DroneSwarmSearch.evaluation.files import replacing
+from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch.training.curve import COLUMNS, Curve
+
+__all__ = ["Run"]
+
+INTERRUPTED = 130
+"""The exit code after Ctrl-C, as shells have it."""
+
+
+class Run:
+    """A training run; a context manager, which shows the progress and draws the curve.
+
+    After Ctrl-C the curve is drawn, and the program ends with exit code 130.
+
+    Args:
+        options: as parsed by `arguments`.
+        title: what is trained, in a few words.
+
+    Attributes:
+        folder: where everything is kept.
+        wanted: environment steps to train in all.
+        steps_done: environment steps trained so far, those of a resumed run included.
+        resumes: whether the run goes on from a checkpoint.
+
+    Raises:
+        SystemExit: the folder holds a run and --resume is not given, or the other way
+            round.
+    """
+
+    def __init__(self, options: argparse.Namespace, title: str) -> None:
+        self.folder: Path = options.out
+        self.wanted: int = options.steps
+        self.resumes: bool = options.resume
+        self._title = title
+        path = self.folder / "curve.csv"
+        if path.exists() and not self.resumes:
+            raise SystemExit(
+                f"{self.folder} holds a run already: go on with it by --resume, or choose "
+                "another folder with --out"
+            )
+        if self.resumes and not path.exists():
+            raise SystemExit(f"there is nothing to resume in {self.folder}: no {path.name}")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._curve = Curve(path)
+        self._begin()
+
+    def _begin(self) -> None:
+        self.steps_done = self._curve.steps
+        self._seconds_before = self._curve.seconds
+        self._begun = time.monotonic()
+        self._bar = Progress(self._title, self.wanted, done=self.steps_done)
+
+    @property
+    def curve(self) -> Curve:
+        """The learning curve so far."""
+        return self._curve
+
+    def checkpoint(self, name: str) -> Path:
+        """The path of a checkpoint in the folder.
+
+        Args:
+            name: of the file or folder.
+
+        Raises:
+            SystemExit: the run is to be resumed, and there is no such checkpoint.
+        """
+        path = self.folder / name
+        if self.resumes and not path.exists():
+            raise SystemExit(f"there is nothing to resume in {self.folder}: no {name}")
+        return path
+
+    def saving(self, name: str) -> AbstractContextManager[Path]:
+        """Save a checkpoint that is there as a whole or not at all.
+
+            with run.saving("model.pt") as path:
+                torch.save(model.state_dict(), path)
+
+        Args:
+            name: of the file in the folder; until the new one is complete, the old one stays.
+
+        Returns:
+            A context manager that hands out the path to write to.
+
+        Raises:
+            StorageError: it cannot be written, because the disk is full for example.
+        """
+        return replacing(self.folder / name)
+
+    def go_on_from(self, steps: int) -> None:
+        """Begin where the checkpoint was made: rows of the curve beyond it are dropped.
+
+        Args:
+            steps: environment steps that the checkpoint had been trained for.
+        """
+        self._curve.cut(checks.integer("steps", steps, 0))
+        self._begin()
+        self.steps_done = steps
+
+    def log(
+        self,
+        steps: int,
+        reward: float | None = None,
+        found: float | None = None,
+        **figures: float,
+    ) -> None:
+        """Add a row to the learning curve and show how far the run has come.
+
+        Args:
+            steps: environment steps so far, those of a resumed run included; more than in
+                the row before.
+            reward: the mean return of a drone in the episodes that ended since the row
+                before, in the environment's own points; None (or NaN) if none ended.
+            found: the share of them in which everybody was found; likewise.
+            figures: the trainer's own, losses for example; a column each.
+
+        Raises:
+            StorageError: curve.csv cannot be written.
+            ValueError: `steps` is not more than before, or a figure has a column's name.
+        """
+        steps = checks.integer("steps", steps, self._curve.steps + 1)
+        taken = [name for name in figures if name in COLUMNS]
+        if taken:
+            raise ValueError(f"figures must have names other than {', '.join(COLUMNS)}")
+        self._curve.append(
+            {
+                "steps": steps,
+                "seconds": round(self._seconds_before + time.monotonic() - self._begun, 2),
+                "reward": math.nan if reward is None else float(reward),
+                "found": math.nan if found is None else float(found),
+                **figures,
+            }
+        )
+        self.steps_done = steps
+        self._bar(steps, self._latest())
+
+    def draw(self) -> None:
+        """Draw curve.png; without matplotlib, say what is missing."""
+        if not self._curve.rows:
+            return
+        try:
+            self._curve.draw(self.folder / "curve.png", self._title)
+        except ImportError as error:
+            print(error, file=sys.stderr)
+
+    def _latest(self) -> str:
+        """The latest known figures in words."""
+        words = []
+        for name, form in (("found", "{:.0%} found"), ("reward", "return {:,.0f}")):
+            known = [row[name] for row in self._curve.rows[-20:] if not math.isnan(row[name])]
+            words += [form.format(known[-1])] if known else []
+        return ", ".join(words)
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.__exit__(kind, error, trace)
+        self.draw()
+        if kind is KeyboardInterrupt:
+            print(
+                f"interrupted after {self.steps_done:,} steps; --resume goes on from the last "
+                f"checkpoint in {self.folder}",
+                file=sys.stderr,
+            )
+            raise SystemExit(INTERRUPTED) from None

@@ -1,0 +1,152 @@
+"""The trained policy: its network and its file, and that what it promises holds."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import plain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from DroneSwarmSearch import DroneSwarmSearch
+from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
+from DroneSwarmSearch.layouts.glimpses import LENGTH
+from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS, Network, PPOPolicy
+from DroneSwarmSearch.scenario import Scenario
+
+Layers = list[tuple[np.ndarray, np.ndarray]]
+
+
+def layers(*widths: int, seed: int = 0) -> Layers:
+    """Random weights and biases."""
+    rng = np.random.default_rng(seed)
+    return [
+        (rng.normal(size=shape).astype(np.float32), rng.normal(size=shape[1]).astype(np.float32))
+        for shape in pairwise(widths)
+    ]
+
+
+def scenario(**parameters: Any) -> Scenario:
+    return DroneSwarmSearch(**{"grid_size": 8, "n_drones": 2, **parameters}).scenario
+
+
+class TestNetwork:
+    def test_is_dense_layers_with_rectifiers_between(self) -> None:
+        (first, bias), (second, offset) = made = layers(LENGTH, 4, 5)
+        seen = np.random.default_rng(1).random((3, LENGTH)).astype(np.float32)
+        hidden = seen @ first + bias
+        assert (hidden < 0).any()
+        wanted = np.where(hidden > 0, hidden, 0) @ second + offset
+        assert np.allclose(Network(made)(seen), wanted, rtol=1e-5)
+
+    def test_a_file_gives_it_back(self, tmp_path: Path) -> None:
+        network, seen = Network(layers(LENGTH, 7, 5)), np.ones((2, LENGTH), np.float32)
+        network.save(tmp_path / "weights.npz")
+        assert plain(Network.load(tmp_path / "weights.npz")(seen)) == plain(network(seen))
+
+    @pytest.mark.parametrize(
+        ("made", "message"),
+        [
+            ([], r"layers must end in 5 outputs, .*, got \d+"),
+            (layers(LENGTH, 6), r"layers must end in 5 outputs, .*, got 6"),
+            (layers(7, 5), r"layers\[0\] must have weights of shape .*, got \(7, 5\) and \(5,\)"),
+            ([*layers(LENGTH, 8), *layers(9, 5)], r"layers\[1\] must have .*\(8, outputs\)"),
+            ([(np.zeros((LENGTH, 5)), np.zeros(4))], r"as many biases as outputs, got .*\(4,\)"),
+        ],
+    )
+    def test_refuses_layers_that_do_not_fit(self, made: Layers, message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            Network(made)
+
+    def test_refuses_what_is_no_network(self, tmp_path: Path) -> None:
+        path = tmp_path / "weights.npz"
+        with pytest.raises(FileNotFoundError):
+            Network.load(path)
+        path.write_bytes(b"no archive")
+        with pytest.raises(ValueError, match=r"weights\.npz must hold a network's weights"):
+            Network.load(path)
+        np.savez(path, weights=np.zeros(3))
+        with pytest.raises(ValueError, match="must hold the arrays weights0, biases0 and so on"):
+            Network.load(path)
+
+    def test_never_unpickles(self, tmp_path: Path) -> None:
+        path = tmp_path / "weights.npz"
+        np.savez(path, weights0=np.array([{}], object), biases0=np.zeros(5), allow_pickle=True)
+        with pytest.raises(ValueError, match="must hold a network's weights"):
+            Network.load(path)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    size=st.integers(2, 9),
+    drones=st.integers(1, 4),
+    persons=st.integers(1, 2),
+    detection=st.sampled_from([0.0, 0.5, 1.0]),
+    bayesian_update=st.booleans(),
+)
+def test_no_network_makes_drones_collide_or_leave(
+    tmp_path_factory: pytest.TempPathFactory,
+    seed: int,
+    size: int,
+    drones: int,
+    persons: int,
+    detection: float,
+    bayesian_update: bool,
+) -> None:
+    env = DroneSwarmSearch(
+        grid_size=size,
+        n_drones=drones,
+        person_initial_position=[(size - 1, size - 1)] * persons,
+        timestep_limit=25,
+        probability_of_detection=detection,
+        bayesian_update=bayesian_update,
+    )
+    path = tmp_path_factory.mktemp("weights") / "random.npz"
+    Network(layers(LENGTH, 8, 5, seed=seed)).save(path)
+    policy = PPOPolicy(env.scenario, path)
+    observations, _ = env.reset(seed=seed)
+    while env.agents:
+        observations, *_ = env.step(policy(observations))
+    frame = env.frame()
+    assert all(frame.found) or frame.step == 25
+
+
+class TestWeightsInTheBox:
+    def test_are_small_and_need_no_pickle(self) -> None:
+        assert OWN_WEIGHTS.stat().st_size < 500_000
+        with np.load(OWN_WEIGHTS, allow_pickle=False) as file:
+            assert all(file[name].dtype == np.float32 for name in file)
+
+    def test_are_those_of_the_registry(self) -> None:
+        by_name, by_file = make("ppo", scenario()), PPOPolicy(scenario(), OWN_WEIGHTS)
+        env = DroneSwarmSearch(grid_size=8, n_drones=2)
+        observations, _ = env.reset(seed=3)
+        while env.agents:
+            actions = by_name(observations)
+            assert actions == by_file(observations)
+            observations, *_ = env.step(actions)
+
+    def test_find_more_than_greedy_on_the_matrix_where_they_were_not_trained(self) -> None:
+        rng = np.random.default_rng(20)  # training knows no such grid, nor three drones
+        mine, rivals = [], []
+        for number in range(12):
+            drawn = scenario(
+                grid_size=25,
+                n_drones=3,
+                vector=rng.uniform(-0.4, 0.4, 2),
+                person_initial_position=rng.integers(5, 20, 2),
+                disperse_constant=float(rng.uniform(2, 12)),
+                timestep_limit=70,
+            )
+            search = NamedSearch(f"drawn-{number}", "Not trained on.", drawn)
+            mine.append(evaluate("ppo", search, episodes=500))
+            rivals.append(evaluate("greedy-matrix", search, episodes=500))
+        ahead = [compare(*pair).success for pair in zip(mine, rivals, strict=True)]
+        assert np.mean([each.value for each in ahead]) > 0.01
+        assert sum(each.low > 0 for each in ahead) > sum(each.high < 0 for each in ahead)

@@ -1,0 +1,69 @@
+"""What the tests of training examples share: running them as users do, and what they leave."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+PATIENCE = 600.0
+"""Seconds after which a test fails that waits for another process."""
+
+
+def module(name: str) -> ModuleType:
+    """An example as a module."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+def run(name: str, *arguments: object) -> str:
+    """What an example prints, in a process of its own, that must end well."""
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / f"{name}.py"), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stdout[-1000:] + done.stderr[-4000:]
+    return done.stdout
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """A CSV file."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def check_folder(folder: Path, checkpoint: str, policy: str) -> list[int]:
+    """Check everything that a finished run leaves; returns the steps of the curve's rows."""
+    curve = rows(folder / "curve.csv")
+    known = [row for row in curve if row["reward"]]
+    assert known and all(-1e5 - 100 * 50 <= float(row["reward"]) <= 2e5 for row in known)
+    assert all(0 <= float(row["found"]) <= 1 for row in known)
+    assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / checkpoint).stat().st_size > 1000
+    evaluated = [row["policy"] for row in rows(folder / "evaluation.csv")]
+    assert evaluated == [policy, "random", "greedy-matrix", "greedy-posterior"]
+    steps = [int(row["steps"]) for row in curve]
+    assert steps == sorted(set(steps))
+    return steps
+
+
+def check_table(output: str, policy: str, episodes: int) -> None:
+    """Check that the comparison with the baselines was printed."""
+    lines = output.splitlines()
+    begun = [line.split()[0] for line in lines if line.strip()]
+    place = begun.index(policy)
+    assert begun[place + 1 : place + 4] == ["random", "greedy-matrix", "greedy-posterior"]
+    assert f"{episodes} episodes, the same seas for all" in output
