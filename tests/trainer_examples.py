@@ -12,6 +12,12 @@ from types import ModuleType
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
+QUIET_RAY = {
+    "RAY_DEFAULT_OBJECT_STORE_MAX_MEMORY_BYTES": "200000000",
+    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
+
 PATIENCE = 600.0
 """Seconds after which a test fails that waits for another process."""
 
@@ -27,13 +33,18 @@ def module(name: str) -> ModuleType:
 
 def run(name: str, *arguments: object) -> str:
     """What an example prints, in a process of its own, that must end well."""
+    return python(EXAMPLES / f"{name}.py", *arguments)
+
+
+def python(*arguments: object) -> str:
+    """What a program prints that must end well."""
     done = subprocess.run(
-        [sys.executable, str(EXAMPLES / f"{name}.py"), *map(str, arguments)],
+        [sys.executable, *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         check=False,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        env={**os.environ, "OMP_NUM_THREADS": "1", **QUIET_RAY},
     )
     assert done.returncode == 0, done.stdout[-1000:] + done.stderr[-4000:]
     return done.stdout
@@ -45,7 +56,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def check_folder(folder: Path, checkpoint: str, policy: str) -> list[int]:
+def check_folder(folder: Path, checkpoint: str | Path, policy: str) -> list[int]:
     """Check everything that a finished run leaves; returns the steps of the curve's rows."""
     curve = rows(folder / "curve.csv")
     known = [row for row in curve if row["reward"]]

@@ -1,0 +1,239 @@
+"""Train drones with BenchMARL: IPPO or MAPPO, on a task that it takes like its own.
+
+    python examples/train_benchmarl.py --out runs/mappo
+    python examples/train_benchmarl.py --out runs/ippo --algorithm ippo
+
+`SearchTask` is all that BenchMARL's other algorithms, models and benchmarks need as well.
+MAPPO's critic sees the whole state, the person included; the policy that comes of it does
+not. Needs pip install "DroneSwarmSearchEnvironment[benchmarl,evaluation]".
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import warnings
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("TQDM_DISABLE", "1")  # the run has a progress display of its own
+
+import numpy as np
+import torch
+from benchmarl.algorithms import IppoConfig, MappoConfig
+from benchmarl.environments import Task, TaskClass
+from benchmarl.experiment import Callback, Experiment, ExperimentConfig
+from benchmarl.models.mlp import MlpConfig
+from numpy.typing import NDArray
+from tensordict import TensorDict, TensorDictBase
+from torch import nn
+from torchrl.data import Composite
+from torchrl.envs import EnvBase, ExplorationType, PettingZooWrapper, set_exploration_type
+
+from DroneSwarmSearch import DroneSwarmSearch, training
+from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
+
+SCALE = 2.0**-17
+"""Of the rewards: a return of -100000 becomes -0.76."""
+
+SWARMS, BATCH = 16, 1024
+"""Environments side by side, and the steps of all of them between two updates."""
+
+ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
+
+warnings.filterwarnings("ignore", module="torch")  # BenchMARL's dealings with TorchRL
+
+
+class SearchClass(TaskClass):
+    """What BenchMARL wants to know of a search; `config` are `DroneSwarmSearch`'s parameters."""
+
+    def get_env_fun(
+        self, num_envs: int, continuous_actions: bool, seed: int | None, device: Any
+    ) -> Callable[[], EnvBase]:
+        seeds = itertools.count(0 if seed is None else seed)  # or all swarms had one sea
+
+        def make() -> EnvBase:
+            env: Any = DroneSwarmSearch(**self.config)
+            # The limit ends a search like all else: drones see it come, and pay for it.
+            env = FlatObservation(ScaledRewards(env, SCALE))
+            env = ActionMask(env, right_of_way=True)  # in the infos, where TorchRL looks for it
+            groups = {"drones": env.possible_agents}
+            return PettingZooWrapper(
+                env, group_map=groups, return_state=True, seed=next(seeds), device=device
+            )
+
+        return make
+
+    def supports_continuous_actions(self) -> bool:
+        return False
+
+    def supports_discrete_actions(self) -> bool:
+        return True
+
+    def has_render(self, env: EnvBase) -> bool:
+        return False
+
+    def max_steps(self, env: EnvBase) -> int:
+        return int(env.timestep_limit)
+
+    def group_map(self, env: EnvBase) -> dict[str, list[str]]:
+        groups: dict[str, list[str]] = env.group_map
+        return groups
+
+    def action_spec(self, env: EnvBase) -> Composite:
+        return env.full_action_spec
+
+    def observation_spec(self, env: EnvBase) -> Composite:
+        return _of_drones(env, "observation")
+
+    def action_mask_spec(self, env: EnvBase) -> Composite:
+        return _of_drones(env, "action_mask")
+
+    def info_spec(self, env: EnvBase) -> Composite:
+        return _of_drones(env, "info")
+
+    def state_spec(self, env: EnvBase) -> Composite:
+        return Composite(state=env.observation_spec["state"].clone())
+
+    @staticmethod
+    def env_name() -> str:
+        return "droneswarmsearch"
+
+
+class SearchTask(Task):
+    """The searches; `SearchTask.EXERCISE.get_task(config)` takes any other parameters, too."""
+
+    EXERCISE = None
+
+    @staticmethod
+    def associated_class() -> type[SearchClass]:
+        return SearchClass
+
+
+def _of_drones(env: EnvBase, key: str) -> Composite:
+    """The part of the observations' spec that has one entry of each drone."""
+    drones = env.observation_spec["drones"]
+    return Composite(drones=Composite({key: drones[key].clone()}, shape=drones.shape))
+
+
+class Record(Callback):
+    """Adds rows to the learning curve, and the optimisers to BenchMARL's checkpoints."""
+
+    def __init__(self, run: training.Run) -> None:
+        super().__init__()
+        self.run = run
+
+    def on_batch_collected(self, batch: TensorDictBase) -> None:
+        ended = batch["next"][batch["next", "done"].squeeze(-1)]
+        figures = {}
+        if len(ended):
+            figures["reward"] = float(ended["drones", "episode_reward"].mean()) / SCALE
+            figures["found"] = float(ended["drones", "info", "Found"].amax(dim=-1).mean())
+        self.run.log(self.experiment.total_frames, **figures)
+
+    def on_state_dict(self, state_dict: dict[str, Any]) -> None:
+        state_dict["optimisers"] = {name: each.state_dict() for name, each in self._optimisers()}
+
+    def on_load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        for name, each in self._optimisers():
+            each.load_state_dict(state_dict["optimisers"][name])
+
+    def _optimisers(self) -> Iterable[tuple[str, torch.optim.Optimizer]]:
+        optimisers: dict[str, torch.optim.Optimizer] = self.experiment.optimizers["drones"]
+        return optimisers.items()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """BenchMARL pickles the callbacks of an experiment; the run is not to be kept there."""
+        return Callback, ()
+
+
+class Pilot:
+    """The trained policy as the evaluation wants it: flat observations in, actions out."""
+
+    def __init__(self, policy: nn.Module) -> None:
+        self.policy = policy
+
+    def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Actions, shape (slots,), for observations of shape (slots, n)."""
+        drones = training.EXERCISE["n_drones"]
+        masks = training.masks_of_flat(seen, training.EXERCISE)
+        masks = masks.reshape(-1, drones, masks.shape[-1])
+        observations = seen.reshape(len(masks), drones, -1)
+        shown = {
+            "observation": torch.from_numpy(observations),
+            "action_mask": torch.from_numpy(masks),
+        }
+        swarms = TensorDict({"drones": shown}, batch_size=len(masks))
+        with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
+            actions: torch.Tensor = self.policy(swarms)["drones", "action"]
+        return actions.flatten().numpy()
+
+
+def settings(options: Any, checkpoint: Path | None) -> ExperimentConfig:
+    """BenchMARL's defaults, changed to fit a small search and a CPU."""
+    config = ExperimentConfig.get_from_yaml()
+    config.max_n_frames, config.max_n_iters = None, math.ceil(options.steps / BATCH)
+    config.on_policy_n_envs_per_worker = SWARMS
+    config.on_policy_collected_frames_per_batch = BATCH
+    config.on_policy_n_minibatch_iters = 6
+    config.on_policy_minibatch_size = 256
+    config.lr = 1e-3
+    config.evaluation = False  # the run compares with the baselines when it is over
+    config.loggers = []
+    config.create_json = False
+    config.save_folder = str(options.out)
+    config.checkpoint_interval = BATCH
+    config.restore_file = None if checkpoint is None else str(checkpoint)
+    return config
+
+
+def newest(folder: Path) -> Path:
+    """The checkpoint of the most steps in a run's folder."""
+    found = folder.glob("*/checkpoints/checkpoint_*.pt")
+    numbered = [(int(path.stem.split("_")[-1]), path) for path in found]
+    if not numbered:
+        raise SystemExit(f"there is nothing to resume in {folder}: no checkpoint")
+    return max(numbered)[1]
+
+
+def main() -> None:
+    """Train, and compare the result with the baselines."""
+    parser = training.arguments(__doc__, steps=200_000, short=2 * BATCH)
+    parser.add_argument(
+        "--algorithm",
+        choices=list(ALGORITHMS),
+        default="mappo",
+        help="MAPPO's critic sees the state, IPPO's what the drone sees (mappo)",
+    )
+    options = parser.parse_args()
+
+    algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
+    algorithm.entropy_coef, algorithm.lmbda = 0.001, 0.95
+    usual = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
+    model = MlpConfig(**usual)
+    of_state = MlpConfig(**usual, num_feature_dims=3)  # planes
+    with training.Run(options, f"BenchMARL, {options.algorithm.upper()}") as run:
+        experiment = Experiment(
+            task=SearchTask.EXERCISE.get_task(training.EXERCISE),
+            algorithm_config=algorithm,
+            model_config=model,
+            critic_model_config=of_state if options.algorithm == "mappo" else None,
+            seed=options.seed + run.steps_done,  # a resumed run meets other seas
+            config=settings(options, newest(run.folder) if run.resumes else None),
+            callbacks=[Record(run)],
+        )
+        run.go_on_from(experiment.total_frames)
+        experiment.run()
+    training.compare_with_baselines(
+        Pilot(experiment.policy),
+        training.EXERCISE,
+        episodes=options.episodes,
+        name=f"benchmarl-{options.algorithm}",
+        folder=run.folder,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""The environment as TorchRL sees it, and the example that trains there, run as users run it."""
+
+from __future__ import annotations
+
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from trainer_examples import EXAMPLES, check_folder, check_table, python, rows
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, training
+from DroneSwarmSearch.wrappers import (
+    ActionMask,
+    DictObservation,
+    FlatObservation,
+    GlimpsesObservation,
+    OtherDrones,
+    PlanesObservation,
+    ScaledRewards,
+    SeparateFlags,
+    TopCellsObservation,
+)
+
+pytest.importorskip("torchrl")
+
+import torch
+from tensordict import TensorDictBase
+from torchrl.envs import EnvBase, PettingZooWrapper, check_env_specs
+
+pytestmark = [  # what TorchRL says of PettingZoo's version, and of classes of its own
+    pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL is tested using"),
+    pytest.mark.filterwarnings("ignore:Creating .* which inherits from WeightUpdaterBase"),
+]
+
+EXAMPLE = EXAMPLES / "train_torchrl.py"
+
+LAYOUTS: dict[str, Callable[[Any], Any]] = {
+    "dict": DictObservation,
+    "dict with others": lambda env: OtherDrones(DictObservation(env)),
+    "flat": FlatObservation,
+    "planes": PlanesObservation,
+    "top cells": TopCellsObservation,
+    "glimpses": GlimpsesObservation,
+}
+
+
+@pytest.fixture(scope="module")
+def example() -> dict[str, Any]:
+    """What the example defines."""
+    return runpy.run_path(str(EXAMPLE))
+
+
+def search(**arguments: Any) -> DroneSwarmSearch:
+    return DroneSwarmSearch(**{**training.EXERCISE, **arguments})
+
+
+def wrapped(env: Any, **arguments: Any) -> EnvBase:
+    return PettingZooWrapper(env, group_map={"drones": env.possible_agents}, **arguments)
+
+
+def rollout(env: EnvBase, actions: list[tuple[int, ...]]) -> TensorDictBase:
+    """An episode played by these actions, one tuple for the drones' of each step."""
+    rest = iter(actions)
+
+    def policy(tensordict: TensorDictBase) -> TensorDictBase:
+        return tensordict.set(("drones", "action"), torch.tensor(next(rest)))
+
+    return env.rollout(len(actions), policy)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize("state", [False, True])
+def test_specs_hold(layout: str, masked: bool, state: bool) -> None:
+    env: Any = LAYOUTS[layout](ScaledRewards(SeparateFlags(search())))
+    if masked:
+        env = ActionMask(env, right_of_way=True)
+    env = wrapped(env, return_state=state)
+    check_env_specs(env)
+    keys = env.observation_spec.keys(True)
+    assert (("drones", "action_mask") in keys) == masked
+    assert ("state" in keys) == state
+
+
+def test_it_is_shown_what_the_environment_shows() -> None:
+    """Observations, masks, rewards and states, step by step."""
+    plain = ActionMask(FlatObservation(search()), right_of_way=True)
+    inner = ActionMask(FlatObservation(search()), right_of_way=True)
+    env = wrapped(inner, return_state=True)
+    observations, infos = plain.reset(seed=3)
+    shown = env.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        for place, drone in enumerate(plain.possible_agents):
+            assert shown["drones", "observation"][place].tolist() == observations[drone].tolist()
+            mask = infos[drone]["action_mask"].astype(bool)
+            assert shown["drones", "action_mask"][place].tolist() == mask.tolist()
+        assert shown["state"].tolist() == plain.state().tolist()
+        masks = [infos[drone]["action_mask"] for drone in plain.possible_agents]
+        actions = [int(rng.choice(mask.nonzero()[0])) for mask in masks]
+        observations, rewards, _, _, infos = plain.step(
+            dict(zip(plain.possible_agents, actions, strict=True))
+        )
+        stepped = env.step(shown.set(("drones", "action"), torch.tensor(actions)))
+        paid = np.array(list(rewards.values()), np.float32)
+        assert stepped["next", "drones", "reward"].flatten().tolist() == paid.tolist()
+        shown = stepped["next"]
+
+
+def test_masked_random_play_never_crashes() -> None:
+    env = wrapped(ActionMask(SeparateFlags(FlatObservation(search())), right_of_way=True))
+    torch.manual_seed(0)
+    for _ in range(3):
+        played = env.rollout(50)
+        found = played["next", "drones", "info", "Found"][-1].any()
+        assert bool(played["next", "terminated"][-1]) == bool(found)
+        assert len(played) == 50 or found
+
+
+IDLE, SEARCH, LEFT = int(Action.IDLE), int(Action.SEARCH), int(Action.LEFT)
+
+
+@pytest.mark.parametrize("central", [False, True])
+@pytest.mark.parametrize("separate", [False, True])
+def test_values_go_on_where_an_episode_is_truncated_alone(
+    example: dict[str, Any], central: bool, separate: bool
+) -> None:
+    """The critic's targets of the last step: time is up, a drone has left, all are found."""
+    env = example["make_environment"](1, True)
+    _, policy = example["make_policy"](env)
+    loss = example["make_loss"](env, policy, central)
+
+    def last_targets(swarm: Any, actions: list[tuple[int, ...]]) -> tuple[Any, Any, Any]:
+        """The targets, the rewards and the values of what came after."""
+        inner = FlatObservation(ScaledRewards(SeparateFlags(swarm) if separate else swarm))
+        batch = rollout(wrapped(ActionMask(inner), return_state=True), actions).unsqueeze(0)
+        assert batch["next", "done"][0, -1]
+        example["judge"](batch, loss)
+        reward, value = batch["next", "drones", "reward"], batch["next", "drones", "value"]
+        assert bool((value != 0).all())
+        return batch["drones", "target"][0, -1], reward[0, -1], value[0, -1]
+
+    targets, rewards, after = last_targets(search(), [(IDLE, IDLE)] * 50)
+    assert torch.allclose(targets, rewards + 0.99 * after if separate else rewards)
+    targets, rewards, _ = last_targets(search(), [(IDLE, IDLE), (LEFT, IDLE)])
+    assert torch.allclose(targets, rewards)
+    at_once = search(vector=(0, 0), disperse_constant=0, person_initial_position=(1, 0))
+    targets, rewards, _ = last_targets(at_once, [(IDLE, SEARCH)])
+    assert bool(rewards[1] > 0)
+    assert torch.allclose(targets, rewards)
+
+
+def test_the_limit_ends_the_examples_searches(example: dict[str, Any]) -> None:
+    played = rollout(example["make_swarm"](False), [(IDLE, IDLE)] * 50)
+    assert played["next", "terminated"].flatten().tolist() == [False] * 49 + [True]
+
+
+def test_the_policy_is_masked_in_the_evaluation(example: dict[str, Any]) -> None:
+    """As in training, told from the positions in what it is shown."""
+    env = ActionMask(FlatObservation(search()), right_of_way=True)
+    observations, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
+    seen = np.stack(list(observations.values()))
+    masks = np.stack([infos[drone]["action_mask"] for drone in env.possible_agents])
+    assert training.masks_of_flat(seen, training.EXERCISE).tolist() == masks.astype(bool).tolist()
+    assert not masks.all()
+
+    def wants(closed: int) -> Callable[[torch.Tensor], torch.Tensor]:
+        return lambda shown: torch.eye(6)[closed].repeat(len(shown), 1)
+
+    for action in range(6):
+        chosen = example["Pilot"](wants(action))(seen)
+        assert masks[[0, 1], chosen].all()
+        assert ((chosen == action) == masks[:, action].astype(bool)).all()
+
+
+def test_central_critics_alone_see_the_state(example: dict[str, Any]) -> None:
+    env = example["make_environment"](2, True)
+    shown = env.reset()
+    elsewhere = shown.clone()
+    elsewhere["state"][:, 2] = elsewhere["state"][:, 2].roll(1, dims=-1)
+    for central in (False, True):
+        network, policy = example["make_policy"](env)
+        critic = example["make_loss"](env, policy, central).critic_network
+        with torch.no_grad():
+            values = [critic(place.clone())["drones", "value"] for place in (shown, elsewhere)]
+        assert torch.equal(*values) != central
+        assert network(shown["drones", "observation"]).shape == (2, 2, 6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("critic", ["local", "central"])
+def test_it_trains_and_goes_on(critic: str, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    usual = (EXAMPLE, "--short", "--out", folder, "--critic", critic)
+    check_table(python(*usual), "torchrl-ppo", 50)
+    assert check_folder(folder, "checkpoint.pt", "torchrl-ppo") == [1024, 2048]
+    first = rows(folder / "curve.csv")
+    before = torch.load(folder / "checkpoint.pt", weights_only=True)
+    assert before["steps"] == 2048
+
+    check_table(python(*usual, "--resume", "--steps", 3000), "torchrl-ppo", 50)
+    assert check_folder(folder, "checkpoint.pt", "torchrl-ppo") == [1024, 2048, 3072]
+    assert rows(folder / "curve.csv")[:2] == first
+    after = torch.load(folder / "checkpoint.pt", weights_only=True)
+    assert after["steps"] == 3072
+    assert any(bool((after["loss"][key] != old).any()) for key, old in before["loss"].items())
+    moments = after["optimiser"]["state"][0]["step"]
+    assert float(moments) == 1.5 * float(before["optimiser"]["state"][0]["step"])
