@@ -7,6 +7,7 @@ import dataclasses
 import errno
 import json
 import os
+import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +26,7 @@ from DroneSwarmSearch.evaluation import (
     Store,
     compare,
     evaluate,
+    files,
     run,
     save_csv,
     save_episodes,
@@ -750,3 +752,24 @@ def test_the_suite_can_be_evaluated_by_name():
     got = evaluate(in_swarms, "pond", episodes=5)
     assert got.search == search("pond")
     assert len(got.success_by_time.value) == 41
+
+
+def test_code_and_weights_are_hashed_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "package"
+    home = Path(files.__file__).parents[1]
+    shutil.copytree(home, package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(files.DroneSwarmSearch, "__file__", str(package / "__init__.py"))
+
+    def changed(name: str) -> bool:
+        before = files.code_fingerprint.__wrapped__()
+        with (package / name).open("ab") as file:
+            file.write(b"\n")
+        return bool(files.code_fingerprint.__wrapped__() != before)
+
+    assert changed("policies/ppo.npz")
+    assert changed("rules.py")
+    assert changed("evaluation/episodes.py")
+    assert not changed("training/curve.py")
+    assert not changed("evaluation/plots.py")

@@ -103,7 +103,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     info = {f"{NAME}.dist-info/{file}" for file in ("METADATA", "WHEEL", "RECORD")}
     assert held == sources() | info | {f"{NAME}.dist-info/licenses/LICENSE"}
     assert {f"{package}/py.typed" for package in PACKAGES} <= held
-    assert {PurePosixPath(file).suffix for file in sources()} <= {".json", ".py", ".typed"}
+    assert {PurePosixPath(file).suffix for file in sources()} <= {".json", ".npz", ".py", ".typed"}
     assert "Name: DroneSwarmSearchEnvironment\n" in metadata
     assert "Requires-Python: >=3.10\n" in metadata
     for dependency in ("gymnasium", "numpy", "pettingzoo", "pygame"):

@@ -93,7 +93,7 @@ class TestCurves:
 
     def test_all_looks_differ(self) -> None:
         looks = [*plots.LOOKS.values(), *plots.OTHERS]
-        assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 12
+        assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 13
 
     def test_there_is_a_panel_for_each_search(self) -> None:
         several = [

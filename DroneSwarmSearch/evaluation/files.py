@@ -19,8 +19,11 @@ from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
 
 __all__ = ["StorageError", "Store", "replacing", "write_bytes", "write_text"]
 
-_APART = ("rendering", "bench", "demo.py", "evaluation", "__main__.py")
+_APART = ("rendering", "bench", "demo.py", "evaluation", "training", "wrappers", "__main__.py")
 """Parts of the package that no figure depends on, but for `_NOT_APART`."""
+
+_HASHED = (".py", ".npz")
+"""Code, and weights."""
 
 _NOT_APART = ("evaluation/episodes.py", "evaluation/statistics.py")
 
@@ -146,10 +149,10 @@ class Store:
 
 @lru_cache(maxsize=1)
 def code_fingerprint() -> str:
-    """A hash of the sources that figures depend on."""
+    """A hash of the sources and weights that figures depend on."""
     home = Path(DroneSwarmSearch.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(home.rglob("*.py")):
+    for path in sorted(path for path in home.rglob("*") if path.suffix in _HASHED):
         name = path.relative_to(home).as_posix()
         if name in _NOT_APART or name.split("/")[0] not in _APART:
             digest.update(f"{name}\0".encode() + path.read_bytes() + b"\0")
