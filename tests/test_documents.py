@@ -78,14 +78,32 @@ def sections(page: Path) -> list[str]:
     return [re.sub(r"[^\w\- ]", "", title).lower().replace(" ", "-") for title in titles]
 
 
+TRAINING = re.findall(
+    r"^python (examples/train_\w+\.py) (.*)$",
+    (ROOT / "docs" / "training.md").read_text("utf-8"),
+    re.M,
+)
+
+
+@pytest.mark.parametrize(("script", "arguments"), TRAINING)
+def test_training_commands_have_options_that_there_are(script: str, arguments: str) -> None:
+    """They are run, shortly, in the tests of the examples."""
+    text = (ROOT / script).read_text("utf-8")
+    text += (ROOT / "DroneSwarmSearch" / "training" / "options.py").read_text("utf-8")
+    given = [word for word in shlex.split(arguments) if word.startswith("--")]
+    assert given
+    for option in given:
+        assert f'"{option}"' in text, option
+
+
 def commands() -> list[str]:
     """The commands of the guides, but for those that install something."""
-    lines = [
-        line
-        for name, text in blocks("sh")
-        if name.rsplit("-", 1)[0] in GUIDES
-        for line in text.splitlines()
-    ]
+    lines = []
+    for name, text in blocks("sh"):
+        page = name.rsplit("-", 1)[0]
+        for line in text.splitlines():
+            quick = page == "training.md" and line.startswith("python -m DroneSwarmSearch ")
+            lines += [line] if page in GUIDES or quick else []
     return [line for line in lines if " pip install " not in line]
 
 
@@ -110,6 +128,13 @@ def test_command(command: str, tmp_path: Path) -> None:
         (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
         (["examples/evaluate_your_own.py", "--episodes", "20"], "greedy-posterior: found"),
+        (
+            [
+                *("examples/random_searches.py", "--searches", "2", "--episodes", "20"),
+                *("--policies", "ppo", "random"),
+            ],
+            "ppo ahead",
+        ),
         (["tests/benchmarks/bench_step.py", "--rounds", "1", "--steps", "20"], "idle/floor"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
