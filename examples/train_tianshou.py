@@ -171,7 +171,7 @@ class Trained:
 
 def main() -> None:
     """Train, and compare the result with the baselines."""
-    parser = training.arguments(__doc__, steps=100_000, short=500)
+    parser = training.arguments(__doc__, steps=40_000, short=500)
     parser.add_argument(
         "--num-envs", metavar="N", type=int, default=8, help="searches at a time (8)"
     )
