@@ -34,28 +34,20 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
         bool, shape (..., n, 6), indexed by `Action`: True where allowed.
     """
     places = np.asarray(cells)
-    shape, n, width = places.shape, places.shape[-1], grid_size + 2
-    # Grids with a margin one cell wide, one behind another: whoever leaves a grid comes into
-    # its margin.
-    y, x = np.divmod(places.reshape(-1, n), grid_size)
-    margin = np.ones((width, width), np.bool_)
-    margin[1:-1, 1:-1] = False
-    grids = np.arange(len(y))[:, None] * margin.size
-    places = grids + (y + 1) * width + (x + 1)
-    moves = np.array([-1, 1, -width, width])  # in the order of `Action`
-    targets = places[..., None] + moves
-
-    closed = np.tile(margin.reshape(-1), len(y))
-    closed[places] = True
-    masks = np.ones((len(y), n, len(Action)), np.bool_)
-    masks[..., :4] = ~closed[targets]
+    n = places.shape[-1]
+    by_swarm = places.reshape(-1, n)
+    swarms = np.arange(len(by_swarm))[:, None]
+    ahead = _targets(grid_size)[by_swarm, :4]
+    masks = np.ones((*by_swarm.shape, len(Action)), np.bool_)
+    masks[..., :4] = ~_closed(by_swarm, grid_size)[swarms[..., None], ahead]
     if right_of_way:
-        first = np.full(closed.size, n, np.int16)  # of the drones that may be there next
+        # In every cell, the first of the drones that may be there next.
+        first = np.full((len(by_swarm), grid_size**2 + 1), n, np.int16)
         for drone in reversed(range(n)):
-            first[places[:, drone]] = drone
-            first[targets[:, drone]] = drone
-        masks[..., :4] &= first[targets] >= np.arange(n)[:, None]
-    return masks.reshape(*shape, len(Action))
+            first[swarms[:, 0], by_swarm[:, drone]] = drone
+            first[swarms, ahead[:, drone]] = drone
+        masks[..., :4] &= first[swarms[..., None], ahead] >= np.arange(n)[:, None]
+    return masks.reshape(*places.shape, len(Action))
 
 
 def choose_in_turn(
@@ -83,9 +75,7 @@ def choose_in_turn(
     """
     swarms = np.arange(len(cells))
     targets = _targets(grid_size)
-    closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
-    closed[:, -1] = True  # off the grid
-    closed[swarms[:, None], cells] = True
+    closed = _closed(cells, grid_size)
     actions = np.empty(cells.shape, np.int64)
     masks = np.ones(scores.shape, np.bool_)
     for drone in range(cells.shape[1]):
@@ -95,6 +85,14 @@ def choose_in_turn(
         actions[:, drone] = chosen
         closed[swarms, ahead[swarms, chosen]] = True
     return actions, masks
+
+
+def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:
+    """Where nobody may move, (swarms, cells + 1), see `_targets`: off the grid, onto a drone."""
+    closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
+    closed[:, -1] = True
+    closed[np.arange(len(cells))[:, None], cells] = True
+    return closed
 
 
 @lru_cache(maxsize=16)

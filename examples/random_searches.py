@@ -22,11 +22,11 @@ from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.statistics import bootstrap_mean
-from DroneSwarmSearch.evaluation.tables import figure, print_table
+from DroneSwarmSearch.evaluation.tables import figure, print_table, signed
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import PPOPolicy
 
-USUAL = tuple(name for name in ("ppo", *POLICIES) if name != "planner")
+USUAL = ["ppo", *(name for name in POLICIES if name not in ("ppo", "planner"))]
 """All but the planner, which takes seconds for each search."""
 
 SEED = 2_000_000
@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--searches", type=int, default=100, help="how many are drawn (100)")
     parser.add_argument("--episodes", type=int, default=200, help="of each (200)")
     parser.add_argument("--seed", type=int, default=0, help="of the drawing (0)")
-    parser.add_argument("--policies", nargs="+", default=list(dict.fromkeys(USUAL)))
+    parser.add_argument("--policies", nargs="+", default=USUAL)
     parser.add_argument("--posterior", action="store_true", help="show the posterior to all")
     options = parser.parse_args()
 
@@ -97,14 +97,13 @@ def main() -> None:
     rows = []
     for name in options.policies:
         ahead = np.array(shares[first]) - shares[name]
-        low_high = bootstrap_mean(ahead)
         wins = f"{int((ahead > 0).sum())}:{int((ahead < 0).sum())}"
         rows.append(
             [
                 name,
                 figure(bootstrap_mean(shares[name])),
                 figure(bootstrap_mean(times[name])),
-                "" if name == first else "{:+.1f} ({:+.1f} to {:+.1f})".format(*low_high),
+                "" if name == first else signed(bootstrap_mean(ahead)),
                 "" if name == first else wins,
             ]
         )

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import warnings
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -191,13 +190,6 @@ def figures(batch: TensorDictBase) -> dict[str, float]:
     }
 
 
-def save(path: Path, **parts: Any) -> None:
-    """Keep a checkpoint; the last one goes when the new one is complete."""
-    new = path.with_suffix(".new")
-    torch.save(parts, new)
-    new.replace(path)
-
-
 def main() -> None:
     """Train, and compare the result with the baselines."""
     parser = training.arguments(__doc__, steps=200_000, short=2 * SWARMS * LENGTH)
@@ -230,12 +222,13 @@ def main() -> None:
             judge(batch, loss)
             last = improve(batch, loss, optimiser)
             run.log(run.steps_done + batch.numel(), **figures(batch), loss=last)
-            save(
-                checkpoint,
-                steps=run.steps_done,
-                loss=loss.state_dict(),
-                optimiser=optimiser.state_dict(),
-            )
+            state = {
+                "steps": run.steps_done,
+                "loss": loss.state_dict(),
+                "optimiser": optimiser.state_dict(),
+            }
+            with run.saving("checkpoint.pt") as path:
+                torch.save(state, path)
         collector.shutdown()
     training.compare_with_baselines(
         Pilot(network),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
-__all__ = ["figure", "percent", "print_table"]
+__all__ = ["figure", "percent", "print_table", "signed"]
 
 
 def percent(estimate: Estimate | None) -> str:
@@ -18,6 +18,12 @@ def percent(estimate: Estimate | None) -> str:
 def figure(estimate: Estimate) -> str:
     """A figure of at least 0 with its interval."""
     return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
+
+
+def signed(estimate: Estimate) -> str:
+    """A difference with its interval, each with its sign."""
+    value, low, high = (round(number, 1) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
+    return f"{value:+.1f} ({low:+.1f} to {high:+.1f})"
 
 
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:

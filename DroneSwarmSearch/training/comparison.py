@@ -10,7 +10,8 @@ from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
+from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
+from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 __all__ = ["BASELINES", "compare_with_baselines"]
@@ -82,23 +83,14 @@ def _search(parameters: Mapping[str, Any]) -> NamedSearch:
 
 def _row(each: Evaluation, mine: Evaluation | None = None) -> list[str]:
     """A policy's figures, and how far another is ahead of it."""
-    count = sum(
-        number
-        for ending, number in each.endings.items()
-        if ending.name in ("COLLISION", "LEFT_GRID")
-    )
+    count = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
     mishaps = f"{100 * count / len(each.episodes):.1f}"
     row = [each.policy, percent(each.success), figure(each.time), mishaps]
     if mine is None:
         return [*row, "", ""]
     ahead = compare(mine, each)
-    return [*row, _signed(ahead.success.scaled(100.0)), _signed(_negative(ahead.time))]
+    return [*row, signed(ahead.success.scaled(100.0)), signed(_negative(ahead.time))]
 
 
 def _negative(estimate: Estimate) -> Estimate:
     return Estimate(-estimate.value, -estimate.high, -estimate.low)
-
-
-def _signed(estimate: Estimate) -> str:
-    value, low, high = (round(number, 1) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
-    return f"{value:+.1f} ({low:+.1f} to {high:+.1f})"

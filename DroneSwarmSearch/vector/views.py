@@ -134,10 +134,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         scenario = self.batch.scenario
         self._size, self._drones = scenario.grid_size, scenario.n_drones
         self._all_rows = np.arange(self.batch.num_rows)
-        self._layout_options: dict[str, Any] = {}
-        if observation == "top-cells":
-            self._layout_options = {"k": top_cells, "name": "top_cells"}
-        self._layout = self._choose_layout(str(observation))
+        its_own = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
+        self._layout = self._choose_layout(str(observation), its_own)
         self.num_envs = self.batch.num_rows * self._per_swarm
         self.single_observation_space = self._space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -159,7 +157,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _action_space(self) -> spaces.Space[Any]:
         raise NotImplementedError
 
-    def _choose_layout(self, name: str) -> Layout:
+    def _choose_layout(self, name: str, options: dict[str, Any]) -> Layout:
         raise NotImplementedError
 
     def _rewards(self) -> NDArray[np.float64]:
@@ -538,11 +536,11 @@ class SwarmVectorEnv(SearchVectorEnv):
     def _action_space(self) -> spaces.Space[Any]:
         return spaces.MultiDiscrete([len(Action)] * self._drones)
 
-    def _choose_layout(self, name: str) -> Layout:
+    def _choose_layout(self, name: str, options: dict[str, Any]) -> Layout:
         size, n = self._size, self._drones
         if name in JOINT_LAYOUTS:
             return JOINT_LAYOUTS[name](size, n)
-        return StackedLayout(LAYOUTS[name](size, n, **self._layout_options))
+        return StackedLayout(LAYOUTS[name](size, n, **options))
 
     def _by_row(self, slots: Slots, rows: Ints) -> Slots:
         return slots
@@ -605,8 +603,8 @@ class DroneVectorEnv(SearchVectorEnv):
     def _action_space(self) -> spaces.Space[Any]:
         return spaces.Discrete(len(Action))
 
-    def _choose_layout(self, name: str) -> Layout:
-        return LAYOUTS[name](self._size, self._drones, **self._layout_options)
+    def _choose_layout(self, name: str, options: dict[str, Any]) -> Layout:
+        return LAYOUTS[name](self._size, self._drones, **options)
 
     def _by_row(self, slots: Slots, rows: Ints) -> Slots:
         return slots.reshape(len(rows), self._drones, *slots.shape[1:])
