@@ -24,7 +24,7 @@ from DroneSwarmSearch import checks, rules
 from DroneSwarmSearch.actions import names_in_words, reader
 from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.mappings import Infos, Rewards
+from DroneSwarmSearch.mappings import Infos, Rewards, Start
 from DroneSwarmSearch.observations import (
     Observation,
     observation_space,
@@ -73,7 +73,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
     `state()` gives the whole truth, for centralised critics.
 
     ## Rewards and endings
-    The table at the top of `rules`. At the end both terminations and truncations are True
+    The table at the top of ``rules``. At the end both terminations and truncations are True
     for every drone, and `agents` is empty. `rewards["total_reward"]` is the sum over the
     drones; `infos["Found"]` and `infos[drone]["Found"]` turn True when a drone finds a
     person. Neither name is among the keys.
@@ -183,7 +183,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         *,
         drones_positions: ArrayLike | None = None,
         vector: ArrayLike | None = None,
-    ) -> tuple[dict[str, Observation], Infos]:
+    ) -> Start[Observation]:
         """Begin an episode.
 
         Args:
@@ -199,7 +199,8 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                 over the option.
 
         Returns:
-            The observations and the infos of every drone.
+            The observations and the infos of every drone, as a tuple; it answers drones'
+            names with their observations, for scripts that know nothing of infos.
 
         Raises:
             TypeError: an argument is of the wrong type.
@@ -244,7 +245,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if self.render_mode == "human":
             self._get_window().reopen()
             self.render()
-        return observe(self._names, cells, self._positions, self._sea.matrix, self._found)
+        return Start(observe(self._names, cells, self._positions, self._sea.matrix, self._found))
 
     def step(
         self, actions: Mapping[str, int]

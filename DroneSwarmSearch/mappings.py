@@ -1,15 +1,17 @@
-"""The rewards and infos of a step: dicts of the drones alone that answer one name more.
+"""What `reset` and `step` return where scripts for the 2023 package look for something else.
 
-The 2023 package put "total_reward" among the drones' rewards and "Found" among their
-infos. As ordinary keys these break trainers, which take every key for an agent; here
-they are answered on look-up and never listed.
+That package put "total_reward" among the drones' rewards and "Found" among their infos. As
+ordinary keys these break trainers, which take every key for an agent; here they are answered
+on look-up and never listed. And its `reset` returned the observations alone, where PettingZoo
+now has two things; here the two are a tuple that answers drones' names as well.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeVar, overload
+from collections.abc import ItemsView, KeysView, ValuesView
+from typing import Any, Generic, TypeVar, overload
 
-__all__ = ["Infos", "Rewards"]
+__all__ = ["Infos", "Rewards", "Start"]
 
 Value = TypeVar("Value")
 Default = TypeVar("Default")
@@ -43,6 +45,13 @@ class _Answering(dict[str, Value]):
         # A plain dict's get knows nothing of __missing__.
         return super().get(key, default) if key != self.NAME else self[key]
 
+    def __delitem__(self, key: str) -> None:
+        if key != self.NAME:  # which is not listed anyway
+            super().__delitem__(key)
+
+    def pop(self, key: str, *default: Any) -> Any:
+        return super().pop(key, *default) if key != self.NAME else self._answer()
+
     def copy(self) -> Any:
         return type(self)(self)
 
@@ -67,3 +76,36 @@ class Infos(_Answering[Any]):
 
     def _answer(self) -> bool:
         return any(info.get("Found", False) for info in self.values())
+
+
+class Start(tuple[dict[str, Value], Infos], Generic[Value]):
+    """What `reset` returns: (observations, infos), a tuple like any other.
+
+    A drone's name leads to its observation, ``env.reset()["drone0"]``, and so do `keys`,
+    `values` and `items`, as when the observations were all that `reset` returned.
+    """
+
+    __slots__ = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            return self[0][key]
+        return super().__getitem__(key)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self[0] if isinstance(key, str) else super().__contains__(key)
+
+    def keys(self) -> KeysView[str]:
+        """The drones' names."""
+        observations: dict[str, Value] = self[0]
+        return observations.keys()
+
+    def values(self) -> ValuesView[Value]:
+        """The drones' observations."""
+        observations: dict[str, Value] = self[0]
+        return observations.values()
+
+    def items(self) -> ItemsView[str, Value]:
+        """The drones' names and observations."""
+        observations: dict[str, Value] = self[0]
+        return observations.items()

@@ -419,6 +419,33 @@ def test_a_copy_is_a_mapping_of_its_own():
         assert rewards["total_reward"] == 19_901.0 and other["total_reward"] == -99.0
 
 
+def test_the_further_name_can_be_taken_away_as_a_key_could():
+    rewards, infos = last_mappings()
+    assert rewards.pop("total_reward") == 19_901.0 and infos.pop("Found", None) is True
+    del rewards["total_reward"]
+    assert rewards == VALUES and rewards.pop("drone0") == 20_000.0
+    assert rewards.pop("drone0", 7) == 7
+    for take in (rewards.pop, rewards.__delitem__):
+        with pytest.raises(KeyError, match="drone0"):
+            take("drone0")
+
+
+@pytest.mark.parametrize("make", [make for name, make in COPIES.items() if name != ".copy()"])
+def test_what_reset_returns_answers_names_as_well(make):
+    start = make(DroneSwarmSearch(n_drones=2).reset(seed=1))
+    observations, infos = start
+    assert isinstance(start, tuple) and len(start) == 2 and list(start) == [*start]
+    assert start[0] is observations and start[-1] is infos and start[:1] == (observations,)
+    assert start["drone1"] is observations["drone1"]
+    assert dict(start.items()) == dict(zip(start.keys(), start.values(), strict=True))
+    assert list(start.keys()) == ["drone0", "drone1"]
+    assert "drone1" in start and "drone2" not in start and infos in start
+    with pytest.raises(KeyError, match="drone2"):
+        start["drone2"]
+    with pytest.raises(IndexError):
+        start[2]
+
+
 def test_found_before_and_after():
     env = DroneSwarmSearch(n_drones=2, person_initial_position=[(0, 0), (6, 6)])
 
