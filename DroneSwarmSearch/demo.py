@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES, Policy, make
+from DroneSwarmSearch.policies.ppo import Network
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
 from DroneSwarmSearch.rendering.video import INSTALL_HINT, SUFFIXES, write_film
@@ -146,9 +147,9 @@ def _parser() -> argparse.ArgumentParser:
     search.add_argument(
         "--policy",
         metavar="NAME",
-        choices=list(POLICIES),
+        type=_steering,
         default=USUAL_POLICY,
-        help=f"what steers the drones: {', '.join(POLICIES)}",
+        help=f"what steers the drones: {', '.join(POLICIES)}, or weights of your own, .npz",
     )
     search.add_argument("--drones", metavar="N", type=int, default=4, help="number of drones")
     search.add_argument("--grid-size", metavar="N", type=int, default=20, help="cells along a side")
@@ -204,6 +205,21 @@ def _film(text: str) -> Path:
     if path.suffix.lower() not in SUFFIXES:
         raise argparse.ArgumentTypeError(f"must end in {' or '.join(SUFFIXES)}, got {text!r}")
     return path
+
+
+def _steering(text: str) -> str:
+    if text.endswith(".npz"):
+        try:
+            Network.load(text)
+        except FileNotFoundError:
+            raise argparse.ArgumentTypeError(f"there is no file {text!r}") from None
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+    elif text not in POLICIES:
+        raise argparse.ArgumentTypeError(
+            f"must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {text!r}"
+        )
+    return text
 
 
 def _within(

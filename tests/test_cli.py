@@ -9,6 +9,7 @@ import io
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from DroneSwarmSearch import __main__ as command
 from DroneSwarmSearch.evaluation import SUITE, Store, evaluate, progress, run
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS
 
 PATIENCE = 60.0
 """Seconds after which a test fails that waits for another process."""
@@ -188,6 +190,26 @@ def test_policies_of_ones_own_come_from_files_and_modules(capsys, own, monkeypat
         assert sum(each["calibration"]["searches"]) >= 3 * 6
 
 
+def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    played: list[Any] = []
+    original = run.play
+    monkeypatch.setattr(run, "play", lambda *args: played.append(args[2]) or original(*args))
+    arguments = ("evaluate", "mine.npz", "pond", "--episodes", 20, "--json", "--out", "results")
+    (mine,) = json.loads(answer(capsys, *arguments).out)
+    answer(capsys, *arguments)
+    assert len(played) == 1, "kept under a hash of the weights"
+    (boxed,) = json.loads(answer(capsys, "evaluate", "ppo", *arguments[2:6]).out)
+    assert mine["policy"] == "mine.npz"
+    assert mine["success"] == boxed["success"]
+
+    with np.load("mine.npz") as file:
+        np.savez("mine.npz", **{name: -file[name] for name in file})
+    (other,) = json.loads(answer(capsys, *arguments).out)
+    assert other["success"] != mine["success"]
+
+
 def test_a_view_and_a_layout_can_be_asked_for(capsys, tmp_path):
     path = tmp_path / "flat.py"
     path.write_text(
@@ -236,6 +258,7 @@ def test_results_are_written_and_a_rerun_goes_on(capsys, own, tmp_path, monkeypa
         (["evaluate", "random", "lagon"], "got 'lagon'; did you mean lagoon?"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "nofile.py:act", "pond"], "there is no 'nofile.py'"),
+        (["evaluate", "nofile.npz", "pond"], "there is no 'nofile.npz'"),
         (["evaluate", "no.module:act", "pond"], "there is no 'no.module'"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--episodes", "0"], "episodes must be an integer of at"),
@@ -333,6 +356,7 @@ def test_ctrl_c_is_told_and_a_rerun_goes_on(own):
     assert "1000 episodes of each search" in done.stdout
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
 def test_when_nobody_reads_on_the_command_ends_quietly(own):
     process = subprocess.Popen(
         [sys.executable, "-m", "DroneSwarmSearch", "evaluate", "--list"],

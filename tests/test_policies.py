@@ -82,6 +82,8 @@ class TestRegistry:
     def test_refuses_unknown_names(self) -> None:
         with pytest.raises(ValueError, match=r"name must be one of random, .*, got 'best'"):
             make("best", scenario())
+        with pytest.raises(FileNotFoundError, match=r"none\.npz"):
+            make("none.npz", scenario())
         with pytest.raises(TypeError, match=r"name must be a policy's name, got 3"):
             make(3, scenario())  # type: ignore[arg-type]
 

@@ -195,7 +195,8 @@ def _evaluate_parser() -> argparse.ArgumentParser:
         "policy",
         metavar="POLICY",
         nargs="?",
-        help="of the registry, or your own: module:attribute or file.py:attribute",
+        help="of the registry, or your own: weights.npz of examples/train_ppo.py,"
+        " module:attribute or file.py:attribute",
     )
     parser.add_argument(
         "searches", metavar="SEARCH", nargs="*", help="of the suite; all stands for all of them"

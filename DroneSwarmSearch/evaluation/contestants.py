@@ -30,8 +30,8 @@ class Contestant:
         name: what it is called in tables and files.
         identity: tells it from every other policy, for the store; None where nothing does,
             and then nothing is stored.
-        policy: a name of the registry; a class, of which an object is made for each search
-            from its `Scenario`; or a callable from observations to actions.
+        policy: what `policies.make` takes; a class, of which an object is made for each
+            search from its `Scenario`; or a callable from observations to actions.
     """
 
     name: str
@@ -43,9 +43,10 @@ class Contestant:
         """A contestant from whatever stands for one.
 
         Args:
-            policy: a name of the registry (`policies.POLICIES`); "module:attribute" or
-                "file.py:attribute", where such a callable or class is found; a callable
-                or class; or a `Contestant`.
+            policy: a name of the registry (`policies.POLICIES`); a file of weights,
+                "….npz" (`policies.make`); "module:attribute" or "file.py:attribute",
+                where such a callable or class is found; a callable or class; or a
+                `Contestant`.
             name: what it shall be called. It makes a callable's results be kept in a store:
                 change it when the policy changes.
 
@@ -57,6 +58,8 @@ class Contestant:
             raise TypeError(f"name must be a string or None, got {name!r}")
         if isinstance(policy, Contestant):
             return policy
+        if isinstance(policy, str) and policy.endswith(".npz"):
+            return cls(name or policy, f"weights:{_hash(_existing(policy, policy))}", policy)
         if isinstance(policy, str) and ":" in policy:
             return _loaded(policy, name)
         if isinstance(policy, str):
@@ -95,7 +98,7 @@ def _no_such(name: str) -> str:
     meant = f"; did you mean {' or '.join(near)}?" if near else ""
     return (
         f"policy must be a name of the registry ({', '.join(policies.POLICIES)}), "
-        f"'module:attribute' or 'file.py:attribute', got {name!r}{meant}"
+        f"'weights.npz', 'module:attribute' or 'file.py:attribute', got {name!r}{meant}"
     )
 
 
@@ -130,9 +133,7 @@ def _module(text: str, name: str) -> tuple[ModuleType, str]:
 
 def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
     """A module from a file, and a hash of the file."""
-    if not path.is_file():
-        raise ValueError(f"policy must name a file, but there is no {str(path)!r} (in {text!r})")
-    digest = _hash(path)
+    digest = _hash(_existing(text, path))
     name = f"_policy_{path.stem}_{digest[:16]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
@@ -148,6 +149,13 @@ def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
         # Workers have no such module: what is in it travels with the policy.
         cloudpickle.register_pickle_by_value(module)
     return sys.modules[name], digest
+
+
+def _existing(text: str, where: str | Path) -> Path:
+    path = Path(where)
+    if not path.is_file():
+        raise ValueError(f"policy must name a file, but there is no {str(path)!r} (in {text!r})")
+    return path
 
 
 def _hash(path: Path) -> str:

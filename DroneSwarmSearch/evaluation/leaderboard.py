@@ -229,7 +229,7 @@ def leaderboard(
 
     Args:
         policies: names of the registry; all of them without it.
-        searches: names of the suite or `NamedSearch`es; the whole suite without it.
+        searches: names of the suite, or of the type `NamedSearch`; the whole suite without it.
         added: further policies, in any form that `evaluate` takes.
         view: how the added policies are shown the searches, see `evaluate`.
         observation: in which layout, see `evaluate`.
@@ -570,8 +570,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="WHERE",
         action="append",
         default=[],
-        help="a policy of your own as a row: module:attribute or file.py:attribute; may be"
-        " given several times",
+        help="a policy of your own as a row: weights.npz of examples/train_ppo.py,"
+        " module:attribute or file.py:attribute; may be given several times",
     )
     what.add_argument(
         "--view",

@@ -139,7 +139,7 @@ def _order(board: Leaderboard) -> list[str]:
         "",
         *_paragraph(
             "Search theory predicts: planner before greedy-posterior, this before greedy-matrix "
-            "and the patterns, and all of them before random. Of ppo, a trained network, it says "
+            "and the patterns, and all of them before random. Of trained networks it says "
             "nothing, but whoever knows the posterior should be ahead of those who do not. "
             "Differences on the same seas, first less second, in percentage points, with paired "
             "95 % bootstrap intervals; below 0 in time, the first is faster."

@@ -80,15 +80,21 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
     """A policy by its name.
 
     Args:
-        name: one of `POLICIES`.
+        name: one of `POLICIES`; or a file of weights, "….npz", as `examples/train_ppo.py`
+            writes it, for a `PPOPolicy`.
         scenario: the parameters of every search that it is going to steer.
 
     Raises:
+        FileNotFoundError: there is no such file.
         TypeError: the name is no string, or `scenario` no `Scenario`.
-        ValueError: no policy has this name.
+        ValueError: no policy has this name, or the file holds no such network.
     """
     if not isinstance(name, str):
         raise TypeError(f"name must be a policy's name, got {name!r}")
+    if name.endswith(".npz"):
+        return PPOPolicy(scenario, name)
     if name not in POLICIES:
-        raise ValueError(f"name must be one of {', '.join(POLICIES)}, got {name!r}")
+        raise ValueError(
+            f"name must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {name!r}"
+        )
     return POLICIES[name](scenario)
