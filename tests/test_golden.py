@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+from pathlib import Path
+
 import pytest
-from golden.regenerate import FOLDER, LETTERS, SCENARIOS, path_of, trace
+from golden import regenerate
+from golden.regenerate import FOLDER, ID, LETTERS, RELEASED, SCENARIOS, path_of, trace
 
 from DroneSwarmSearch import Action
 
@@ -20,7 +24,8 @@ def test_golden(name):
 
 
 def test_every_trace_has_a_scenario():
-    assert {path.stem for path in FOLDER.glob("*.txt")} == set(SCENARIOS)
+    traces = set(FOLDER.glob("*.txt")) - {RELEASED}
+    assert {path.stem for path in traces} == set(SCENARIOS)
 
 
 def test_the_scenarios_use_every_action_and_reach_every_ending():
@@ -30,3 +35,67 @@ def test_the_scenarios_use_every_action_and_reach_every_ending():
     traces = "\n".join(trace(scenario) for scenario in SCENARIOS.values())
     for words in ("every person was found", "collided", "left the grid", "the time was up"):
         assert words in traces
+
+
+# What was released stays.
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder that regenerates instead, with all scenarios released."""
+    monkeypatch.setattr(regenerate, "FOLDER", tmp_path)
+    monkeypatch.setattr(regenerate, "RELEASED", tmp_path / "released.txt")
+    monkeypatch.setattr(regenerate, "SCENARIOS", dict(SCENARIOS))
+    (tmp_path / "released.txt").write_text("drone_swarm_search_v999 find abc\n", encoding="utf-8")
+    regenerate.main([])
+    assert regenerate.released() == {}
+    regenerate.main(["--release"])
+    return tmp_path
+
+
+def change(name: str, **changes: object) -> None:
+    regenerate.SCENARIOS[name] = dataclasses.replace(SCENARIOS[name], **changes)
+
+
+def kept(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_released_episodes_are_as_they_were():
+    assert regenerate.broken() == [], "see CONTRIBUTING.md, Versions"
+
+
+def test_the_same_episodes_may_be_written_and_released_again(elsewhere):
+    before = kept(elsewhere)
+    assert set(before) == {f"{name}.txt" for name in SCENARIOS} | {"released.txt"}
+    assert all(before[f"{name}.txt"] == path_of(name).read_bytes() for name in SCENARIOS)
+    regenerate.main([])
+    regenerate.main(["--release"])
+    assert kept(elsewhere) == before
+
+
+def test_changed_episodes_of_a_released_id_are_refused(elsewhere):
+    change("find", reset={"seed": 2})
+    regenerate.SCENARIOS.pop("persons")
+    before = kept(elsewhere)
+    for arguments in ([], ["--release"]):
+        with pytest.raises(SystemExit, match=f"{ID} is released.*: find, persons") as refused:
+            regenerate.main(arguments)
+        assert '"Versions" in CONTRIBUTING.md' in str(refused.value)
+    assert kept(elsewhere) == before
+
+
+def test_a_new_id_a_new_scenario_and_new_frames_are_free(elsewhere, monkeypatch):
+    change("find", shows="Told in other words.")
+    regenerate.SCENARIOS["new"] = SCENARIOS["find"]
+    monkeypatch.setattr(regenerate, "framed", lambda env, frames: ["a map"] if frames else [])
+    regenerate.main([])
+    assert "a map" in (elsewhere / "new.txt").read_text("utf-8")
+    assert set(regenerate.released()) == set(SCENARIOS)
+    regenerate.main(["--release"])
+    assert set(regenerate.released()) == {*SCENARIOS, "new"}
+
+    monkeypatch.setattr(regenerate, "ID", "drone_swarm_search_v1000")
+    change("find", reset={"seed": 2})
+    regenerate.main([])
+    assert "environment: drone_swarm_search_v1000" in (elsewhere / "find.txt").read_text("utf-8")

@@ -1,20 +1,34 @@
 """Traces of named episodes as readable text; run this file to write them anew.
 
-A trace holds the parameters, and for every step the actions, the rewards, whether the
-episode ended, whether somebody was found, and the frame as text. `test_golden.py` plays
-the scenarios again and compares line by line. After a change that is meant to change
-episodes or frames, run ``python tests/golden/regenerate.py``: the diff is the review.
+    python tests/golden/regenerate.py            after a wanted change: the diff is the review
+    python tests/golden/regenerate.py --release  as a step of a release, see CONTRIBUTING.md
+
+A trace holds the environment's id, the parameters, and for every step the actions, the
+rewards, whether the episode ended, whether somebody was found, the observation and where the
+persons are in figures, and the frame as text. `test_golden.py` plays the scenarios again and
+compares line by line.
+
+`released.txt` holds a digest of each trace, frames left out, for every id that was released.
+The episodes of a released id are never changed: what changes them needs a new id.
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
 
 FOLDER = Path(__file__).parent
+RELEASED = FOLDER / "released.txt"
+"""The released episodes: in each line an id, a scenario and a digest."""
+
+ID = str(DroneSwarmSearch.metadata["name"])
 
 LETTERS = {
     "L": Action.LEFT,
@@ -128,18 +142,19 @@ SCENARIOS = {
 }
 
 
-def trace(scenario: Scenario) -> str:
-    """A scenario's episodes as text."""
+def trace(scenario: Scenario, frames: bool = True) -> str:
+    """A scenario's episodes as text, with the frames or with what counts as behaviour alone."""
     env = DroneSwarmSearch(**scenario.parameters)
-    lines = [scenario.shows, ""]
+    lines = [scenario.shows] if frames else []
+    lines += [f"environment: {ID}", ""]
     lines += [f"{name} = {value}" for name, value in scenario.parameters.items()]
     for number, steps in enumerate([scenario.steps, *scenario.then]):
         arguments = scenario.reset if number == 0 else {}
         given = ", ".join(f"{name}={value}" for name, value in arguments.items())
-        env.reset(**arguments)
-        lines += ["", f"reset({given})", *framed(env)]
+        observations, _ = env.reset(**arguments)
+        lines += ["", f"reset({given})", *shown(env, observations), *framed(env, frames)]
         for letters in steps.split():
-            lines += ["", *step_lines(env, letters)]
+            lines += ["", *step_lines(env, letters), *framed(env, frames)]
     return "\n".join(lines) + "\n"
 
 
@@ -148,7 +163,7 @@ def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
     actions = {
         agent: int(LETTERS[letter]) for agent, letter in zip(env.agents, letters, strict=True)
     }
-    _, rewards, terminations, truncations, infos = env.step(actions)
+    observations, rewards, terminations, truncations, infos = env.step(actions)
     assert terminations == truncations
     return [
         "actions  " + " ".join(LETTERS[letter].name.lower() for letter in letters),
@@ -156,13 +171,28 @@ def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
         f"total    {rewards['total_reward']:.2f}",
         "ended    " + " ".join("yes" if over else "no" for over in terminations.values()),
         "found    " + " ".join("yes" if info["Found"] else "no" for info in infos.values()),
-        *framed(env),
+        *shown(env, observations),
     ]
 
 
-def framed(env: DroneSwarmSearch) -> list[str]:
+def shown(env: DroneSwarmSearch, observations: dict[str, Any]) -> list[str]:
+    """The observation and the missing persons in figures that tell any matrix from any other."""
+    views = [observations[agent]["observation"] for agent in env.possible_agents]
+    matrix = views[0][1].astype(np.float64)
+    rows, columns = np.indices(matrix.shape)
+    counts = env.state()[2].astype(int)
+    missing = [f"({x}, {y})" for y, x in np.argwhere(counts) for _ in range(counts[y, x])]
+    return [
+        "drones   " + " ".join(f"({cell[0]}, {cell[1]})" for cell, _ in views),
+        f"matrix   at most {matrix.max():.4f}, mean cell "
+        f"({(matrix * columns).sum():.4f}, {(matrix * rows).sum():.4f})",
+        "persons  " + (" ".join(missing) or "none missing"),
+    ]
+
+
+def framed(env: DroneSwarmSearch, frames: bool) -> list[str]:
     """The frame as text, without the spaces at the ends of lines."""
-    return [line.rstrip() for line in env.render().splitlines()]
+    return [line.rstrip() for line in env.render().splitlines()] if frames else []
 
 
 def path_of(name: str) -> Path:
@@ -170,13 +200,50 @@ def path_of(name: str) -> Path:
     return FOLDER / f"{name}.txt"
 
 
-def main() -> None:
-    """Write every trace anew, and remove those without a scenario."""
+def digest(scenario: Scenario) -> str:
+    """What stands for a scenario's episodes."""
+    return hashlib.sha256(trace(scenario, frames=False).encode()).hexdigest()
+
+
+def released() -> dict[str, str]:
+    """The digests of this id's released episodes by scenario; empty if it was not released."""
+    lines = [line.split() for line in RELEASED.read_text(encoding="utf-8").splitlines()]
+    return {line[1]: line[2] for line in lines if line and line[0] == ID}
+
+
+def broken() -> list[str]:
+    """The scenarios whose episodes are no longer those that were released under this id."""
+    return [
+        name
+        for name, was in released().items()
+        if name not in SCENARIOS or digest(SCENARIOS[name]) != was
+    ]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Write every trace anew, and remove those without a scenario.
+
+    Raises:
+        SystemExit: episodes of a released id would change.
+    """
+    parser = argparse.ArgumentParser(description="Write the traces of the named episodes anew.")
+    parser.add_argument("--release", action="store_true", help="enter them as released")
+    options = parser.parse_args(arguments)
+    if names := broken():
+        raise SystemExit(
+            f"{ID} is released, and these are not its episodes any more: {', '.join(names)}.\n"
+            "Nothing was written. If the change is not meant, undo it. If it is, give the\n"
+            'environment the next id: "Versions" in CONTRIBUTING.md says where it stands.'
+        )
     for name, scenario in SCENARIOS.items():
         path_of(name).write_text(trace(scenario), encoding="utf-8", newline="\n")
-    for path in FOLDER.glob("*.txt"):
+    for path in set(FOLDER.glob("*.txt")) - {RELEASED}:
         if path.stem not in SCENARIOS:
             path.unlink()
+    if options.release:
+        new = sorted(set(SCENARIOS) - set(released()))
+        with RELEASED.open("a", encoding="utf-8", newline="\n") as file:
+            file.writelines(f"{ID} {name} {digest(SCENARIOS[name])}\n" for name in new)
 
 
 if __name__ == "__main__":
