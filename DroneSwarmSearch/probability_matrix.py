@@ -213,8 +213,8 @@ class Block(NamedTuple):
         first: the step that index 0 of everything below stands for.
         steps: the law and the moves as arrays.
         marginals: the probabilities in single precision, float32, shape (n, 2, N).
-        right: `steps.right`, flat, in the form that scalar code reads fastest.
-        left: `steps.left` likewise.
+        right: `right` of the steps, flat, in the form that scalar code reads fastest.
+        left: their `left` likewise.
         matrices: for every step, its matrix once somebody has asked for it.
     """
 

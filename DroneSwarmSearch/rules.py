@@ -213,6 +213,9 @@ def reward(
         steps_before: steps completed before this one.
         timestep_limit: the number of steps in an episode.
         return_so_far: the sum of its rewards in the episode before this step.
+
+    Returns:
+        The reward, in points.
     """
     if collided:
         return scheme.collision
@@ -285,7 +288,17 @@ def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
 def ending(
     all_found: bool, any_collided: bool, any_left_grid: bool, time_up: bool
 ) -> Ending | None:
-    """Whether and why the episode ends with this step; success is named before mishaps."""
+    """Whether and why the episode ends with this step; success is named before mishaps.
+
+    Args:
+        all_found: all persons have been found.
+        any_collided: drones have collided.
+        any_left_grid: a drone has left the grid.
+        time_up: this is step number `timestep_limit`.
+
+    Returns:
+        The reason, or None if the episode goes on.
+    """
     if all_found:
         return Ending.FOUND
     if any_collided:

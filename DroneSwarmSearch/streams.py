@@ -209,7 +209,7 @@ class RowNumbers:
         return len(self._keys)
 
     def random(self, size: int | tuple[int, ...] = ()) -> NDArray[np.float64]:
-        """Numbers in [0, 1), float64, shape (n, *size)."""
+        """Numbers in [0, 1), float64, shape ``(n, *size)``."""
         shape = (size,) if isinstance(size, int) else tuple(size)
         count = math.prod(shape)
         places = np.arange(self._drawn, self._drawn + count, dtype=np.uint64)
@@ -219,7 +219,7 @@ class RowNumbers:
     def uniform(
         self, low: ArrayLike = 0.0, high: ArrayLike = 1.0, size: int | tuple[int, ...] = ()
     ) -> NDArray[np.float64]:
-        """Numbers in [low, high), float64, shape (n, *size)."""
+        """Numbers in [low, high), float64, shape ``(n, *size)``."""
         low = np.asarray(low, np.float64)
         drawn: NDArray[np.float64] = low + (np.asarray(high) - low) * self.random(size)
         return drawn
@@ -227,7 +227,7 @@ class RowNumbers:
     def integers(
         self, low: ArrayLike, high: ArrayLike, size: int | tuple[int, ...] = ()
     ) -> NDArray[np.int64]:
-        """Integers from low to high - 1, int64, shape (n, *size)."""
+        """Integers from low to high - 1, int64, shape ``(n, *size)``."""
         low = np.asarray(low)
         above = np.floor((np.asarray(high) - low) * self.random(size)).astype(np.int64)
         drawn: NDArray[np.int64] = low + above

@@ -10,10 +10,12 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import pygame
 from PIL import Image
 
 from DroneSwarmSearch import DroneSwarmSearch, Ending, demo
 from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.rendering import colours, sprites
 
 IMAGES = Path(__file__).parent / "images"
 
@@ -47,9 +49,17 @@ def last_picture(name: str, ending: Ending) -> None:
     Image.fromarray(env.render()).save(IMAGES / name, optimize=True)
 
 
+def logo(name: str, side: int = 192) -> None:
+    """Save the symbol of a drone, which the documentation's pages bear."""
+    symbol = sprites.drone(side, colours.drone_colour(0))
+    pixels = pygame.image.tobytes(symbol, "RGBA")
+    Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / name, optimize=True)
+
+
 def main() -> None:
     """Make them all."""
     IMAGES.mkdir(exist_ok=True)
+    logo("logo.png")
     demo.main(["--seed", str(SEED), "--record", str(IMAGES / "search.gif")])
     last_picture("found.png", Ending.FOUND)
     last_picture("not_found.png", Ending.TIME_UP)

@@ -52,7 +52,8 @@ def take_turns(
         run(1)  # what happens but once, such as compiling, does not count
         begin = time.perf_counter()
         run(warm_up)
-        counts[key] = max(1, round(warm_up * seconds / (time.perf_counter() - begin)))
+        # Of one step nothing may be left, since steps that begin an episode do not count.
+        counts[key] = max(2, round(warm_up * seconds / (time.perf_counter() - begin)))
     rates: dict[Key, list[float]] = {key: [] for key in runs}
     order = list(runs)
     for number in range(1, rounds + 1):

@@ -52,7 +52,7 @@ def evaluate(
     """Evaluate a policy on a search.
 
     Episode i has the seed `seed + i`, so every policy meets the same seas. The policy plays
-    in portions of `PORTION` episodes, each with a copy of it as it was given. Of its methods,
+    in portions of 500 episodes, each with a copy of it as it was given. Of its methods,
     if it has them, `prepare(drones)` is told the drones' start cells once, before it is
     copied, and `reset(seed=..., rows=None)` the seeds when a portion begins.
 
@@ -78,6 +78,9 @@ def evaluate(
         name: what the policy is called; without it, what it calls itself.
         bound: what no policy can exceed on the search, see `planning.success_bound`.
         progress: show a progress bar if it takes more than two seconds.
+
+    Returns:
+        The episodes, with figures and intervals.
 
     Raises:
         TypeError: an argument is of the wrong type, or what the policy returns.

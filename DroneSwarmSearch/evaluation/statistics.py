@@ -259,10 +259,11 @@ class Reliability:
 
     @property
     def expected_error(self) -> float:
-        """The expected calibration error: the mean of |promise - outcome| over all searches.
+        """The expected calibration error: how far promise and outcome differ, in the mean.
 
-        As M. Naeini, G. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities
-        using Bayesian binning, AAAI 2015, but with bins of our own. 0 without searches.
+        The mean is over all searches; 0 without any. As M. Naeini, G. Cooper and M.
+        Hauskrecht, Obtaining well calibrated probabilities using Bayesian binning, AAAI
+        2015, but with bins of our own.
         """
         total = int(self.searches.sum())
         if not total:

@@ -160,3 +160,4 @@ def _named(
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))
+"""The version of the suite, a string, and its searches by name, in their order."""

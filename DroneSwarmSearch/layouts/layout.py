@@ -58,9 +58,9 @@ class Layout(ABC):
                 (S, N, N), indexed [y, x]. They are scratch: what is in them afterwards is
                 anything.
             left: the share of the steps left, see `share_left`: float32, shape (S,).
-            out: receives it, an array of the space's dtype and shape (S, n, *space.shape),
-                for a joint layout (S, *space.shape); where the space is a Dict, a dict of
-                such arrays.
+            out: receives it, an array of the space's dtype, with axes for the searches and
+                the drones, S and n, before the space's own; for a joint layout with one
+                for the searches alone. Where the space is a Dict, a dict of such arrays.
         """
 
 

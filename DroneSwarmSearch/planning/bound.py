@@ -506,6 +506,9 @@ def success_bound(
         horizons: numbers of steps for which to solve the relaxation.
         report: told now and then which share of the work is done.
 
+    Returns:
+        The limit for every number of steps, and how certain it is.
+
     Raises:
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of its limits.

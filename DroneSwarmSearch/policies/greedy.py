@@ -109,7 +109,7 @@ class GreedyPolicy(_Greedy):
 
     In every step:
 
-    1. A cell is worth its probability times `DISCOUNT` to the number of steps to it. The
+    1. A cell is worth its probability times ``DISCOUNT`` to the number of steps to it. The
        greatest worth among all drones and cells decides first: that drone gets that
        cell, which is worth next to nothing to the others from then on. So the drones
        spread over the likely area, each on its own side of it.
@@ -153,7 +153,7 @@ class PosteriorGreedyPolicy(_Greedy):
 
     A cell is worth the chance that a search of it succeeds, POS: the mean over the
     persons missing of POD times posterior, as `Knowledge` keeps it. Cells with less than
-    `WORTHWHILE` of the greatest chance are passed over.
+    ``WORTHWHILE`` of the greatest chance are passed over.
 
     Args:
         scenario: the parameters of every search that the policy is going to steer.

@@ -47,6 +47,7 @@ __all__ = [
     "Datum",
     "ExpandingSquarePolicy",
     "ParallelSweepPolicy",
+    "PatternPolicy",
     "SectorSearchPolicy",
 ]
 
@@ -152,7 +153,7 @@ class _Swarm:
 
 
 class PatternPolicy(SwarmPolicy):
-    """Lays out tracks around a datum and lets the drones search along them; see the module.
+    """Lays out tracks around a datum and lets the drones search along them.
 
     Args:
         scenario: the parameters of every search that the policy is going to steer.

@@ -67,7 +67,7 @@ class PlannerPolicy(SwarmPolicy):
     they are the same whether the environment shows posteriors or not.
 
     Plans maximise the chance to find each person in time, and among such plans prefer the
-    early finds (`HASTE`). Of several persons each counts in inverse proportion to its
+    early finds (``HASTE``). Of several persons each counts in inverse proportion to its
     chance: this is where the product of the chances, of finding all of them, grows most.
 
     Args:

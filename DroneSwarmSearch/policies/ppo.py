@@ -1,7 +1,7 @@
 """A trained policy: a small network, one copy for every drone, run in NumPy alone.
 
 The weights that come with the package, `ppo.npz`, were made by `examples/train_ppo.py`;
-docs/training.md has the command, the time it took and the learning curve.
+docs/guides/training.md has the command, the time it took and the learning curve.
 """
 
 from __future__ import annotations

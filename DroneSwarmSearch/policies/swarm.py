@@ -32,7 +32,7 @@ class BatchPolicy(ABC):
     """The two forms of observations, brought to one: arrays with an axis for the searches.
 
     Subclasses write `_act` and `_forget`; those that choose for one search at a time are
-    `SwarmPolicy`s.
+    derived from `SwarmPolicy`.
 
     Args:
         scenario: the parameters of every search that the policy is going to steer.

@@ -34,7 +34,7 @@ class Curve:
         path: of the file; without one there, the curve is empty.
 
     Attributes:
-        names: of the columns, `COLUMNS` first.
+        names: of the columns, ``COLUMNS`` first.
         rows: a dict for each row, in rising order of "steps".
 
     Raises:

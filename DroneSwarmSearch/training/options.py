@@ -19,13 +19,13 @@ def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentP
     """A parser with the options of a training run; an example adds its own.
 
     Parsed, they are `steps` (environment steps to train, those of a resumed run
-    included), `seed`, `out` (a folder), `resume`, `short` and `episodes`. With --short,
+    included), `seed`, `out` (a folder), `resume`, `short` and `episodes`. With ``--short``,
     steps and episodes are few unless they are given.
 
     Args:
         description: what is trained, and how.
-        steps: environment steps without --short; at least 1.
-        short: environment steps with --short; at least 1.
+        steps: environment steps without ``--short``; at least 1.
+        short: environment steps with ``--short``; at least 1.
 
     Raises:
         TypeError: an argument is of the wrong type.

@@ -37,7 +37,7 @@ class Run:
         resumes: whether the run goes on from a checkpoint.
 
     Raises:
-        SystemExit: the folder holds a run and --resume is not given, or the other way
+        SystemExit: the folder holds a run and ``--resume`` is not given, or the other way
             round.
     """
 
@@ -85,6 +85,8 @@ class Run:
 
     def saving(self, name: str) -> AbstractContextManager[Path]:
         """Save a checkpoint that is there as a whole or not at all.
+
+        For example::
 
             with run.saving("model.pt") as path:
                 torch.save(model.state_dict(), path)

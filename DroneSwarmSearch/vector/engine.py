@@ -58,12 +58,17 @@ class SearchBatch:
 
     Args:
         num_rows: the number of searches, E.
-        grid_size, n_drones, vector, person_initial_position, disperse_constant,
-        timestep_limit, probability_of_detection, bayesian_update, reward_scheme: as in
-            `DroneSwarmSearch`. `vector`, `person_initial_position` and
-            `disperse_constant` also take a value for each row: arrays of shape (E, 2),
-            (E, persons, 2), or (E, 2) for one person, and (E,). Cells in a list are
-            persons of every row, be they as many as rows.
+        grid_size: cells along each side, N; this and what follows as in `DroneSwarmSearch`.
+        n_drones: drones in each search, n.
+        vector: drift in cells per step, (x, y); or one for each row, shape (E, 2).
+        person_initial_position: a cell (x, y), or several, one person each, for every row;
+            or for each row, an array of shape (E, persons, 2), or (E, 2) for one person.
+            Cells in a list are persons of every row, be they as many as rows.
+        disperse_constant: how quickly the persons may stray; or one for each row, (E,).
+        timestep_limit: the steps in an episode.
+        probability_of_detection: one number, or one for each person.
+        bayesian_update: whether matrices are posteriors, or the drift alone.
+        reward_scheme: the figures of the reward table.
         drones_positions: a cell (x, y) for each drone at the beginning of every episode,
             shape (n_drones, 2) or (E, n_drones, 2); without it drones stand from left
             to right from (0, 0), row by row.

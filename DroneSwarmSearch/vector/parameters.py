@@ -30,7 +30,7 @@ VARIABLE = ("vector", "person_initial_position", "disperse_constant", "drones_po
 class Sampler(Protocol):
     """Draws parameters for episodes that begin (domain randomisation).
 
-    For example, drift and start at random:
+    For example, drift and start at random::
 
         def sampler(rng):
             return {

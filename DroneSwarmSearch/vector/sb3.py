@@ -19,16 +19,18 @@ __all__ = ["SB3VecEnv"]
 class SB3VecEnv(VecEnv):
     """A view of the batch for Stable-Baselines3.
 
+    For example::
+
         env = DroneVectorEnv(64, observation="flat", autoreset_mode="SameStep")
         model = PPO("MlpPolicy", SB3VecEnv(env))
 
     A slot whose episode ends begins anew in the same step; its info then holds
     "terminal_observation" and "TimeLimit.truncated", which is True where the view truncates
     without terminating (separate_flags=True). Otherwise a slot's info is empty: `env.batch`
-    knows the rest. `VecMonitor` adds the returns of episodes.
+    knows the rest. ``VecMonitor`` adds the returns of episodes.
 
     `env_method("action_masks")` gives every slot's mask of sensible actions, as
-    `MaskablePPO` of sb3-contrib wants it.
+    ``MaskablePPO`` of sb3-contrib wants it.
 
     Args:
         env: a `SwarmVectorEnv` or a `DroneVectorEnv` with autoreset_mode="SameStep".
