@@ -20,6 +20,7 @@ import argparse
 import contextlib
 import gc
 import statistics
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -155,7 +156,8 @@ def report_memory(count: int) -> None:
             env.step(dict.fromkeys(env.agents, IDLE))
 
     def peak() -> float:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        unit = 2**20 if sys.platform == "darwin" else 2**10
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
     for _ in range(200):
         live()

@@ -1,0 +1,639 @@
+"""Makes the figures of the documentation, from this package, in a light and a dark theme.
+
+    python docs/make_figures.py
+
+writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function that `figure`
+registers; names given as arguments make those alone. The same code and the same matplotlib
+give the same bytes. `calibration` draws from `docs/figures/calibration.csv`, which
+`python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures; everything
+else is worked out here, within seconds.
+
+To add a figure, write a function from a `Theme` and a `Sampling` to a matplotlib `Figure` and
+decorate it with its name. Figures are 576 pixels wide, so that their text can still be read
+where a phone shrinks them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import re
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+from cycler import cycler
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+from numpy.typing import NDArray
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, ProbabilityMatrix
+from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.probability_matrix import gaussian_cdf
+from DroneSwarmSearch.vector import SwarmVectorEnv
+
+FIGURES = Path(__file__).parent / "figures"
+
+Floats = NDArray[np.float64]
+
+WIDTH = 6.0
+"""Of every figure, in inches of 96 pixels; a page's column has some 700."""
+
+
+class Theme(NamedTuple):
+    """The colours of a theme.
+
+    Attributes:
+        name: the suffix of its files.
+        ground: behind everything; the page's own.
+        ink: text and what matters most.
+        grey: axes, and what matters least.
+        faint: grid lines.
+        heat: of probabilities, from none to the most.
+        series: of lines, told apart by people with any common colour vision.
+        track: of tracks over probabilities.
+    """
+
+    name: str
+    ground: str
+    ink: str
+    grey: str
+    faint: str
+    heat: tuple[str, ...]
+    series: tuple[str, ...]
+    track: str
+
+    @property
+    def probabilities(self) -> LinearSegmentedColormap:
+        """The colour map of probabilities."""
+        return LinearSegmentedColormap.from_list(f"heat-{self.name}", self.heat)
+
+
+# Series after M. Okabe and K. Ito, Color universal design, 2008; lighter on a dark ground.
+THEMES = (
+    Theme(
+        name="light",
+        ground="#ffffff",
+        ink="#18202c",
+        grey="#6b7280",
+        faint="#e3e6eb",
+        heat=("#ffffff", "#d3e5f3", "#86b8dd", "#3a7fbd", "#143c70"),
+        series=("#0072b2", "#d55e00", "#00805f", "#a8518a", "#8a6d00"),
+        track="#c24e00",
+    ),
+    Theme(
+        name="dark",
+        ground="#131416",
+        ink="#e8eaed",
+        grey="#9aa2ae",
+        faint="#2d3138",
+        heat=("#131416", "#173452", "#1f6597", "#4da9d6", "#dff4ff"),
+        series=("#56b4e9", "#ff8f4d", "#35c79b", "#e08fc4", "#e0c050"),
+        track="#ffa45c",
+    ),
+)
+
+
+class Sampling(NamedTuple):
+    """How much is sampled.
+
+    Attributes:
+        episodes: the episodes that a figure plays.
+    """
+
+    episodes: int
+
+
+FULL, SHORT = Sampling(4000), Sampling(200)
+
+Drawing = Callable[[Theme, Sampling], Figure]
+REGISTRY: dict[str, Drawing] = {}
+
+
+def figure(name: str) -> Callable[[Drawing], Drawing]:
+    """Register the function that draws a figure."""
+
+    def register(draw: Drawing) -> Drawing:
+        REGISTRY[name] = draw
+        return draw
+
+    return register
+
+
+def style_of(theme: Theme) -> dict[str, Any]:
+    """Matplotlib's settings for a theme."""
+    return {
+        "font.family": "DejaVu Sans",  # ships with matplotlib
+        "font.size": 9.5,
+        "axes.prop_cycle": cycler(color=theme.series),
+        "axes.titlesize": 9.5,
+        "axes.titlelocation": "left",
+        "axes.titlecolor": theme.ink,
+        "axes.labelcolor": theme.ink,
+        "axes.edgecolor": theme.grey,
+        "axes.facecolor": theme.ground,
+        "axes.linewidth": 0.8,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.axisbelow": True,
+        "grid.color": theme.faint,
+        "grid.linewidth": 0.8,
+        "xtick.color": theme.grey,
+        "ytick.color": theme.grey,
+        "xtick.labelcolor": theme.ink,
+        "ytick.labelcolor": theme.ink,
+        "xtick.labelsize": 8.5,
+        "ytick.labelsize": 8.5,
+        "xtick.major.size": 3,
+        "ytick.major.size": 3,
+        "figure.facecolor": theme.ground,
+        "savefig.facecolor": theme.ground,
+        "legend.frameon": False,
+        "legend.fontsize": 8.5,
+        "lines.linewidth": 1.6,
+        "lines.solid_capstyle": "round",
+        "text.color": theme.ink,
+        "svg.fonttype": "path",  # the same on every machine
+        "svg.hashsalt": "DroneSwarmSearch",
+    }
+
+
+def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = None) -> None:
+    """Draw the probabilities of cells, rows downward."""
+    axes.imshow(
+        matrix,
+        cmap=theme.probabilities,
+        vmin=0.0,
+        vmax=matrix.max() if most is None else most,
+        interpolation="none",  # the file holds one pixel for each cell
+        origin="upper",
+    )
+    axes.spines[["top", "right"]].set_visible(True)
+    axes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+
+
+def name_axes(panels: NDArray[Any]) -> None:
+    """Write x below and y to the left of a square of maps."""
+    for axes in panels[-1]:
+        axes.set_xlabel("x")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("y")
+
+
+def marginal_cdf(law: ProbabilityMatrix, step: int) -> Floats:
+    """The distribution function F of a law's column at a step: shape (N,)."""
+    return np.cumsum(law.marginals(step)[0])
+
+
+def target_cdf(law: ProbabilityMatrix, step: int) -> Floats:
+    """The Gaussian's distribution function G for a law's column at a step: shape (N,)."""
+    size, start, drift, constant = law.parameters
+    values = (np.array(float(value)) for value in (start[0], drift[0], constant, step))
+    return gaussian_cdf(size, *values)
+
+
+@figure("gaussian")
+def gaussian(theme: Theme, sampling: Sampling) -> Figure:
+    """The matrix at several times, with the way of its centre."""
+    law = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
+    chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
+    panels = chart.subplots(2, 2, sharex=True, sharey=True)
+    for axes, step in zip(panels.flat, (2, 12, 36, 70), strict=True):
+        heat_map(axes, law.exact(step), theme)
+        (x, y), (u, v) = law.parameters[1:3]
+        end = min(x + u * step, 39.0), min(y + v * step, 39.0)
+        if step > 2:
+            arrow = {"arrowstyle": "-|>", "color": theme.track, "linewidth": 1.5, "shrinkB": 0}
+            axes.annotate("", end, (x, y), arrowprops={**arrow, "shrinkA": 3})
+        axes.plot(x, y, "o", color=theme.track, markersize=4.5)
+        if step <= 12:
+            corner = x - step - 0.5, y - step - 0.5
+            side = 2 * step + 1
+            box = Rectangle(
+                corner, side, side, fill=False, edgecolor=theme.grey, linestyle=(0, (3, 2))
+            )
+            axes.add_patch(box)
+        axes.set(xlim=(-0.5, 39.5), ylim=(39.5, -0.5))
+        axes.set_title(f"step {step}")
+        most = law.exact(step).max()
+        axes.set_title(f"at most {most:.2g}", loc="right", color=theme.grey, fontsize=8.5)
+    name_axes(panels)
+    return chart
+
+
+@figure("clip")
+def clip(theme: Theme, sampling: Sampling) -> Figure:
+    """The Gaussian, what can be reached, and what becomes of it."""
+    law = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
+    chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
+    panels = chart.subplots(2, 2)
+    edges = np.arange(-0.5, 40)
+    for axes, step in zip(panels.flat[:3], (1, 3, 12), strict=True):
+        before = np.concatenate(([0.0], marginal_cdf(law, step - 1), [1.0]))
+        axes.fill_between(
+            edges,
+            np.append(before[:-2], before[-3]),
+            np.append(before[2:], before[-1]),
+            step="post",
+            color=theme.series[0],
+            alpha=0.22,
+            linewidth=0,
+            label="within reach",
+        )
+        axes.stairs(
+            target_cdf(law, step),
+            edges,
+            color=theme.series[1],
+            linewidth=4.0,
+            label="G, the Gaussian",
+        )
+        axes.stairs(
+            marginal_cdf(law, step), edges, color=theme.series[0], linewidth=1.7, label="F, the law"
+        )
+        middle = 12 + 0.6 * step
+        axes.set(xlim=(middle - 6.5, middle + 6.5), ylim=(-0.02, 1.02), xlabel="x")
+        axes.set_title(f"step {step}")
+        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+        axes.grid(axis="y")
+    panels[0, 0].set_ylabel("chance of a column up to x")
+    panels[1, 0].set_ylabel("chance of a column up to x")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    chart.legend(handles, labels, loc="outside upper left", ncols=3, columnspacing=1.4)
+    axes = panels[1, 1]
+    for drift in (0.5, 0.8, 0.9, 1.0):
+        long = ProbabilityMatrix(200, (10, 10), (drift, 0.0), 10)
+        steps = np.arange(1, 61)
+        apart = [
+            np.abs(np.diff(marginal_cdf(long, t) - target_cdf(long, t), prepend=0.0)).sum() / 2
+            for t in steps
+        ]
+        axes.plot(steps, apart, color=theme.series[0], linewidth=1.4)
+        axes.annotate(
+            f"{drift:g}",
+            (16, apart[15]),
+            (0, 5 if drift < 1.0 else -13),
+            textcoords="offset points",
+            fontsize=8.5,
+        )
+    axes.set(xlim=(0, 60), ylim=(0, 0.52), xlabel="step")
+    axes.set_title("F and G apart, by drift")
+    axes.grid(axis="y")
+    return chart
+
+
+@cache
+def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
+    """A law, and the columns of some persons under it, shape (steps + 1, count)."""
+    law = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
+    envs = SwarmVectorEnv(
+        count,
+        grid_size=40,
+        vector=law.parameters[2],
+        person_initial_position=law.parameters[1],
+        disperse_constant=10,
+    )
+    envs.reset(seed=4)
+    columns = []
+    for _ in range(41):
+        columns.append(envs.batch.person_cells[:, 0] % 40)
+        envs.step(np.full((count, 1), int(Action.IDLE)))
+    return law, np.array(columns)
+
+
+@figure("person")
+def person(theme: Theme, sampling: Sampling) -> Figure:
+    """The moves of a person along x at one step, and some walks."""
+    law, columns = walks(6)
+    at = 20
+    chart = Figure(figsize=(WIDTH, 7.0), layout="constrained")
+    law_axes, moves, tracks = chart.subplots(3, 1, sharex=True, height_ratios=(0.8, 1.1, 2.4))
+    edges = np.arange(-0.5, 40)
+    probability = law.marginals(at)[0]
+    law_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
+    law_axes.set_ylabel("chance")
+    law_axes.set_title(f"where the person is at step {at}")
+    right, left, _, _ = law.moves(at)
+    shown = probability > 1e-4
+    bottom = np.zeros(40)
+    shares = {"left": (left, 1), "stays": (1 - left - right, None), "right": (right, 0)}
+    for name, (share, series) in shares.items():
+        colour = theme.faint if series is None else theme.series[series]
+        top = bottom + np.where(shown, share, 0.0)
+        moves.stairs(top, edges, baseline=bottom, fill=True, color=colour, label=name)
+        bottom = top
+    moves.set_ylabel("share")
+    moves.set_title("where it goes from there")
+    middle = (bottom > 0).nonzero()[0]
+    centre = int(middle.mean())
+    heights = left[centre] / 2, (1 + left[centre] - right[centre]) / 2, 1 - right[centre] / 2
+    for name, height in zip(shares, heights, strict=True):
+        colour = theme.ink if name == "stays" else theme.ground
+        moves.text(centre, height, name, ha="center", va="center", color=colour, fontsize=8.5)
+    matrix = np.array([law.marginals(step)[0] for step in range(41)])
+    tracks.imshow(
+        matrix,
+        cmap=theme.probabilities,
+        vmin=0.0,
+        vmax=0.3,
+        interpolation="none",
+        aspect="auto",
+        extent=(-0.5, 39.5, 40.5, -0.5),
+    )
+    steps = np.arange(41)
+    for track, column in enumerate(columns.T):
+        first = track == 0
+        tracks.plot(
+            column,
+            steps,
+            color=theme.track,
+            linewidth=2.2 if first else 1.1,
+            alpha=1.0 if first else 0.7,
+        )
+    tracks.axhline(at, color=theme.grey, linewidth=1.0, linestyle=(0, (3, 2)))
+    tracks.set(xlim=(5.5, 34.5), ylim=(40.5, -0.5), xlabel="x", ylabel="step")
+    tracks.set_title("six persons over the matrix's columns")
+    for axes in (law_axes, moves):
+        axes.grid(axis="y")
+    return chart
+
+
+class Miss(NamedTuple):
+    """A search that found nobody, step by step.
+
+    Attributes:
+        actions: shape (steps, drones).
+        positions: the drones' cells (x, y) before each step, shape (steps + 1, drones, 2).
+        matrices: shown before each step, shape (steps + 1, N, N).
+        prior: the matrices of the drift alone, likewise.
+        kept: the chance that the searches of each step find nobody, given that those before
+            have not, shape (steps,).
+    """
+
+    actions: NDArray[np.int64]
+    positions: NDArray[np.int64]
+    matrices: Floats
+    prior: Floats
+    kept: Floats
+
+
+SCENE: dict[str, Any] = {
+    "grid_size": 24,
+    "n_drones": 3,
+    "vector": (0.15, 0.1),
+    "person_initial_position": (8, 9),
+    "disperse_constant": 10,
+    "timestep_limit": 60,
+    "bayesian_update": True,
+}
+AT_FIRST = [(0, 4), (0, 10), (0, 16)]
+"""Where the drones of `SCENE` begin."""
+
+
+@cache
+def miss(detection: float) -> Miss:
+    """What the greedy policy does in `SCENE` as long as nobody is found."""
+    env = DroneSwarmSearch(**SCENE, probability_of_detection=detection)
+    policy = GreedyPolicy(env.scenario)
+    for seed in range(1000):
+        observations, _ = env.reset(seed=seed, drones_positions=AT_FIRST)
+        policy.reset()
+        law = env.scenario.laws()[0]
+        belief, chosen, kept = law.exact(0), [], []
+        positions, matrices = [env.frame().drones], [env.frame().matrix]
+        for step in range(SCENE["timestep_limit"]):
+            actions = policy(observations)
+            chosen.append(list(actions.values()))
+            searched = [
+                y * env.grid_size + x
+                for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
+                if action == Action.SEARCH
+            ]
+            belief, share = after_fruitless_search(belief, searched, detection)
+            kept.append(share)
+            belief = after_drift(belief, *law.moves(step))
+            observations, *_ = env.step(actions)
+            positions.append(env.frame().drones)
+            matrices.append(env.frame().matrix)
+            if env.frame().ending is not None:
+                break
+        if not all(env.frame().found):
+            break
+    prior = np.array([law.exact(step) for step in range(len(matrices))])
+    return Miss(
+        np.array(chosen), np.array(positions), np.array(matrices, float), prior, np.array(kept)
+    )
+
+
+@figure("belief")
+def belief(theme: Theme, sampling: Sampling) -> Figure:
+    """The matrix of the drift alone and the posterior, at two moments of one search."""
+    search = miss(0.8)
+    chart = Figure(figsize=(WIDTH, 6.3), layout="constrained")
+    panels = chart.subplots(2, 2, sharex=True, sharey=True)
+    for row, step in zip(panels, (14, 40), strict=True):
+        most = max(search.prior[step].max(), search.matrices[step].max())
+        for axes, matrix in zip(row, (search.prior[step], search.matrices[step]), strict=True):
+            heat_map(axes, matrix, theme, most=most)
+            axes.set(xlim=(-0.5, 23.5), ylim=(23.5, -0.5))
+        for drone in range(3):
+            way = search.positions[: step + 1, drone]
+            row[1].plot(*way.T, color=theme.track, linewidth=0.9)
+            looks = search.actions[:step, drone] == Action.SEARCH
+            row[1].plot(*way[:-1][looks].T, "x", color=theme.track, markersize=3)
+            row[1].plot(*way[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
+        row[0].set_title(f"step {step}: the drift alone")
+        looks = int((search.actions[:step] == Action.SEARCH).sum())
+        row[1].set_title(f"after {looks} searches in vain")
+    name_axes(panels)
+    return chart
+
+
+@cache
+def shares_not_found(detection: float, episodes: int) -> Floats:
+    """The share of episodes in which the searches of `miss` have found nobody, by step."""
+    search = miss(detection)
+    steps = len(search.actions)
+    scene = {**SCENE, "timestep_limit": steps + 1}  # no episode may end by itself
+    envs = SwarmVectorEnv(
+        episodes, **scene, probability_of_detection=detection, drones_positions=AT_FIRST
+    )
+    envs.reset(seed=0)
+    missing = np.ones(episodes, bool)
+    shares = [1.0]
+    for actions in search.actions:
+        envs.step(np.tile(actions, (episodes, 1)))
+        missing &= ~envs.batch.found  # and begin anew, which no longer counts
+        shares.append(missing.mean())
+    return np.array(shares)
+
+
+@figure("survival")
+def survival(theme: Theme, sampling: Sampling) -> Figure:
+    """What the kept fractions promise, and how many episodes ended without a find."""
+    chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    axes = chart.subplots()
+    for series, detection in enumerate((0.4, 0.8)):
+        promised = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
+        shares = shares_not_found(detection, sampling.episodes)
+        colour = theme.series[series]
+        steps = np.arange(len(promised))
+        axes.plot(steps, promised, color=colour)
+        spread = 1.96 * np.sqrt(shares * (1 - shares) / sampling.episodes)
+        some = steps[4::4]
+        axes.errorbar(
+            some,
+            shares[some],
+            spread[some],
+            fmt="o",
+            color=colour,
+            markersize=4.5,
+            markerfacecolor=theme.ground,
+            markeredgewidth=1.3,
+            elinewidth=1.0,
+        )
+        axes.annotate(
+            f"POD {detection:g}",
+            (steps[-1], promised[-1]),
+            (6, 0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+        )
+    axes.plot([], [], color=theme.ink, label="product of the kept fractions")
+    axes.plot(
+        [],
+        [],
+        "o",
+        color=theme.ink,
+        markersize=4.5,
+        markerfacecolor=theme.ground,
+        markeredgewidth=1.3,
+        label=f"share of {sampling.episodes:,} episodes",
+    )
+    axes.legend(loc="upper right", borderaxespad=0.1)
+    axes.set(xlim=(0, 67), ylim=(0, 1.02), xlabel="step", ylabel="not found yet")
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.grid()
+    return chart
+
+
+Measured = dict[tuple[str, float, float, str], Floats]
+
+
+def measured() -> Measured:
+    """Distances and floors of `calibration.csv`, (steps + 1, 2), by package and setting."""
+    rows: dict[tuple[str, float, float, str], list[tuple[float, float]]] = {}
+    with (FIGURES / "calibration.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            key = row["package"], float(row["drift_x"]), float(row["drift_y"]), row["constant"]
+            rows.setdefault(key, []).append((float(row["distance"]), float(row["floor"])))
+    return {key: np.array(values) for key, values in rows.items()}
+
+
+@figure("success")
+def success(theme: Theme, sampling: Sampling) -> Figure:
+    """The tutorial's plot, as the tutorial's own block draws it."""
+    page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
+    (block,) = (text for text in blocks if 'savefig("success.png"' in text)
+    if sampling is SHORT:
+        block = re.sub(r"episodes=\d+", f"episodes={sampling.episodes}", block)
+    names: dict[str, Any] = {}
+    with TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):
+        block = block.replace("success.png", (Path(folder) / "success.png").as_posix())
+        exec(compile(block, "tutorial.md", "exec"), names)
+    chart: Figure = names["figure"]
+    plt.close(chart)
+    return chart
+
+
+@figure("calibration")
+def calibration(theme: Theme, sampling: Sampling) -> Figure:
+    """How far matrices are from where the person is, here and in the packages before."""
+    chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
+    panels = chart.subplots(2, 2, sharex=True, sharey=True)
+    figures = measured()
+    drifts = list(dict.fromkeys(key[1:3] for key in figures))
+    looks = {
+        "DSSE 1.1.9": ("", 1, "-"),
+        "2023 package": ("10.0", 2, (0, (5, 1.5))),
+        "DroneSwarmSearch": ("10.0", 0, "-"),
+    }
+    for axes, drift in zip(panels.flat, drifts, strict=True):
+        for name, (constant, series, dashes) in looks.items():
+            values = figures.get((name, *drift, constant))
+            if values is None:
+                continue
+            colour = theme.series[series]
+            ours = name == "DroneSwarmSearch"
+            axes.plot(
+                values[:, 0],
+                color=colour,
+                linestyle=dashes,
+                linewidth=2.0 if ours else 1.6,
+                label="this package" if ours else name,
+            )
+            if ours:
+                label = "a true matrix, sampled"
+                axes.plot(values[:, 1], color=theme.ink, linestyle=":", linewidth=1.3, label=label)
+        axes.set(xlim=(0, 60), ylim=(0, 1))
+        axes.set_title("drift ({:g}, {:g})".format(*drift))
+        axes.grid()
+    chart.supxlabel("step", fontsize=9.5)
+    chart.supylabel("total variation: matrix and person apart", fontsize=9.5)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    chart.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.4)
+    return chart
+
+
+def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
+    """A figure in a theme, as a file's content."""
+    plt.switch_backend("agg")  # no window, wherever this runs
+    with style.context(["default", style_of(theme)]):
+        content = io.BytesIO()
+        REGISTRY[name](theme, sampling).savefig(
+            content, format="svg", metadata={"Date": None, "Creator": None}
+        )
+    return content.getvalue()
+
+
+def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path]:
+    """Write figures, each in both themes, and return the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name in names:
+        for theme in THEMES:
+            path = folder / f"{name}-{theme.name}.svg"
+            path.write_bytes(svg(name, theme, sampling))
+            written.append(path)
+    return written
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Make them, and say what was made."""
+    parser = argparse.ArgumentParser(description="Make the figures of the documentation.")
+    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(REGISTRY)}")
+    parser.add_argument("--into", type=Path, default=FIGURES, help="the folder")
+    parser.add_argument("--short", action="store_true", help="few episodes, to try it out")
+    chosen = parser.parse_args(arguments)
+    if unknown := set(chosen.names) - set(REGISTRY):
+        parser.error(f"no figure is called {', '.join(sorted(unknown))}")
+    sampling = SHORT if chosen.short else FULL
+    for path in make(chosen.names or list(REGISTRY), chosen.into, sampling):
+        print(f"{path.name:28}{path.stat().st_size / 1000:7.1f} kB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""The figures of the documentation, and the measurement that one of them shows."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+COMMITTED = DOCS / "figures"
+
+
+def script(path: Path) -> ModuleType:
+    """A script as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+figures = script(DOCS / "make_figures.py")
+calibration = script(ROOT / "tests" / "benchmarks" / "calibration.py")
+
+NAMES = list(figures.REGISTRY)
+THEMES = [theme.name for theme in figures.THEMES]
+
+
+# The figures.
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_is_made_in_both_themes(name: str, tmp_path: Path) -> None:
+    written = figures.make([name], tmp_path, figures.SHORT)
+    assert [path.name for path in written] == [f"{name}-{theme}.svg" for theme in THEMES]
+    for path in written:
+        picture = ElementTree.parse(path).getroot()
+        assert float(picture.attrib["width"].removesuffix("pt")) == pytest.approx(432, abs=1)
+        assert b"<text" not in path.read_bytes()  # letters are drawn, whatever fonts there are
+    light, dark = (path.read_text("utf-8") for path in written)
+    assert "#ffffff" in light and "#131416" in dark
+
+
+def test_the_same_bytes_at_every_run() -> None:
+    theme = figures.THEMES[0]
+    first = figures.svg("survival", theme, figures.SHORT)
+    assert figures.svg("survival", theme, figures.SHORT) == first
+    assert b"dc:date" not in first
+
+
+@pytest.mark.pictures
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("theme", THEMES)
+def test_it_is_kept_and_small(name: str, theme: str) -> None:
+    size = (COMMITTED / f"{name}-{theme}.svg").stat().st_size
+    assert 1000 < size < 150_000
+
+
+@pytest.mark.pictures
+def test_nothing_else_is_kept() -> None:
+    kept = {path.name for path in COMMITTED.glob("*.svg")}
+    assert kept == {f"{name}-{theme}.svg" for name in NAMES for theme in THEMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_shows_it_and_says_what_one_sees(name: str) -> None:
+    texts = [page.read_text("utf-8") for page in DOCS.rglob("*.md")]
+    shown = [
+        alternative
+        for text in texts
+        for alternative in re.findall(rf"!\[([^\]]*)\]\([./]*figures/{name}-light\.svg\)", text)
+    ]
+    assert shown and all(len(alternative) > 40 for alternative in shown)
+
+
+def test_unknown_names_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        figures.main(["gaussain"])
+    assert "no figure is called gaussain" in capsys.readouterr().err
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figures.main(["survival", "--short", "--into", str(tmp_path)])
+    written = sorted(path.name for path in tmp_path.iterdir())
+    assert written == ["survival-dark.svg", "survival-light.svg"]
+    assert "survival-light.svg" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("detection", [0.4, 0.8])
+def test_what_is_kept_is_what_is_not_found(detection: float) -> None:
+    episodes = 1000
+    promised = np.minimum(np.cumprod(figures.miss(detection).kept), 1.0)  # but for rounding
+    shares = figures.shares_not_found(detection, episodes)[1:]
+    spread = np.sqrt(promised * (1 - promised) / episodes)
+    assert len(promised) == figures.SCENE["timestep_limit"]
+    assert (np.abs(shares - promised) <= 4 * spread + 1e-12).all()
+
+
+# The measurement.
+
+
+def margin(episodes: int) -> float:
+    """Four standard deviations of a total variation at most (Efron and Stein's inequality)."""
+    return 4 * 0.5 / np.sqrt(episodes)
+
+
+@pytest.mark.parametrize("setting", calibration.CONTESTANTS["DroneSwarmSearch"][1][::3])
+def test_we_are_at_the_floor(setting: tuple) -> None:
+    episodes, steps = 1500, 24
+    seen = calibration.ours(setting, episodes, steps)
+    far = calibration.distances(seen)
+    for step in range(steps + 1):
+        near = calibration.floor(seen.matrix[step], episodes)
+        assert abs(far[step] - near) < margin(episodes)
+
+
+def test_a_matrix_beside_the_truth_is_noticed() -> None:
+    setting = calibration.Setting((0.3, -0.2), 10.0)
+    seen = calibration.ours(setting, 1500, 24)
+    beside = seen._replace(matrix=np.roll(seen.matrix, 2, axis=2))
+    near = calibration.floor(beside.matrix[24], 1500)
+    assert calibration.distances(beside)[24] > near + margin(1500)
+
+
+def test_the_floor_is_the_mean_distance_of_true_samples() -> None:
+    rng = np.random.default_rng(3)
+    law = rng.dirichlet(np.ones(50) / 2)
+    samples = rng.multinomial(400, law, size=20_000) / 400
+    sampled = (np.abs(samples - law).sum(axis=1) / 2).mean()
+    assert calibration.floor(law, 400) == pytest.approx(sampled, rel=0.003)
+
+
+def test_who_is_outside_of_the_grid_is_in_no_cell() -> None:
+    seen = calibration.nothing_yet(0)
+    seen.matrix[0, 3, 3] = 1.0
+    seen.counts[0, 3, 3] = 6
+    seen.outside[0] = 2
+    assert calibration.distances(seen) == pytest.approx([0.25])
+
+
+def test_what_is_not_measured_stays_in_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "calibration.csv"
+    other = dict.fromkeys(calibration.COLUMNS, "1") | {"package": "DSSE 1.1.9"}
+    calibration.keep(path, [other])
+    few = ["--episodes", "100", "--steps", "10", "--settings", "1"]
+    for _ in range(2):
+        calibration.main(["--only", "DroneSwarmSearch", *few, "--csv", str(path)])
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["package"] for row in rows] == ["DroneSwarmSearch"] * 11 + ["DSSE 1.1.9"]
+    assert "DroneSwarmSearch" in capsys.readouterr().out
+
+
+def test_contestants_that_are_not_there_are_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    calibration.main(["--only", "2023 package", "--episodes", "1", "--steps", "1"])
+    assert "left out: this package answers to its import path" in capsys.readouterr().out
+
+
+def kept_figures() -> list[dict[str, str]]:
+    with (COMMITTED / "calibration.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_file_has_every_contestant_and_shows_us_at_the_floor() -> None:
+    rows = kept_figures()
+    for name, (_, settings) in calibration.CONTESTANTS.items():
+        own = [row for row in rows if row["package"] == name]
+        assert len(own) == len(settings) * (calibration.STEPS + 1)
+        assert all(int(row["episodes"]) >= 4000 for row in own)
+    for row in rows:
+        if row["package"] == "DroneSwarmSearch":
+            apart = abs(float(row["distance"]) - float(row["floor"]))
+            assert apart < margin(int(row["episodes"]))
+
+
+def test_the_page_has_the_figures_of_the_file() -> None:
+    page = (DOCS / "model.md").read_text("utf-8")
+    columns = [
+        *(("DroneSwarmSearch", "3.0"), ("DroneSwarmSearch", "10.0"), ("DSSE 1.1.9", "")),
+        *(("2023 package", "3.0"), ("2023 package", "10.0")),
+    ]
+    at = {
+        (row["package"], row["constant"], float(row["drift_x"]), float(row["drift_y"])): row
+        for row in kept_figures()
+        if row["step"] == "40"
+    }
+    for x, y in calibration.DRIFTS:
+        cells = [
+            "{distance:.2f} ({floor:.2f})".format(
+                distance=float(at[(*column, x, y)]["distance"]),
+                floor=float(at[(*column, x, y)]["floor"]),
+            )
+            for column in columns
+        ]
+        assert f"| ({x:g}, {y:g}) | " + " | ".join(cells) + " |" in page
