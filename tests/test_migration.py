@@ -1,0 +1,587 @@
+"""The guides for those who come from the 2023 package and from DSSE say what is so.
+
+Blocks marked ``py`` in the guides are scripts for the other package. One that is followed by a
+block of text must fail here with what that text says; the others must run. What the guide
+says of DSSE is tried where DSSE is installed.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import dataclasses
+import importlib
+import inspect
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import DroneSwarmSearch as package
+from DroneSwarmSearch import Action, Ending, ProbabilityMatrix, RewardScheme
+from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+
+GUIDES = Path(__file__).parents[1] / "docs" / "guides"
+OF_2023 = (GUIDES / "from-2023.md").read_text("utf-8")
+OF_DSSE = (GUIDES / "from-dsse.md").read_text("utf-8")
+FIRST_NINE = tuple(inspect.signature(DroneSwarmSearch).parameters)[:9]
+
+
+def section(page: str, title: str) -> str:
+    """The part of a page under a heading, up to the next one of its level or above."""
+    found = re.search(
+        rf"^(#+) {re.escape(title)}\n(.*?)(?=^#{{1,2}} |\Z)", page, re.MULTILINE | re.DOTALL
+    )
+    assert found, title
+    return found[2]
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of a text's tables, without the heads."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip()[1:-1])] for line in lines
+    ]
+    rules = [n for n, row in enumerate(cells) if set("".join(row)) <= set("-: ")]
+    return [row for n, row in enumerate(cells) if n not in rules and n + 1 not in rules]
+
+
+def code(cell: str) -> str:
+    """What a cell of a table has in code."""
+    found = re.search(r"`([^`]+)`", cell)
+    assert found, cell
+    return found[1]
+
+
+def scripts(page: str) -> list[object]:
+    """The blocks for the other package, each with the error that it leads to here, if any."""
+    blocks = re.findall(
+        r"^```py\n(.*?)^```\n(?:\n```text\n(.*?)\n```\n)?", page, re.MULTILINE | re.DOTALL
+    )
+    return [pytest.param(*block, id=f"{n}") for n, block in enumerate(blocks)]
+
+
+def environment() -> DroneSwarmSearch:
+    """What the fragments of the guide call `env`."""
+    return DroneSwarmSearch(grid_size=10, n_drones=2, person_initial_position=[5, 5])
+
+
+@pytest.mark.parametrize(("script", "error"), scripts(OF_2023))
+def test_script_of_2023(script, error):
+    names = {"env": environment()}
+    if not error:
+        exec(compile(script, "before", "exec"), names)
+        return
+    with pytest.raises((Exception,)) as caught:
+        exec(compile(script, "before", "exec"), names)
+    told = f"{type(caught.value).__name__}: {caught.value}"
+    assert told == error
+
+
+def run(script: str, folder: Path, path: str = "") -> str:
+    """What a script prints, run by itself."""
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=folder,
+        env={**os.environ, "SDL_VIDEODRIVER": "dummy", "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def test_the_file_for_the_import_path_of_its_repository(tmp_path):
+    line = re.search(r"```py\n(from DroneSwarmSearchEnvironment.env .*?)```", OF_2023, re.DOTALL)
+    file = tmp_path / "core" / "environment" / "env.py"
+    file.parent.mkdir(parents=True)
+    file.write_text(line[1], encoding="utf-8")
+    script = "from core.environment.env import DroneSwarmSearch\nprint(DroneSwarmSearch)"
+    checkout = str(Path(package.__file__).parents[1])
+    assert "DroneSwarmSearch.env.DroneSwarmSearch" in run(script, tmp_path, checkout)
+
+
+WHOLE_SCRIPTS = {
+    # Each is written as a user of the 2023 package would have, and runs here unchanged.
+    "positions and a drift of one's own": """
+        from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+        env = DroneSwarmSearch(20, "ansi", False, True, 3, [0.2, 0.2], [0, 5], 5, 30)
+        env.reset(drones_positions=[[5, 5], [15, 5], [5, 15]], vector=(0.3, 0.3))
+        found, score = False, 0
+        for _ in range(30):
+            observations, reward, _, done, info = env.step({d: 4 for d in env.get_agents()})
+            score += reward["total_reward"]
+            found = found or info["Found"]
+            if any(done.values()):
+                break
+        (x, y), matrix = observations["drone2"]["observation"]
+        assert (x, y) == (5, 15) and matrix[y][x] >= 0 and not found and score < 0
+        """,
+    "rewards of the drones picked by name": """
+        from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+        env = DroneSwarmSearch(n_drones=2, grid_size=6)
+        env.reset()
+        _, rewards, _, _, _ = env.step({"drone0": 5, "drone1": 1})
+        mine = [r for key, r in rewards.items() if "drone" in key]
+        assert mine == [1, 1] and rewards["total_reward"] == 2 and "total_reward" in rewards
+        """,
+    "episode after episode, the vector kept": """
+        import random
+        from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+        env = DroneSwarmSearch(grid_size=8, n_drones=2, timestep_limit=12)
+        for episode in range(3):
+            env.reset(vector=[0.1, 0.4]) if episode == 0 else env.reset()
+            done = False
+            while not done:
+                actions = {f"drone{i}": random.randint(0, 5) for i in range(2)}
+                observations, rewards, terminations, truncations, infos = env.step(actions)
+                done = True in truncations.values()
+            assert list(env.vector) == [0.1, 0.4]
+        env.close()
+        env.close()
+        """,
+    "actions from a network": """
+        import numpy as np
+        from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+        env = DroneSwarmSearch(grid_size=5, n_drones=2, person_initial_position=np.array([4, 4]))
+        env.reset()
+        obs, *_ = env.step({a: np.argmax(np.array([0, 0, 0, 0, 1, 0])) for a in env.get_agents()})
+        flat = np.concatenate([np.append(o["observation"][0], o["observation"][1].flatten())
+                               for o in obs.values()])
+        assert flat.shape == (2 * 27,)
+        """,
+}
+
+
+@pytest.mark.parametrize("name", WHOLE_SCRIPTS)
+def test_a_whole_script_of_2023_runs_unchanged(name):
+    exec(compile(inspect.cleandoc(WHOLE_SCRIPTS[name]), name, "exec"), {})
+
+
+def test_the_table_of_parameters_has_the_first_nine_with_their_defaults():
+    table = {code(row[0]): row[1] for row in rows(section(OF_2023, "Parameters"))}
+    signature = inspect.signature(DroneSwarmSearch).parameters
+    assert tuple(table) == FIRST_NINE
+    for name, default in table.items():
+        value = ast.literal_eval(code(default))
+        assert (tuple(value) if isinstance(value, list) else value) == signature[name].default
+    for name in tuple(signature)[9:]:
+        assert f"`{name}`" in section(OF_2023, "Parameters")
+
+
+def test_the_table_of_actions_has_them_all():
+    table = {int(code(row[0])): code(row[2]) for row in rows(section(OF_2023, "Actions"))}
+    assert table == {int(action): action.name for action in Action}
+    assert f"Discrete({len(Action)})" in section(OF_2023, "Actions")
+
+
+def test_the_table_of_rewards_has_every_figure():
+    table = rows(section(OF_2023, "Rewards"))
+    figures = {code(row[3]): float(code(row[2])) for row in table if row[3]}
+    assert figures == dataclasses.asdict(RewardScheme())
+
+
+def test_the_table_of_endings_has_them_all():
+    table = {code(row[1]) for row in rows(section(OF_2023, "Endings"))}
+    assert table == {ending.name for ending in Ending}
+
+
+@pytest.mark.parametrize("row", rows(section(OF_2023, "Attributes")), ids=lambda row: code(row[0]))
+def test_attribute_of_2023(row):
+    env = environment()
+    env.reset()
+    there, here = row
+    if there == here:
+        assert eval(code(here), {"env": env}) is not None
+        return
+    with pytest.raises(AttributeError):
+        eval(code(there), {"env": env})
+    if not here.startswith("none"):
+        assert eval(code(here), {"env": env}) is not None
+
+
+def test_methods_of_2023():
+    calls = [code(row[0]) for row in rows(section(OF_2023, "Methods"))]
+    for call in calls:
+        env = DroneSwarmSearch(grid_size=30, n_drones=2)
+        env.reset()
+        names = {"env": env, "actions": dict.fromkeys(env.get_agents(), 5)}
+        if "return_info" in call:
+            with pytest.raises(TypeError, match="return_info"):
+                eval(call, names)
+        else:
+            eval(call, names)
+    public = {"reset", "step", "get_agents", "render", "close"}
+    assert {re.match(r"env\.(\w+)", call)[1] for call in calls} == public
+
+
+def test_infos_of_2023():
+    env = environment()
+    env.reset()
+    *_, info = env.step({"drone0": 5, "drone1": 5})
+    assert info["Found"] is False
+    assert info["drone0"]["Found"] is False
+    assert list(info) == ["drone0", "drone1"]
+
+
+def test_the_total_is_told_once():
+    env = environment()
+    env.reset()
+    _, reward, *_ = env.step({"drone0": 5, "drone1": 5})
+    assert sum(reward.values()) == reward["total_reward"] == 2
+    assert reward.pop("total_reward", None) == 2
+
+
+@pytest.mark.parametrize("page", [OF_2023, OF_DSSE], ids=["2023", "dsse"])
+def test_names_that_the_guides_import_exist(page):
+    for module, names in re.findall(r"from (DroneSwarmSearch[\w.]*) import ([\w, ]+)", page):
+        for name in names.split(", "):
+            assert hasattr(importlib.import_module(module), name), (module, name)
+
+
+def spreads(constant: float, drift: float, steps: list[int]) -> list[tuple[float, float]]:
+    """How far the mean has drifted from cell 20 of 61, and the standard deviation, at steps."""
+    law = ProbabilityMatrix(61, (20, 20), (drift, 0), constant)
+    cells, told = np.arange(61), []
+    for step in steps:
+        chances, _ = law.marginals(step)
+        mean = (chances * cells).sum()
+        told.append((mean - 20, np.sqrt((chances * (cells - mean) ** 2).sum())))
+    return told
+
+
+def test_the_table_of_spreads_of_2023():
+    table = rows(section(OF_2023, "Drift and spread"))
+    for constant, column in ((3, 3), (10, 6)):
+        told = spreads(constant, 0.0, [int(row[0]) for row in table])
+        assert [float(row[column]) for row in table] == [round(sd, 1) for _, sd in told]
+
+
+# From DSSE: what the guide says of this package.
+
+
+def dsse_parameters(name: str) -> list[list[str]]:
+    """The table of parameters in a section of the guide: name, default, what is here."""
+    return [row for row in rows(section(OF_DSSE, name)) if len(row) == 3]
+
+
+def test_what_the_guide_says_of_parameters_here():
+    here = set(inspect.signature(DroneSwarmSearch).parameters)
+    for row in dsse_parameters("Parameters") + dsse_parameters("Coverage"):
+        if row[2].startswith("`"):
+            assert code(row[2]) in here
+    assert "`grid_size`, 7 by default" in OF_DSSE
+    assert inspect.signature(DroneSwarmSearch).parameters["grid_size"].default == 7
+
+
+def test_what_the_guide_says_of_actions_here():
+    table = {row[2]: row[3] for row in rows(section(OF_DSSE, "Actions")) if row[2] != "none"}
+    assert {code(name): int(code(value)) for name, value in table.items()} == {
+        action.name: int(action) for action in Action
+    }
+
+
+def test_what_the_guide_says_of_attributes_and_wrappers_here():
+    env = environment()
+    env.reset()
+    here = {"env": env, **vars(importlib.import_module("DroneSwarmSearch.wrappers"))}
+    expressions = re.findall(
+        r"`((?:env\.(?:frame|scenario|get_agents|possible)|len\(env|\w+\(env)[^`]*)`",
+        "\n".join(row[-1] for row in rows(section(OF_DSSE, "Observations, infos, spaces"))),
+    )
+    assert len(expressions) == 10
+    for expression in expressions:
+        assert eval(expression, here) is not None
+
+
+def test_what_the_guide_says_of_rewards_here():
+    scheme = RewardScheme()
+    text = section(OF_DSSE, "Rewards and endings")
+    figures = (scheme.find, scheme.search, scheme.search_unlikely, scheme.timeout)
+    assert all(f"{figure:.0f}" in text for figure in figures)
+    assert str(scheme.search_threshold) in text
+
+
+def test_the_columns_of_spreads_of_this_package_in_the_guide_from_dsse():
+    table = rows(section(OF_DSSE, "Drift and spread"))[:4]
+    steps = [int(row[0]) for row in table]
+    for constant, drift, column in ((15.8, 0.1635, 3), (0.65, 0.083, 4)):
+        told = [f"{mean:.1f} and {sd:.1f}" for mean, sd in spreads(constant, drift, steps)]
+        assert [row[column] for row in table] == told
+
+
+def test_paths_without_diagonals():
+    """The ratio of mean distances between random cells, by the larger or by both differences."""
+    difference = np.abs(np.subtract.outer(np.arange(200), np.arange(200))).ravel()
+    chances = np.bincount(difference) / difference.size
+    cells = np.arange(200)
+    both = 2 * chances @ cells
+    larger = chances @ np.maximum.outer(cells, cells) @ chances
+    assert both / larger == pytest.approx(10 / 7, rel=1e-3)
+
+
+def test_what_the_guide_says_went_wrong_has_a_test_each():
+    text = section(OF_DSSE, "What went wrong there")
+    faults = re.findall(r"^- ", text, re.MULTILINE)
+    names = re.findall(r"\[`(\w+)`\]", text)
+    assert len(names) == len(faults) > 10
+    assert all(f"test_dsse_{name}" in globals() for name in names)
+
+
+# What the guide says of DSSE, where it is installed.
+
+
+@pytest.fixture
+def dsse(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    module = pytest.importorskip("DSSE")
+    # Warnings are errors here, which DSSE was not written for.
+    with contextlib.redirect_stdout(io.StringIO()):
+        yield module
+
+
+@pytest.fixture
+def coverage(dsse, monkeypatch, tmp_path):
+    """What makes coverage environments on a map of 6 x 6, with nothing of OpenDrift but a name."""
+    for name in ("opendrift", "opendrift.models", "opendrift.models.oceandrift"):
+        monkeypatch.setitem(sys.modules, name, type(sys)(name))
+    sys.modules["opendrift.models.oceandrift"].OceanDrift = object
+    matrix = np.full((6, 6), 1 / 30)
+    matrix[0] = 0
+    path = tmp_path / "matrix.npy"
+    np.save(path, matrix)
+    monkeypatch.setattr(
+        dsse.CoverageDroneSwarmSearch,
+        "reward_scheme",
+        dict(dsse.CoverageDroneSwarmSearch.reward_scheme),
+    )
+
+    def make(**parameters):
+        return dsse.CoverageDroneSwarmSearch(prob_matrix_path=str(path), **parameters)
+
+    return make
+
+
+@pytest.mark.parametrize("script", [block.values[0] for block in scripts(OF_DSSE)])
+@pytest.mark.filterwarnings("default")
+def test_script_for_dsse(script, dsse):
+    exec(compile(script, "before", "exec"), {})
+
+
+def test_tables_of_parameters_of_dsse(dsse):
+    for kind, title in (
+        (dsse.DroneSwarmSearch, "Parameters"),
+        (dsse.CoverageDroneSwarmSearch, "Coverage"),
+    ):
+        table = {code(row[0]): code(row[1]) for row in dsse_parameters(title)}
+        signature = inspect.signature(kind).parameters
+        assert {name: ast.literal_eval(value) for name, value in table.items()} == {
+            name: parameter.default for name, parameter in signature.items()
+        }
+
+
+def test_table_of_actions_of_dsse(dsse):
+    table = rows(section(OF_DSSE, "Actions"))
+    assert {code(row[0]): int(code(row[1])) for row in table if row[0] != "none"} == {
+        action.name: action.value for action in dsse.Actions
+    }
+
+
+def dsse_path(env, steps: int, seed: int | None = None) -> list[tuple[int, int]]:
+    """Where a person drifts in DSSE while its one drone stays in its corner."""
+    env.reset(seed=seed)
+    path = []
+    for _ in range(steps):
+        env.step({"drone0": 0})
+        path.append(next(iter(env.get_persons())).get_position())
+    return path
+
+
+def test_dsse_seeds(dsse):
+    env = dsse.DroneSwarmSearch(grid_size=30, person_initial_position=(15, 15))
+    assert len({tuple(dsse_path(env, 60, seed=3)) for _ in range(5)}) > 1
+
+
+def moments(matrix) -> list[float]:
+    """Mean and standard deviation along x."""
+    chances = np.asarray(matrix, float).sum(axis=0)
+    cells = np.arange(len(chances))
+    mean = (chances * cells).sum() / chances.sum()
+    return [mean, np.sqrt((chances * (cells - mean) ** 2).sum() / chances.sum())]
+
+
+@pytest.mark.filterwarnings("ignore:divide by zero")
+def test_dsse_still_person(dsse):
+    env = dsse.DroneSwarmSearch(grid_size=61, vector=(0, 0), person_initial_position=(20, 20))
+    assert set(dsse_path(env, 40)) == {(20, 20)}
+    matrix = env.probability_matrix.get_matrix()
+    assert moments(matrix)[1] == pytest.approx(4.5, rel=0.01)
+    assert 1 - matrix[20, 20] == pytest.approx(0.99, abs=0.005)
+
+
+@pytest.mark.parametrize("cell", [130, 500])
+@pytest.mark.parametrize(("speed", "drifted"), [(2, 16), (0.5, 1), (1, 4)])
+def test_dsse_drift_of_the_matrix(dsse, speed, drifted, cell):
+    env = dsse.DroneSwarmSearch(
+        grid_size=81,
+        vector=(speed, 0),
+        dispersion_inc=0.05,
+        person_initial_position=(30, 30),
+        grid_cell_size=cell,
+    )
+    dsse_path(env, 40)
+    mean, deviation = moments(env.probability_matrix.get_matrix())
+    assert mean - 30 == pytest.approx(drifted, abs=0.05)
+    assert int(speed * speed / 10 * 41) == drifted  # one step more: that of the reset
+    assert deviation == pytest.approx(0.5 + 0.05 * 40, rel=0.01)
+
+
+def test_dsse_drift_and_spread_of_the_person(dsse):
+    env = dsse.DroneSwarmSearch(grid_size=61, person_initial_position=(20, 20))
+    paths = np.array([dsse_path(env, 80) for _ in range(150)]) - 20
+    table = rows(section(OF_DSSE, "Drift and spread"))[:4]
+    for row in table:
+        step = int(row[0])
+        mean, deviation = map(float, row[2].split(" and "))
+        ends = paths[:, step - 1, 0]
+        assert ends.mean() == pytest.approx(mean, abs=5 * deviation / np.sqrt(150) + 0.2)
+        assert ends.std() == pytest.approx(deviation, rel=0.35)
+
+
+def test_dsse_limit(dsse):
+    env = dsse.DroneSwarmSearch(timestep_limit=5, person_initial_position=(15, 15))
+    env.reset()
+    steps = 0
+    while env.agents:
+        env.step({"drone0": dsse.Actions.RIGHT.value})
+        steps += 1
+    assert steps == 6
+    assert env.agents_positions == [(5, 0)]
+
+
+def test_dsse_after_the_end(dsse):
+    env = dsse.DroneSwarmSearch(timestep_limit=1, person_initial_position=(15, 15))
+    env.reset()
+    while env.agents:
+        *_, infos = env.step({"drone0": 1})
+    assert infos == {"drone0": {"Found": False}}
+    assert env.step({}) == ({}, {}, {}, {}, {})
+
+
+@pytest.mark.filterwarnings("ignore:divide by zero")
+def test_dsse_rewards_sum(dsse):
+    env = dsse.DroneSwarmSearch(drone_amount=2, vector=(0, 0), person_initial_position=(3, 3))
+    env.reset(options={"drones_positions": [(3, 3), (0, 0)]})
+    _, rewards, terminations, truncations, infos = env.step({"drone0": 8, "drone1": 1})
+    assert rewards == {"drone0": 2.0, "drone1": 0.0}
+    assert env.rewards_sum["drone0"] == 0
+    assert all([*terminations.values(), *truncations.values(), infos["drone1"]["Found"]])
+
+    scheme = dataclasses.replace(RewardScheme.sparse(), find_early=1)
+    ours = DroneSwarmSearch(20, n_drones=2, vector=(0, 0), reward_scheme=scheme)
+    ours.reset(drones_positions=[(0, 0), (3, 3)])
+    assert ours.step({"drone0": 4, "drone1": 1})[1] == {"drone0": 2.0, "drone1": 0.0}
+
+
+def test_dsse_leaving_and_colliding(dsse):
+    env = dsse.DroneSwarmSearch(drone_amount=2, person_initial_position=(15, 15))
+    env.reset()
+    observations, rewards, *_ = env.step({"drone0": 1, "drone1": 8})
+    assert observations["drone0"][0] == observations["drone1"][0] == (1, 0)
+    env.step({"drone0": 2, "drone1": 2})
+    assert env.agents == ["drone0", "drone1"]
+    assert env.rewards_sum["drone0"] == rewards["drone0"] == 0
+
+
+def test_dsse_checks(dsse):
+    make = dsse.DroneSwarmSearch
+    env = make(timestep_limit=-1)
+    make(vector=(float("nan"), 0))
+    env = make()
+    env.reset(options={"vectr": (3, 3)})
+    assert env.vector == (1.1, 1)
+    env.step({"drone0": 1, "drone7": 3})
+    with pytest.raises(ValueError, match="truth value"):
+        env.reset(options={"vector": np.array([0.1, 0.1])})
+    with pytest.raises(AttributeError):
+        env.render()
+
+
+def test_dsse_zero_vector(dsse):
+    with pytest.warns(RuntimeWarning, match="divide by zero"):
+        dsse.DroneSwarmSearch(vector=(0, 0)).reset()
+
+
+def test_dsse_constructor(dsse, monkeypatch):
+    import pygame
+
+    pygame.quit()
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        dsse.DroneSwarmSearch()
+    assert len(printed.getvalue().splitlines()) == 2
+    assert pygame.get_init()
+
+
+def test_dsse_wrappers(dsse):
+    wrappers = importlib.import_module("DSSE.environment.wrappers")
+    listed = {code(row[0]).split("(")[0] for row in rows(section(OF_DSSE, "Wrappers"))}
+    assert set(wrappers.__all__) <= listed
+    for name in wrappers.__all__:
+        given = [[(1, 1), (2, 2)]] if name == "RetainDronePosWrapper" else []
+        env = dsse.DroneSwarmSearch(drone_amount=2, person_initial_position=(10, 10))
+        env = getattr(wrappers, name)(env, *given)
+        observations, _ = env.reset()
+        assert env.observation_space("drone0").contains(observations["drone0"])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_dsse_passes_the_tests_of_pettingzoo(dsse):
+    tests = importlib.import_module("pettingzoo.test")
+    tests.parallel_api_test(dsse.DroneSwarmSearch(drone_amount=2), num_cycles=200)
+    tests.parallel_seed_test(lambda: dsse.DroneSwarmSearch(drone_amount=2))
+
+
+@pytest.mark.filterwarnings("ignore:.*Casting input")
+def test_dsse_gaussian_wrapper(dsse):
+    wrapper = importlib.import_module("DSSE.environment.wrappers.gaussian_wrapper").GaussianWrapper
+    env = wrapper(dsse.DroneSwarmSearch(person_initial_position=(10, 10)))
+    observations, _ = env.reset()
+    assert isinstance(observations["drone0"], tuple)
+    assert not env.observation_space("drone0").contains(observations["drone0"])
+
+
+def test_dsse_coverage_needs_opendrift(dsse, tmp_path):
+    try:
+        importlib.import_module("opendrift")
+    except ImportError:
+        np.save(tmp_path / "matrix.npy", np.ones((6, 6)))
+        with pytest.raises(ImportError, match="OpenDrift not installed"):
+            dsse.CoverageDroneSwarmSearch(prob_matrix_path=str(tmp_path / "matrix.npy"))
+
+
+def test_dsse_coverage_rewards(coverage):
+    one = coverage(drone_amount=2)
+    one.reset()
+    done = one.reward_scheme["done"]
+    coverage(drone_amount=1).reset()
+    assert one.reward_scheme["done"] == 2 * done
+
+
+def test_dsse_coverage_steps(coverage):
+    env = coverage(drone_amount=2, timestep_limit=5)
+    observations, _ = env.reset(options={"drones_positions": [(0, 1), (3, 3)]})
+    assert observations["drone0"][1].max() == 1
+    *_, infos = env.step({"drone0": 8, "drone1": 8})
+    assert env.agents_positions == [(0, 1), (3, 3)]
+    assert infos["drone0"]["coverage_rate"] == pytest.approx(2 / 30)
+    assert infos["drone0"]["accumulated_pos"] == pytest.approx(0.9 * 2 / 30)
+    assert set(infos["drone0"]) == {
+        *("is_completed", "coverage_rate", "repeated_coverage", "accumulated_pos")
+    }
