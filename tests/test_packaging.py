@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -20,10 +21,12 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGES = ("DroneSwarmSearch", "DroneSwarmSearchEnvironment")
 NAME = f"droneswarmsearchenvironment-{DroneSwarmSearch.__version__}"
 MEGABYTE = 10**6
+PICTURES = (".gif", ".png", ".svg")
+"""Left out of the sdist, which is to stay small."""
 
 pytestmark = [
     pytest.mark.skipif(
-        not (CHECKOUT / "pyproject.toml").exists(), reason="there is no source tree to build"
+        not (CHECKOUT / "DroneSwarmSearch").exists(), reason="there is no source tree to build"
     ),
     pytest.mark.skipif(
         any(importlib.util.find_spec(name) is None for name in ("build", "hatchling", "pip")),
@@ -94,6 +97,15 @@ def sources() -> set[str]:
     }
 
 
+def tracked(*folders: str) -> set[str]:
+    """The files of some folders that version control has or would take."""
+    git = ("git", "ls-files", "--cached", "--others", "--exclude-standard", *folders)
+    if not (CHECKOUT / ".git").exists():
+        pytest.skip("there is no version control to compare with")
+    files = run(*git, cwd=CHECKOUT).splitlines()
+    return {file for file in files if (CHECKOUT / file).exists()}
+
+
 def test_the_wheel_holds_the_packages_and_nothing_else(built):
     path = built / f"{NAME}-py3-none-any.whl"
     assert path.stat().st_size < MEGABYTE
@@ -106,8 +118,16 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     assert {PurePosixPath(file).suffix for file in sources()} <= {".json", ".npz", ".py", ".typed"}
     assert "Name: DroneSwarmSearchEnvironment\n" in metadata
     assert "Requires-Python: >=3.10\n" in metadata
-    for dependency in ("gymnasium", "numpy", "pettingzoo", "pygame"):
-        assert f"Requires-Dist: {dependency}>=" in metadata
+    core = {line for line in metadata.splitlines() if line.startswith("Requires-Dist: ")}
+    assert sorted(
+        re.sub(r">=[\d.]+", "", line.removeprefix("Requires-Dist: "))
+        for line in core
+        if "extra ==" not in line
+    ) == [
+        *("gymnasium", "numpy", "pettingzoo"),
+        "pygame-ce; python_version >= '3.14'",
+        "pygame; python_version < '3.14'",
+    ]
 
 
 def test_the_sdist_holds_the_sources_the_tests_and_nothing_stray(built):
@@ -118,15 +138,15 @@ def test_the_sdist_holds_the_sources_the_tests_and_nothing_stray(built):
     assert {name.parts[0] for name in names} == {NAME}
     held = {name.relative_to(NAME).as_posix() for name in names}
     assert sources() | {"LICENSE", "README.md", "pyproject.toml", "PKG-INFO"} <= held
-    assert f"tests/{Path(__file__).name}" in held
-    assert {file.split("/")[0] for file in held} <= {
-        *PACKAGES,
-        *("basic_env.py", "docs", "examples", "tests"),
-        *("CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md"),
-        *("pyproject.toml", "PKG-INFO", ".gitignore"),
+    tops = ("basic_env.py", "docs", "examples", "tests", *PACKAGES)
+    texts = ("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md")
+    assert {file.split("/")[0] for file in held} == {
+        *(*tops, *texts, "pyproject.toml", "PKG-INFO", ".gitignore")
     }
-    hidden = [file for file in held if "/." in file or "__pycache__" in file]
-    assert not hidden
+    # All of the tests, the examples and the documentation, but its pictures.
+    assert {file for file in held if file.startswith(("docs/", "examples/", "tests/"))} == {
+        path for path in tracked("docs", "examples", "tests") if Path(path).suffix not in PICTURES
+    }
 
 
 @pytest.mark.parametrize("what", ["wheel", "sdist", "editable"])

@@ -1,0 +1,180 @@
+"""One version everywhere, the environment's id, and what the release workflow does."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from golden.regenerate import SCENARIOS, released
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+
+import DroneSwarmSearch as package
+from DroneSwarmSearch import DroneSwarmSearch, drone_swarm_search_v0
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+
+ROOT = Path(__file__).parents[1]
+VERSION = package.__version__
+ID = "drone_swarm_search_v0"
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text("utf-8")
+
+
+# The version.
+
+
+def test_the_version_is_the_same_everywhere():
+    assert re.fullmatch(r"\d+\.\d+\.\d+", VERSION)
+    citation, readme, changelog = map(text_of, ("CITATION.cff", "README.md", "CHANGELOG.md"))
+    assert re.findall(r"^version: (.+)$", citation, re.M) == [VERSION]
+    assert re.findall(r"^ +version += \{(.+)\},$", readme, re.M) == [VERSION]
+    titles = re.findall(r"^## (.+)$", changelog, re.M)
+    assert re.fullmatch(rf"{re.escape(VERSION)} \((unreleased|\d{{4}}-\d\d-\d\d)\)", titles[0])
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", title) for title in titles[1:])
+
+
+def test_the_citation_tells_the_same_as_the_readme():
+    citation, readme = text_of("CITATION.cff"), text_of("README.md")
+    (date,) = re.findall(r'^date-released: "(\d{4})-\d\d-\d\d"$', citation, re.M)
+    (title,) = re.findall(r'^title: "(.+)"$', citation, re.M)
+    (author,) = re.findall(r"^  - name: (.+)$", citation, re.M)
+    bibtex = readme.split("```bibtex")[1].split("```")[0]
+    assert f"year    = {{{date}}}" in bibtex
+    assert f"title   = {{{title}}}" in bibtex
+    assert f"author  = {{{{{author}}}}}" in bibtex
+
+
+def test_a_released_version_has_released_episodes():
+    title = re.findall(r"^## (.+)$", text_of("CHANGELOG.md"), re.M)[0]
+    if not title.endswith("(unreleased)"):
+        assert set(released()) == set(SCENARIOS), "python tests/golden/regenerate.py --release"
+        (date,) = re.findall(r'^date-released: "(.+)"$', text_of("CITATION.cff"), re.M)
+        assert title == f"{VERSION} ({date})"
+
+
+# The id.
+
+
+def test_the_id_is_the_same_everywhere():
+    for environment in (DroneSwarmSearch, DroneVectorEnv, SwarmVectorEnv):
+        assert environment.metadata["name"] == ID
+    folder = Path(package.__file__).parent
+    assert [path.stem for path in folder.glob("drone_swarm_search_v*.py")] == [ID]
+
+
+def test_the_module_of_the_id_makes_environments():
+    parameters = {"grid_size": 5, "n_drones": 2}
+    parallel = drone_swarm_search_v0.parallel_env(**parameters)
+    assert type(parallel) is DroneSwarmSearch
+    aec, raw = (
+        make(**parameters) for make in (drone_swarm_search_v0.env, drone_swarm_search_v0.raw_env)
+    )
+    assert isinstance(aec, OrderEnforcingWrapper)
+    assert not isinstance(raw, OrderEnforcingWrapper)
+    for env in (parallel, aec, raw):
+        assert type(env.unwrapped) is DroneSwarmSearch
+        assert env.metadata["name"] == ID
+    for env in (aec, raw):
+        env.reset(seed=1)
+        env.step(4)
+        assert env.agent_selection == "drone1"
+
+
+# The release workflow.
+
+
+@pytest.fixture(scope="module")
+def prepare() -> ModuleType:
+    path = ROOT / ".github" / "prepare_release.py"
+    if not path.exists():
+        pytest.skip("the workflows are not here")
+    spec = importlib.util.spec_from_file_location("prepare_release", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+README = """\
+# Title
+<img src="docs/a.gif" width="6"> <a href="docs/page.md">page</a> ![A (b)](docs/b.png)
+[page](docs/page.md#section) [here](#title) [there](https://example.org/x) [mail](mailto:a@b.c)
+```python
+d = {"a": [f](x)}
+```
+[![badge](c.svg)](LICENSE)
+"""
+
+AT = "https://git.example/me/it"
+ABSOLUTE = f"""\
+# Title
+<img src="{AT}/raw/v1.2.3/docs/a.gif" width="6"> \
+<a href="{AT}/blob/v1.2.3/docs/page.md">page</a> ![A (b)]({AT}/raw/v1.2.3/docs/b.png)
+[page]({AT}/blob/v1.2.3/docs/page.md#section) [here](#title) [there](https://example.org/x) \
+[mail](mailto:a@b.c)
+```python
+d = {{"a": [f](x)}}
+```
+[![badge]({AT}/raw/v1.2.3/c.svg)]({AT}/blob/v1.2.3/LICENSE)
+"""
+VARIABLES = {
+    "GITHUB_REF_NAME": "v1.2.3",
+    "GITHUB_REPOSITORY": "me/it",
+    "GITHUB_SERVER_URL": "https://git.example",
+}
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    for name, text in {
+        "DroneSwarmSearch/__init__.py": '"""Text."""\n\n__version__ = "1.2.3"\n',
+        "CHANGELOG.md": "# Changelog\n\n## 1.2.3 (2027-01-31)\n\n- New.\n",
+        "README.md": README,
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def test_links_of_the_readme_are_made_absolute(prepare, checkout):
+    prepare.main(VARIABLES, checkout)
+    assert (checkout / "README.md").read_text("utf-8") == ABSOLUTE
+    prepare.main(VARIABLES, checkout)
+    assert (checkout / "README.md").read_text("utf-8") == ABSOLUTE
+
+
+def test_no_link_of_our_readme_stays_relative(prepare):
+    text = prepare.absolute(text_of("README.md"), AT, "v1.2.3")
+    targets = re.findall(r"\]\(([^)]+)\)", text) + re.findall(r'(?:src|href)="([^"]+)"', text)
+    assert any(target.startswith(f"{AT}/raw/v1.2.3/docs/") for target in targets)
+    assert all(target.startswith(("https://", "#")) for target in targets)
+
+
+@pytest.mark.parametrize(
+    ("tag", "changelog", "why"),
+    [
+        ("v1.2.4", "## 1.2.3 (2027-01-31)\n", "the tag v1.2.4 is not that of version 1.2.3"),
+        ("1.2.3", "## 1.2.3 (2027-01-31)\n", "the tag 1.2.3 is not that of version 1.2.3"),
+        ("v1.2.3", "## 1.2.3 (unreleased)\n", "no section '## 1.2.3 (YYYY-MM-DD)'"),
+        ("v1.2.3", "## 1.2.2 (2027-01-31)\n", "no section '## 1.2.3 (YYYY-MM-DD)'"),
+    ],
+)
+def test_what_is_not_ready_is_not_released(prepare, checkout, tag, changelog, why):
+    (checkout / "CHANGELOG.md").write_text(changelog, encoding="utf-8")
+    with pytest.raises(SystemExit, match=re.escape(why)):
+        prepare.main({**VARIABLES, "GITHUB_REF_NAME": tag}, checkout)
+    assert (checkout / "README.md").read_text("utf-8") == README
+
+
+def test_the_workflow_tries_the_trainers_that_the_local_script_tries():
+    if not (ROOT / ".ci").exists():
+        pytest.skip("the workflows are not here")
+    workflow = re.findall(
+        r"\{ extra: (\w+), tests: ([\w/. ]+) \}", text_of(".github/workflows/ci.yml")
+    )
+    script = text_of(".ci/run").split("<<'LIST'\n")[1].split("LIST\n")[0]
+    assert workflow == [tuple(line.split(maxsplit=1)) for line in script.splitlines()]
