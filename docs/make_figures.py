@@ -5,8 +5,9 @@
 writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function that `figure`
 registers; names given as arguments make those alone. The same code and the same matplotlib
 give the same bytes. `calibration` draws from `docs/figures/calibration.csv`, which
-`python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures; everything
-else is worked out here, within seconds.
+`python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures, and `speed`
+from what `python -m DroneSwarmSearch bench --json docs/figures/bench.json` does; everything else
+is worked out here, within seconds.
 
 To add a figure, write a function from a `Theme` and a `Sampling` to a matplotlib `Figure` and
 decorate it with its name. Figures are 576 pixels wide, so that their text can still be read
@@ -18,6 +19,7 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import json
 import re
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -525,6 +527,51 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
     axes.legend(loc="upper right", borderaxespad=0.1)
     axes.set(xlim=(0, 67), ylim=(0, 1.02), xlabel="step", ylabel="not found yet")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.grid()
+    return chart
+
+
+BATCHED = {
+    "by index": ("batch, index", 20, 4),
+    "with matrices": ("batch, matrices", 20, 4),
+    "posterior": ("batch, posterior", 20, 4),
+    "JaxMARL coin_game": ("JaxMARL coin_game", 20, 2),
+}
+ONE_BY_ONE = {"one environment": ("one environment", 20, 4), "DSSE": ("DSSE", 20, 4)}
+"""What is drawn of `bench.json`: its name there, and the cells along a side and the drones."""
+
+
+@figure("speed")
+def speed(theme: Theme, sampling: Sampling) -> Figure:
+    """Environment steps per second over the searches in a batch, from `bench.json`."""
+    measured = json.loads((FIGURES / "bench.json").read_text("utf-8"))
+    rates = {
+        (run["name"], size["grid_size"], size["n_drones"], run["num_envs"]): run
+        for size in measured["sizes"]
+        for run in size["steps_per_second"]
+    }
+    counts = measured["parameters"]["num_envs"]
+    peers = {"DSSE", "JaxMARL coin_game"}
+    colours = iter(theme.series)
+    chart = Figure(figsize=(WIDTH, 4.0), layout="constrained")
+    axes = chart.subplots()
+    beside = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
+    for label, contestant in BATCHED.items():
+        runs = [rates[(*contestant, count)] for count in counts]
+        median, lower, upper = ([run[key] for run in runs] for key in ("median", "lower", "upper"))
+        colour = theme.grey if label in peers else next(colours)
+        axes.plot(counts, median, "o-", color=colour, markersize=3.5)
+        axes.fill_between(counts, lower, upper, color=colour, alpha=0.3, linewidth=0)
+        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **beside)
+    for label, contestant in ONE_BY_ONE.items():
+        rate = rates[(*contestant, None)]["median"]
+        colour = theme.grey if label in peers else next(colours)
+        axes.axhline(rate, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
+        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **beside)
+    axes.set(xscale="log", yscale="log", xlim=(0.8, counts[-1] * 12))
+    axes.set(xlabel="searches in the batch", ylabel="environment steps per second")
+    axes.set_xticks(counts, [f"{count:,}" for count in counts])
+    axes.minorticks_off()
     axes.grid()
     return chart
 
