@@ -1,4 +1,4 @@
-# What contributors run, in a word each: `just` lists them, CONTRIBUTING.md tells when.
+# What contributors run, a recipe each: `just` lists them, CONTRIBUTING.md tells when.
 # Options go on to the command: `just test -k golden`.
 
 set windows-shell := ["powershell.exe", "-NoLogo", "-Command"]
@@ -67,10 +67,10 @@ build:
     python -m build
     python -m twine check --strict dist/*
 
-# the same, and the tests against what was built, away from the checkout (needs bash)
+# the same, and the tests against what was built, away from the checkout (Linux and macOS)
 wheel *dependencies:
     .ci/wheel {{ dependencies }}
 
-# all that a change has to pass (needs bash)
+# all that a change has to pass (Linux and macOS)
 ci:
     .ci/run

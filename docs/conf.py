@@ -59,11 +59,10 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx_copybutton",
-    "sphinx_design",
 ]
 exclude_patterns = ["Thumbs.db", ".DS_Store"]
 
-myst_enable_extensions = ["attrs_inline", "colon_fence", "dollarmath"]
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 
 smartquotes_action = "D"  # dashes alone: quotation marks are mostly those of strings
@@ -99,6 +98,7 @@ html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b6b8a", "color-brand-content": "#0b6b8a"},
     "dark_css_variables": {"color-brand-primary": "#5cc8e6", "color-brand-content": "#5cc8e6"},
 }
+highlight_language = "text"  # of blocks that name none, such as formulas
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
 copybutton_exclude = ".linenos, .gp, .go"

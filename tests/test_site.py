@@ -47,6 +47,19 @@ BROWSER = [
 ]
 
 
+SEEN = """
+const style = element => getComputedStyle(element);
+return {
+    width: document.documentElement.scrollWidth,
+    ground: style(document.body).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number),
+    pictures: [...document.querySelectorAll("article img")].map(image => [
+        [...image.classList], style(image).display !== "none", image.naturalWidth > 0,
+    ]),
+};
+"""
+"""What is asked of a page in a browser, in one go."""
+
+
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built by the command that contributors use: a warning is an error."""
@@ -196,17 +209,12 @@ def test_in_a_browser(
         name = page.relative_to(site).as_posix()
         look(browser, f"{address}/{name}", theme, width)
         assert complaints(browser) == [], name
-        assert browser.execute_script("return document.documentElement.scrollWidth") <= width, name
-        luminance = browser.execute_script(
-            "const ground = getComputedStyle(document.body).backgroundColor;"
-            "return Math.max(...ground.match(/\\d+/g).slice(0, 3).map(Number));"
-        )
-        assert (luminance < 64) == (theme == "dark"), name
-        for picture in browser.find_elements("css selector", "article img"):
+        seen = browser.execute_script(SEEN)
+        assert seen["width"] <= width, name
+        assert (max(seen["ground"]) < 64) == (theme == "dark"), name
+        for classes, shown, loaded in seen["pictures"]:
             other = "only-light" if theme == "dark" else "only-dark"
-            classes = picture.get_attribute("class") or ""
-            assert picture.is_displayed() != (other in classes), name
-            assert picture.get_property("naturalWidth") > 0 or picture.get_attribute("loading")
+            assert shown == (other not in classes) and (loaded or not shown), name
 
 
 @pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])

@@ -601,7 +601,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         type=int,
         default=cores,
-        help="processes; no figure depends on it (default: one for each core, here %(default)s)",
+        help="processes; no figure depends on it (default: one for each core)",
     )
     how.add_argument(
         "--ray",

@@ -56,7 +56,7 @@ def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentP
     parser.add_argument(
         "--short",
         action="store_true",
-        help=f"try everything in seconds: {short:,} steps, {FEW_EPISODES} episodes",
+        help=f"try everything shortly: {short:,} steps, {FEW_EPISODES} episodes",
     )
     parser.add_argument(
         "--episodes",
