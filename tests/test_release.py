@@ -174,7 +174,7 @@ def test_the_workflow_tries_the_trainers_that_the_local_script_tries():
     if not (ROOT / ".ci").exists():
         pytest.skip("the workflows are not here")
     workflow = re.findall(
-        r"\{ extra: (\w+), tests: ([\w/. ]+) \}", text_of(".github/workflows/ci.yml")
+        r"\{ extra: (\w+), tests: ([\w/.: ]+) \}", text_of(".github/workflows/ci.yml")
     )
     script = text_of(".ci/run").split("<<'LIST'\n")[1].split("LIST\n")[0]
     assert workflow == [tuple(line.split(maxsplit=1)) for line in script.splitlines()]
