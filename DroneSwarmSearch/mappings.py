@@ -8,7 +8,7 @@ now has two things; here the two are a tuple that answers drones' names as well.
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, KeysView, ValuesView
+from collections.abc import ItemsView, KeysView, Mapping, ValuesView
 from typing import Any, Generic, TypeVar, overload
 
 __all__ = ["Infos", "Rewards", "Start"]
@@ -90,6 +90,11 @@ class Start(tuple[dict[str, Value], Infos], Generic[Value]):
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
             return self[0][key]
+        if isinstance(key, Mapping):  # from going through it as if it were the observations
+            raise TypeError(
+                "reset() returns two things; write observations, infos = env.reset(), got a "
+                "look-up of one of them in both"
+            )
         return super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:

@@ -200,6 +200,8 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     (mine,) = json.loads(answer(capsys, *arguments).out)
     answer(capsys, *arguments)
     assert len(played) == 1, "kept under a hash of the weights"
+    named = ("evaluate", "my-own=mine.npz", *arguments[2:6])
+    assert json.loads(answer(capsys, *named).out)[0]["policy"] == "my-own"
     (boxed,) = json.loads(answer(capsys, "evaluate", "ppo", *arguments[2:6]).out)
     assert mine["policy"] == "mine.npz"
     assert mine["success"] == boxed["success"]

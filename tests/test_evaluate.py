@@ -374,6 +374,7 @@ SHAPE = r"actions of shape \(2, 3\), one for each drone of each search shown"
         (np.ones((2, 3), bool), "swarm", TypeError, "integers from 0 to 5.* got bool"),
         (None, "swarm", TypeError, "integers from 0 to 5.* got None"),
         ("up", "swarm", TypeError, "integers from 0 to 5"),
+        ({"drone0": 1}, "swarm", TypeError, 'got .*; from dicts to dicts is view="parallel"'),
         (np.full((2, 3), 6), "swarm", ValueError, "integers from 0 to 5.* got 6"),
         (np.full((2, 3), -1), "swarm", ValueError, "integers from 0 to 5.* got -1"),
         (np.ones((2, 3), int), "drone", ValueError, r"of shape \(6,\).* got shape \(2, 3\)"),

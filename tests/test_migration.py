@@ -122,7 +122,7 @@ WHOLE_SCRIPTS = {
             if any(done.values()):
                 break
         (x, y), matrix = observations["drone2"]["observation"]
-        assert (x, y) == (5, 15) and matrix[y][x] >= 0 and not found and score < 0
+        assert (x, y) == (5, 15) and matrix[y][x] >= 0 and (found or score < 0)
         """,
     "rewards of the drones picked by name": """
         from DroneSwarmSearchEnvironment.env import DroneSwarmSearch

@@ -196,7 +196,7 @@ def _evaluate_parser() -> argparse.ArgumentParser:
         metavar="POLICY",
         nargs="?",
         help="of the registry, or your own: weights.npz of examples/train_ppo.py,"
-        " module:attribute or file.py:attribute",
+        " module:attribute or file.py:attribute; all of these also after name=",
     )
     parser.add_argument(
         "searches", metavar="SEARCH", nargs="*", help="of the suite; all stands for all of them"

@@ -7,6 +7,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,8 +46,8 @@ class Contestant:
         Args:
             policy: a name of the registry (`policies.POLICIES`); a file of weights,
                 "….npz" (`policies.make`); "module:attribute" or "file.py:attribute",
-                where such a callable or class is found; a callable or class; or a
-                `Contestant`.
+                where such a callable or class is found; one of these after "name=";
+                a callable or class; or a `Contestant`.
             name: what it shall be called. It makes a callable's results be kept in a store:
                 change it when the policy changes.
 
@@ -58,6 +59,8 @@ class Contestant:
             raise TypeError(f"name must be a string or None, got {name!r}")
         if isinstance(policy, Contestant):
             return policy
+        if isinstance(policy, str) and name is None and (named := _NAMED.match(policy)):
+            return cls.of(policy[named.end() :], named[1])
         if isinstance(policy, str) and policy.endswith(".npz"):
             return cls(name or policy, f"weights:{_hash(_existing(policy, policy))}", policy)
         if isinstance(policy, str) and ":" in policy:
@@ -91,6 +94,9 @@ class Contestant:
         if not callable(made):
             raise TypeError(f"policy must be a class whose objects can be called, got {kind!r}")
         return made
+
+
+_NAMED = re.compile(r"([\w-]+)=")
 
 
 def _no_such(name: str) -> str:

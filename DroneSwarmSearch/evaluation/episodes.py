@@ -237,6 +237,8 @@ _INTEGERS = f"integers from 0 to {len(Action) - 1}, see rules.Action"
 
 def _briefly(value: Any, array: NDArray[Any]) -> str:
     """What came in place of integers."""
+    if isinstance(value, Mapping):
+        return f'{str(value)[:200]}; from dicts to dicts is view="parallel"'
     if array.dtype == object:
         return repr(value)[:200]
     return f"{array.dtype} of shape {array.shape}"

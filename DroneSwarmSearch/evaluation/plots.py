@@ -115,7 +115,7 @@ LOOKS = {
     "random": Look("#9aa0a8", "P"),
 }
 
-OTHERS = (Look("#b3243c", "*"), Look("#8c4a2f", "<"), Look("#000000", "d"), Look("#3d6b35", ">"))
+OTHERS = (Look("#b3243c", "H"), Look("#8c4a2f", "<"), Look("#000000", "d"), Look("#3d6b35", ">"))
 """For policies of one's own, in the order in which they come."""
 
 TRACKS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b3fa0", "#8f7f00")

@@ -139,6 +139,13 @@ class Evaluation:
     episodes: Episodes
     bound: Bound | None = None
 
+    def __repr__(self) -> str:
+        value, low, high = self.success.scaled(100.0)
+        return (
+            f"<Evaluation of {self.policy} on {self.search.name}: {len(self.episodes):,} episodes, "
+            f"{value:.1f} % found ({low:.1f} to {high:.1f})>"
+        )
+
     def with_bound(self, bound: Bound | None) -> Evaluation:
         """The same with the bound that belongs to the search."""
         return replace(self, bound=bound)
