@@ -21,7 +21,7 @@ test *options:
 
 # the tests that take minutes
 slow *options:
-    python -m pytest -n auto --dist loadgroup -m slow {{ options }}
+    python -m pytest -n auto --dist loadfile -m slow {{ options }}
 
 # what the linter says
 lint:

@@ -75,8 +75,9 @@ OPTIONS = {
     "timestep_limit": "--timestep-limit",
     "probability_of_detection": "--probability-of-detection",
     "seed": "--seed",
+    "name": "--policy",
 }
-"""Which option sets a parameter of the environment."""
+"""Which option sets a parameter of the environment, or of what makes the policy."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -215,10 +216,6 @@ def _steering(text: str) -> str:
             raise argparse.ArgumentTypeError(f"there is no file {text!r}") from None
         except ValueError as error:
             raise argparse.ArgumentTypeError(str(error)) from None
-    elif text not in POLICIES:
-        raise argparse.ArgumentTypeError(
-            f"must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {text!r}"
-        )
     return text
 
 
@@ -244,7 +241,7 @@ _count = _within(int, 1, math.inf, "an integer of at least 1")
 
 
 def _refuse(parser: argparse.ArgumentParser, error: Exception) -> NoReturn:
-    """Report what the environment says of a parameter as a fault of the option."""
+    """Report what is said of a parameter as a fault of the option."""
     match = re.match(r"(\w+)(?:\[\d+\])? ", str(error))
     if match is None or match[1] not in OPTIONS:
         raise error

@@ -89,7 +89,7 @@ class Start(tuple[dict[str, Value], Infos], Generic[Value]):
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
-            return self[0][key]
+            return self._observations[key]
         if isinstance(key, Mapping):  # from going through it as if it were the observations
             raise TypeError(
                 "reset() returns two things; write observations, infos = env.reset(), got a "
@@ -98,19 +98,21 @@ class Start(tuple[dict[str, Value], Infos], Generic[Value]):
         return super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:
-        return key in self[0] if isinstance(key, str) else super().__contains__(key)
+        return key in self._observations if isinstance(key, str) else super().__contains__(key)
+
+    @property
+    def _observations(self) -> dict[str, Value]:
+        observations, _ = self
+        return observations
 
     def keys(self) -> KeysView[str]:
         """The drones' names."""
-        observations: dict[str, Value] = self[0]
-        return observations.keys()
+        return self._observations.keys()
 
     def values(self) -> ValuesView[Value]:
         """The drones' observations."""
-        observations: dict[str, Value] = self[0]
-        return observations.values()
+        return self._observations.values()
 
     def items(self) -> ItemsView[str, Value]:
         """The drones' names and observations."""
-        observations: dict[str, Value] = self[0]
-        return observations.items()
+        return self._observations.items()

@@ -1,11 +1,16 @@
-"""What several test files share: playing episodes and comparing them exactly."""
+"""What several test files share: playing episodes, comparing them exactly, reading pages."""
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import pickle
 import random
+import re
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -164,3 +169,25 @@ def observed(env: DroneSwarmSearch) -> dict[str, Any]:
         name: {"observation": (cell, frame.matrix)}
         for name, cell in zip(env.possible_agents, frame.drones, strict=True)
     }
+
+
+def module_at(path: Path) -> ModuleType:
+    """A script as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # where its classes look for themselves
+    spec.loader.exec_module(module)
+    return module
+
+
+def tables_of(page: str) -> list[list[list[str]]]:
+    """The tables of a page: their rows, cell by cell, without the line below the heading."""
+    return [
+        [
+            [cell.strip() for cell in re.split(r"(?<!\\)\|", line[1:-1])]
+            for place, line in enumerate(block.splitlines())
+            if place != 1
+        ]
+        for block in re.findall(r"(?:^\|.*\|\n)+", page + "\n", re.M)
+    ]

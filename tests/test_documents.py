@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from trainer_examples import QUIET_RAY
 
 from DroneSwarmSearch.training import options
 
@@ -31,12 +32,6 @@ EXTRAS = {
     "torch": "ppo",  # which comes with most of the others
 }
 """Packages that blocks may need and the package does not, by the extra that brings them."""
-
-QUIET_RAY = {
-    "RAY_DEFAULT_OBJECT_STORE_MAX_MEMORY_BYTES": "200000000",
-    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
-    "RAY_USAGE_STATS_ENABLED": "0",
-}
 
 LONG = (
     *("docs/contributing.md", "docs/guides/training.md", "docs/guides/trainers/"),

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import re
-import sys
 from pathlib import Path
-from types import ModuleType
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from helpers import module_at
 
 pytest.importorskip("matplotlib")
 
@@ -20,18 +18,8 @@ DOCS = ROOT / "docs"
 COMMITTED = DOCS / "figures"
 
 
-def script(path: Path) -> ModuleType:
-    """A script as a module."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-figures = script(DOCS / "make_figures.py")
-calibration = script(ROOT / "tests" / "benchmarks" / "calibration.py")
+figures = module_at(DOCS / "make_figures.py")
+calibration = module_at(ROOT / "tests" / "benchmarks" / "calibration.py")
 
 NAMES = list(figures.REGISTRY)
 THEMES = [theme.name for theme in figures.THEMES]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import tables_of
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch import __main__ as command
@@ -72,19 +73,6 @@ def made_up(
     if bound is not None:
         known = SuccessBound(np.full(limit + 1, bound), bound, 0.001, 1.0)
     return Evaluation(policy, where, 0, "swarm", "dict", episodes, known)
-
-
-def tables_of(text: str) -> list[list[list[str]]]:
-    """The tables of a page: their rows, cell by cell, without the line below the heading."""
-    blocks = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
-    return [
-        [
-            [cell.strip() for cell in line.strip("|").split("|")]
-            for place, line in enumerate(block.splitlines())
-            if place != 1
-        ]
-        for block in blocks
-    ]
 
 
 class TestFigures:

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import tables_of
 
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, Ending, ProbabilityMatrix, RewardScheme
@@ -43,12 +44,7 @@ def section(page: str, title: str) -> str:
 
 def rows(text: str) -> list[list[str]]:
     """The cells of a text's tables, without the heads."""
-    lines = [line for line in text.splitlines() if line.startswith("|")]
-    cells = [
-        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip()[1:-1])] for line in lines
-    ]
-    rules = [n for n, row in enumerate(cells) if set("".join(row)) <= set("-: ")]
-    return [row for n, row in enumerate(cells) if n not in rules and n + 1 not in rules]
+    return [row for table in tables_of(text) for row in table[1:]]
 
 
 def code(cell: str) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers import tables_of
 
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
@@ -188,10 +189,7 @@ def test_the_table_of_a_page_holds_what_is_on_it(page: Path) -> None:
 def rows(heading: str, page: str = ENVIRONMENT) -> list[list[str]]:
     """The cells of the first table under a heading, without its first line."""
     section = re.split(r"\n#+ ", page.partition(f"## {heading}\n")[2], maxsplit=1)[0]
-    lines = [line for line in section.splitlines() if line.startswith("|")]
-    end = next((i for i, line in enumerate(lines) if i > 1 and set(line) <= set("|-")), len(lines))
-    assert set(lines[1]) <= set("|-"), lines[1]
-    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:end]]
+    return tables_of(section)[0][1:]
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from golden.regenerate import SCENARIOS, released
+from helpers import module_at
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 import DroneSwarmSearch as package
@@ -92,11 +92,7 @@ def prepare() -> ModuleType:
     path = ROOT / ".github" / "prepare_release.py"
     if not path.exists():
         pytest.skip("the workflows are not here")
-    spec = importlib.util.spec_from_file_location("prepare_release", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_at(path)
 
 
 README = """\

@@ -27,11 +27,7 @@ bs4 = pytest.importorskip("bs4")  # Furo brings it
 
 ROOT = Path(__file__).parents[1]
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.pictures,
-    pytest.mark.xdist_group("site"),  # one process builds it and opens the browser
-]
+pytestmark = [pytest.mark.slow, pytest.mark.pictures]
 
 PHONE, SCREEN = 390, 1280
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import os
 import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
+
+from helpers import module_at
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -24,11 +25,7 @@ PATIENCE = 600.0
 
 def module(name: str) -> ModuleType:
     """An example as a module."""
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None and spec.loader is not None
-    loaded = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    return loaded
+    return module_at(EXAMPLES / f"{name}.py")
 
 
 def run(name: str, *arguments: object) -> str:
