@@ -265,7 +265,7 @@ def rewards(
     points = np.empty(drones)
     points.fill(scheme.step)
     likely = scheme.search * probability
-    likely[probability <= scheme.search_threshold] = scheme.search_unlikely
+    np.putmask(likely, probability <= scheme.search_threshold, scheme.search_unlikely)
     points[searched] = likely
     if timed_out.size:
         points[timed_out] = scheme.timeout - return_so_far

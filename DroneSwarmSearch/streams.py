@@ -25,6 +25,7 @@ __all__ = [
     "episode_keys",
     "mixed",
     "numbers",
+    "numerators",
     "policy_key",
     "stream_keys",
     "unit_numbers",
@@ -35,10 +36,17 @@ Words = NDArray[np.uint64]
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """The counter's increment, near 2**64 / golden ratio: its multiples lie evenly spread."""
 
-_SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
-_FACTORS = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+
+def _words(*values: int) -> tuple[Words, ...]:
+    """Constants as arrays without axes, which calculate faster with arrays than numbers do."""
+    return tuple(np.array(value, np.uint64) for value in values)
+
+
+_SHIFTS = _words(30, 27, 31)
+_FACTORS = _words(0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 _ONE = np.uint64(1)
-_LOWEST_BITS = np.uint64(11)  # a double holds the 53 above them
+_LOWEST_BITS = _words(11)[0]  # a double holds the 53 above them
+_UNIT = np.array(2.0**-53)
 
 # An array call costs more than an episode of a few steps, the ordinary case of untrained
 # drones: the first numbers of an episode are computed for several episodes at once, and
@@ -93,25 +101,30 @@ def unit_numbers(counters: Words) -> NDArray[np.float64]:
     """Numbers in [0, 1), float64, from words that count in steps of `GOLDEN`.
 
     Args:
-        counters: the key of an episode plus `GOLDEN` times the number's place, from 1;
-            overwritten.
+        counters: the key of an episode plus `GOLDEN` times the number's place, from 1.
     """
+    drawn: NDArray[np.float64] = np.multiply(numerators(counters), _UNIT)
+    return drawn
+
+
+def numerators(counters: Words) -> NDArray[np.int64]:
+    """`unit_numbers` times 2**53, which are integers: int64."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
-    return np.multiply(words.view(np.int64), 2.0**-53)
+    return words.view(np.int64)
 
 
 def mixed(words: Words) -> Words:
-    """SplitMix64's mixing function, in place: its output looks random for any input."""
-    spare = np.right_shift(words, _SHIFTS[0])
-    words ^= spare
-    words *= _FACTORS[0]
-    np.right_shift(words, _SHIFTS[1], out=spare)
-    words ^= spare
-    words *= _FACTORS[1]
-    np.right_shift(words, _SHIFTS[2], out=spare)
-    words ^= spare
-    return words
+    """SplitMix64's mixing function: its output looks random for any input; a new array."""
+    shifted = np.right_shift(words, _SHIFTS[0])
+    result = np.bitwise_xor(words, shifted)
+    result *= _FACTORS[0]
+    np.right_shift(result, _SHIFTS[1], out=shifted)
+    result ^= shifted
+    result *= _FACTORS[1]
+    np.right_shift(result, _SHIFTS[2], out=shifted)
+    result ^= shifted
+    return result
 
 
 class EpisodeStream:

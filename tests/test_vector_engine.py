@@ -442,7 +442,8 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     start = np.array([[[1, 1, 0], [1, 1, 0]]])
     still = np.zeros((2, 3)), np.array([0.0, 9.0, 0.0])
     followed = Followed(4, LawParameters(start, *still))
-    followed.begin(np.arange(3), LawParameters(start, *still))
+    followed.assign(np.arange(3), LawParameters(start, *still))
+    followed.begin(np.arange(3))
     followed.advance()  # the person of row 1 may now be in any of nine cells
     known = beliefs.Beliefs(4, (1.0,), 3)
     cells = np.array([5, 5, 0])
@@ -928,6 +929,7 @@ def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
     batch.reset([4], np.array([1]))  # so that it is in mid-episode while the others end
     batch.step(np.full((3, 2), 5))
     assert batch.over.tolist() == [True, False, True]
+    batch._prepare(np.arange(3))  # what is made ahead of its time is seen by nobody
     before = pickle.dumps(batch)
     monkeypatch.setattr(Switched, "told", told)
     for begin in (
@@ -1324,45 +1326,75 @@ def check_laws(made: laws.Laws, steps: list[int]) -> None:
             assert plain([x[row], y[row]]) == plain(list(law.marginals(step)))
             moves = [chances[:, row] for chances in (right, left, down, up)]
             assert plain(moves) == plain(list(law.moves(step)))
-    for cell in range(SIZE):
-        places = made.places(np.full((2, 2, 3), cell))
-        for person in range(2):
-            right, left, down, up = made.moves(person, slice(None))
-            for axis, (higher, lower) in enumerate(((right, left), (down, up))):
-                assert made.right[places[person, axis]].tolist() == higher[cell].tolist()
-                assert made.left[places[person, axis]].tolist() == lower[cell].tolist()
+        for axis, (higher, lower) in enumerate(((right, left), (down, up))):
+            for at in range(SIZE):
+                check_walk(made, person, axis, at, higher, lower)
+
+
+def check_walk(
+    made: laws.Laws, person: int, axis: int, at: int, higher: np.ndarray, lower: np.ndarray
+) -> None:
+    """From a cell persons walk as their chances say, to the last bit of the numbers drawn."""
+    for chances in (higher[at], higher[at] + lower[at]):
+        for numerators in (np.ceil(chances * 2**53) - 1, np.ceil(chances * 2**53)):
+            luck = np.zeros((2, 2, 3), np.int64)
+            luck[person, axis] = np.clip(numerators, 0, 2**53 - 1)
+            cells = np.full(luck.shape, at)
+            made.walk(cells, luck)
+            assert cells[person, axis].tolist() == [
+                moved(at, number, higher[:, row], lower[:, row])
+                for row, number in enumerate((luck[person, axis] * 2.0**-53).tolist())
+            ]
+
+
+class Held:
+    """Laws of three rows, with places that begin and grow as those in `Seas` do."""
+
+    def __init__(self, made: laws.Laws) -> None:
+        self.laws = made
+        self._now, self._first = (np.zeros((len(made.growth), 3), np.int64) for _ in range(2))
+        made.bind(self._now, self._first)
+        made.assign(np.arange(3), SIX)
+        self.begin([0, 1, 2])
+
+    def begin(self, rows: list[int]) -> None:
+        self._now[:, rows] = self._first[:, rows]
+        self.laws.begin(np.array(rows))
+
+    def advance(self) -> None:
+        self._now += self.laws.growth
+        self.laws.advance()
 
 
 @pytest.mark.parametrize("make", [lambda: Tables(SIZE, 80, SIX), lambda: Followed(SIZE, SIX)])
 def test_laws_are_those_of_the_matrix_at_every_rows_step(make: Callable[[], laws.Laws]) -> None:
-    made, steps = make(), [0, 0, 0]
-    made.begin(np.arange(3), SIX)
+    held, steps = Held(make()), [0, 0, 0]
     for step in range(80):
-        check_laws(made, steps)
-        made.advance()
+        check_laws(held.laws, steps)
+        held.advance()
         steps = [one + 1 for one in steps]
         if step in (5, 40):
-            made.begin(np.array([1, 2]), None)
+            held.begin([1, 2])
             steps[1:] = 0, 0
-    check_laws(made, [80, 39, 39])
-    again = make()
-    again.begin(np.arange(3), SIX)
-    again.catch_up(np.array([70, 0, 33]))
-    check_laws(again, [70, 0, 33])
+    check_laws(held.laws, [80, 39, 39])
+    again = Held(make())
+    again.laws.catch_up(np.array([70, 0, 33]))
+    check_laws(again.laws, [70, 0, 33])
 
 
 def test_tables_fill_as_far_as_the_rows_come() -> None:
     tables = Tables(SIZE, 100, SIX)
+    held = Held(tables)
     filled = []
     for step in range(100):
-        tables.advance()
+        held.advance()
         if step == 40:
-            tables.begin(np.arange(3), None)
+            held.begin([0, 1, 2])
         filled.append(tables._filled)
     # Rows that began anew after step 41 have to come to step 64 for the third block.
     assert filled == [32] * 31 + [64] * 69
     for _ in range(41):
-        tables.advance()
+        held.advance()
         filled.append(tables._filled)
     assert filled[100:] == [64] * 4 + [96] * 32 + [101] * 5
     assert tables._matrices.shape[:2] == (3, 101)
@@ -1379,9 +1411,9 @@ def test_equal_laws_are_held_once_whatever_the_sign_of_their_zeros() -> None:
 def test_laws_are_tabulated_where_tables_are_small_or_asked_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # A step of a law takes its matrix in single precision, and of each axis the chances
-    # of every cell, and of a move up and down, in double precision.
-    step_bytes = 4 * SIZE**2 + 2 * 3 * 8 * SIZE
+    # A step of a law takes its matrix in single precision, and of each axis the chances of
+    # every cell, and of a move up and down, and what decides moves, 8 bytes each.
+    step_bytes = 4 * SIZE**2 + 2 * 5 * 8 * SIZE
     monkeypatch.setattr(laws, "TABLE_BYTES", 3 * 101 * step_bytes)
     assert isinstance(choose_laws(SIZE, 100, SIX), Tables)
     assert isinstance(choose_laws(SIZE, 101, SIX), Followed)
@@ -1390,5 +1422,6 @@ def test_laws_are_tabulated_where_tables_are_small_or_asked_for(
     assert isinstance(choose_laws(SIZE, 100, SIX, fourth), Followed)
     assert isinstance(choose_laws(SIZE, 100, SIX, SIX), Tables)
     tables = Tables(SIZE, 100, SIX)
-    arrays = (tables._matrices, tables._probability, tables._right, tables._left)
+    chances = (tables._probability, tables._right, tables._left)
+    arrays = (tables._matrices, *chances, tables._higher, tables._either)
     assert sum(array.nbytes for array in arrays) == laws.TABLE_BYTES

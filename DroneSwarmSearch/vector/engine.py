@@ -15,7 +15,7 @@ earlier if `restart` is called.
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,10 +38,11 @@ Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
+Narrow = NDArray[Any]  # int16, or int32 on large grids
 
-_SEARCH, _IDLE = int(Action.SEARCH), int(Action.IDLE)
-_ACTIONS = len(Action)
+_SEARCH, _IDLE, _ACTIONS = int(Action.SEARCH), int(Action.IDLE), len(Action)
 _NOBODY: Ints = np.empty(0, np.int64)
+_NOTHING: Floats = np.empty(0)
 
 # Until a large piece of memory has been freed once, glibc hands what a step's arrays free
 # back to the system, which then maps it anew, page by page, for the next step's: a third
@@ -80,7 +81,6 @@ class SearchBatch:
             `disperse_constant` are those of row 0).
         rewards: of the last step: float64, (E, n_drones).
         endings: why the last step ended episodes, see `rules.ENDINGS`: int8, (E,).
-        found: whether a person has been found in the episode: bool, (E,).
         over: rows that begin anew in place of the next step: bool, (E,).
         ready: whether every row has begun an episode.
 
@@ -124,26 +124,36 @@ class SearchBatch:
         self._sampler = sampler
         self.scenario = scenario = self._usual.scenario
         self._wants_table = wants_table
+        self._several = len(scenario.persons) > 1
         rows, n = self._usual.num_rows, scenario.n_drones
         self._rows = np.arange(rows)
+        # Drones are numbered throughout the batch: those of each row, and the row of each.
+        self._drones_of = np.arange(rows * n).reshape(rows, n)
         self._row_of = self._rows.repeat(n)
-        self._neighbours = rules.neighbours_of_all(scenario.grid_size).reshape(-1)
+        # Cells and actions lie in narrow integers, of which many are worked on at once.
+        self._narrow = np.int16 if scenario.grid_size**2 * _ACTIONS < 2**15 else np.int32
+        neighbours = rules.neighbours_of_all(scenario.grid_size)
+        self._neighbours = neighbours.reshape(-1).astype(self._narrow)
         self._positions = _positions(scenario.grid_size)
-        self._collided = Collisions(rows, n, scenario.grid_size**2)
+        self._collided = Collisions(rows, n, self._narrow)
+        self._last_step = np.array(scenario.timestep_limit - 1)
 
-        # For each stream its key plus what counts the episodes, for the next episode.
+        # For each stream its key plus what counts the episodes: of a row that is prepared the
+        # next one, else the present one. Rows are prepared many at a time, which is cheaper.
         self._episode_counters = np.zeros((3, rows), np.uint64)
+        self._sampling_keys = np.zeros(rows, np.uint64)  # of the next episodes
+        self._prepared = np.zeros(rows, np.bool_)
         self._seeded = np.zeros(rows, np.bool_)
         self.ready = False
         self._seas = Seas(self._choose_laws(), scenario.detections, scenario.bayesian_update, rows)
-        self._seas.begin(self._rows, self._episode_counters[:2], self._now.laws)
-        self._cells = np.zeros((rows, n), np.int64)
-        self._chosen = np.full((rows, n), _IDLE)
+        self._seas.begin(self._rows, self._now.laws)
+        self._cells = np.zeros((rows, n), self._narrow)
+        self._chosen = np.full((rows, n), _IDLE, self._narrow)
         self._beyond_step = np.zeros((rows, n))  # each drone's return less what `step` pays
-        self._finders = np.zeros((rows, n), np.bool_)  # drones that have found somebody
+        # Drones that have found one of several persons; to find a single one ends the episode.
+        self._finders = np.zeros((rows, n), np.bool_)
         self.rewards: Floats = np.zeros((rows, n))
         self.endings = np.zeros(rows, np.int8)
-        self.found = np.zeros(rows, np.bool_)
         self.over = np.ones(rows, np.bool_)
 
     @property
@@ -178,14 +188,21 @@ class SearchBatch:
         wanted = self._usual.changed(given) if given else self._usual
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
+        grown = {
+            k: stream_keys(seed)
+            for k, seed in enumerate([None] * len(rows) if seeds is None else seeds)
+            if seed is not None or not self._seeded[rows[k]]
+        }
+        self._prepare(rows)
         counters = self._episode_counters[:, rows]
-        for k, seed in enumerate([None] * len(rows) if seeds is None else seeds):
-            if seed is not None or not self._seeded[rows[k]]:
-                counters[:, k] = stream_keys(seed)
-                counters[:, k] += GOLDEN
-        episodes = self._drawn(counters, given or {})
+        for k, keys in grown.items():
+            counters[:, k] = keys + GOLDEN
+        keys = mixed(counters)
+        values = self._sampled(keys[2], given or {})
 
         # Everything is checked: from here on the batch changes.
+        self._episode_counters[:, rows] = counters
+        self._seas.prepare(rows, keys[:2])
         self._seeded[rows] = True
         self.ready = bool(self._seeded.all())
         if given:
@@ -194,7 +211,7 @@ class SearchBatch:
             self._now.assign(rows, wanted)
             if isinstance(self._seas.laws, Tables):
                 self._seas.change_laws(self._choose_laws(), self._now.laws)
-        self._start(rows, episodes, wanted)
+        self._start(rows, values, wanted)
         self.rewards, self.endings = self.rewards.copy(), self.endings.copy()
         self.rewards[rows] = 0.0
         self.endings[rows] = 0
@@ -203,37 +220,59 @@ class SearchBatch:
         """Begin the next episodes of some rows; what the last step brought them stays."""
         self._start(rows, self._next(rows), self._usual)
 
-    def _start(self, rows: Ints, episodes: _Episodes, parameters: Parameters) -> None:
+    def _start(self, rows: Ints, values: Values, parameters: Parameters) -> None:
         """Begin episodes outside of a step."""
-        self._begin(rows, episodes, parameters)
-        self._seas.begin(rows, episodes.keys, self._laws_now())
+        drones = self._begin(rows, values, parameters)
+        self._seas.begin(rows, self._laws_now())
         self.over = self.over.copy()  # a caller may have kept it
         self.over[rows] = False
-        self._chosen[rows] = _IDLE
+        self._chosen.reshape(-1)[drones] = _IDLE
 
-    def _next(self, rows: Ints) -> _Episodes:
-        """The next episodes of some rows; changes nothing."""
-        return self._drawn(self._episode_counters.take(rows, axis=1))
+    def _next(self, rows: Ints) -> Values:
+        """Prepare the next episodes of some rows; returns what is sampled for them."""
+        self._prepare(rows)
+        return self._sampled(self._sampling_keys[rows]) if self._sampler is not None else {}
 
-    def _drawn(self, counters: Words, given: Container[str] = ()) -> _Episodes:
-        """What the random numbers say of some rows' episodes, but for what is given."""
-        keys = mixed(counters.copy())
-        values: Values = {}
-        if self._sampler is not None:
-            drawn = self._usual.drawn(counters.shape[1], self._sampler, keys[2])
-            values = {name: value for name, value in drawn.items() if name not in given}
-        return _Episodes(counters, keys[:2], values)
+    def _prepare(self, rows: Ints) -> None:
+        """See to it that the next episodes of some rows, and perhaps of others, are prepared."""
+        if self._prepared.take(rows).all():
+            return
+        rows = (~self._prepared).nonzero()[0]
+        counters = self._episode_counters[:, rows] + GOLDEN
+        self._episode_counters[:, rows] = counters
+        keys = mixed(counters)
+        self._seas.prepare(rows, keys[:2])
+        self._sampling_keys[rows] = keys[2]
+        self._prepared[rows] = True
 
-    def _begin(self, rows: Ints, episodes: _Episodes, parameters: Parameters) -> None:
-        """Set the drones of some rows at their places; the seas begin separately."""
-        self._episode_counters[:, rows] = episodes.counters + GOLDEN
+    def _sampled(self, keys: Words, given: Container[str] = ()) -> Values:
+        """What the sampler draws for some episodes, but for what is given."""
+        if self._sampler is None:
+            return {}
+        drawn = self._usual.drawn(len(keys), self._sampler, keys)
+        return {name: value for name, value in drawn.items() if name not in given}
+
+    def _begin(self, rows: Ints, values: Values, parameters: Parameters) -> Ints:
+        """Set the drones of some rows at their places; the seas begin separately.
+
+        Args:
+            rows: their numbers; their episodes are prepared.
+            values: what the sampler has drawn for them.
+            parameters: of all rows, but for those.
+
+        Returns:
+            The numbers of these drones.
+        """
+        self._prepared[rows] = False
         if self._varies:
             self._now.assign(rows, parameters)
-            self._now.assign_values(rows, episodes.values)
-        self._cells[rows] = self._now.drones.take(rows, axis=0)
-        self._beyond_step[rows] = 0.0
-        self._finders[rows] = False
-        self.found[rows] = False
+            self._now.assign_values(rows, values)
+        drones = self._drones_of.take(rows, axis=0).reshape(-1)
+        self._cells.reshape(-1)[drones] = self._now.drones.take(drones)
+        self._beyond_step.reshape(-1)[drones] = 0.0
+        if self._several:
+            self._finders.reshape(-1)[drones] = False
+        return drones
 
     def _laws_now(self) -> LawParameters | None:
         """The laws' parameters, if they may have changed."""
@@ -263,16 +302,16 @@ class SearchBatch:
         chosen = self._checked(actions)
         beginning = self.over.nonzero()[0]
         if beginning.size:
-            next_episodes = self._next(beginning)
-            chosen[beginning] = _IDLE
-            self._begin(beginning, next_episodes, self._usual)
+            idle = self._begin(beginning, self._next(beginning), self._usual)
+            chosen.reshape(-1)[idle] = _IDLE
 
-        # 1. Every drone moves or searches. Drones are numbered throughout the batch.
+        # 1. Every drone moves or searches.
         moves = self._cells * _ACTIONS
         moves += chosen
         targets = self._neighbours.take(moves, mode="clip")
         searches = (chosen == _SEARCH).reshape(-1).nonzero()[0]
-        rows, cells = self._row_of.take(searches), self._cells.reshape(-1).take(searches)
+        rows = self._row_of.take(searches)
+        cells = self._cells.reshape(-1).take(searches).astype(np.int64)
 
         # 2. Outcomes, rewards and endings.
         shown = self._seas.shown(rows, cells).astype(np.float64)
@@ -283,11 +322,11 @@ class SearchBatch:
         # 3. The clock advances, the persons and the matrices drift.
         self._seas.advance()
         if beginning.size:
-            self._seas.begin(beginning, next_episodes.keys, self._laws_now())
-            self.rewards[beginning] = 0.0
+            self._seas.begin(beginning, self._laws_now())
+            self.rewards.reshape(-1)[idle] = 0.0
 
     def _judge(
-        self, targets: Ints, searches: Ints, shown: Floats, finds: Ints, finds_rows: Ints
+        self, targets: Narrow, searches: Ints, shown: Floats, finds: Ints, finds_rows: Ints
     ) -> None:
         """Work out rewards and endings; who tried to leave the grid is put back.
 
@@ -302,19 +341,17 @@ class SearchBatch:
         wanted, steps = targets.reshape(-1), self._seas.step
         left_grid = (wanted == OFF_GRID).nonzero()[0]
         collided = self._collided(targets)
-        last = np.greater(steps == limit - 1, self.over).nonzero()[0]
+        last = np.greater(np.equal(steps, self._last_step), self.over).nonzero()[0]
         timed_out = finders = all_found = _NOBODY
-        so_far = np.empty(0)
+        so_far = _NOTHING
         if last.size:
-            found_nobody = (~self._finders[last]).nonzero()
-            timed_out = last[found_nobody[0]] * targets.shape[1] + found_nobody[1]
-            so_far = scheme.step * (limit - 1) + self._beyond_step.reshape(-1)[timed_out]
+            timed_out = self._drones_of.take(last, axis=0).reshape(-1)
+            if self._several:
+                timed_out = timed_out[~self._finders.take(timed_out)]
+            so_far = scheme.step * (limit - 1) + self._beyond_step.take(timed_out)
         if finds.size:
-            finders = searches[finds]
-            self._finders.reshape(-1)[finders] = True
-            self.found[finds_rows] = True
-            missing = self._seas.missing.take(finds_rows, axis=1)
-            all_found = finds_rows[~np.logical_or.reduce(missing)]
+            finders = searches.take(finds)
+            all_found = self._note_finds(finders, finds_rows)
         paid = rules.rewards(
             scheme,
             targets.size,
@@ -341,29 +378,37 @@ class SearchBatch:
         if left_grid.size:
             wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
 
-    def _checked(self, actions: ArrayLike) -> Ints:
-        """A copy of the actions as int64, shape (E, n_drones)."""
+    def _note_finds(self, finders: Ints, rows: Ints) -> Ints:
+        """Note drones that have found somebody; returns those of their rows where all are found."""
+        if not self._several:
+            return rows
+        self._finders.reshape(-1)[finders] = True
+        missing = self._seas.missing.take(rows, axis=1)
+        of_all: Ints = rows[~np.logical_or.reduce(missing)]
+        return of_all
+
+    def _checked(self, actions: ArrayLike) -> Narrow:
+        """A copy of the actions in narrow integers, shape (E, n_drones)."""
         if not self.ready:
             raise ResetNeeded("step: no episode has begun; call reset() first")
         try:
-            chosen: Ints = np.array(actions, order="C")
+            given = np.asarray(actions)
         except ValueError:  # rows of different lengths
             raise ValueError(f"{self._wanted_shape()}, got {actions!r}") from None
-        if chosen.dtype.kind not in "iu":
-            raise TypeError(f"actions must be integers from 0 to 5, got {chosen.dtype}")
-        if chosen.shape != self._cells.shape:
-            raise ValueError(f"{self._wanted_shape()}, got {chosen.shape}")
-        chosen = chosen.astype(np.int64, copy=False)
+        if given.dtype.kind not in "iu":
+            raise TypeError(f"actions must be integers from 0 to 5, got {given.dtype}")
+        if given.shape != self._cells.shape:
+            raise ValueError(f"{self._wanted_shape()}, got {given.shape}")
         # Seen without their signs, negative numbers are large.
-        unsigned = chosen.reshape(-1).view(np.uint64)
+        whole = np.ascontiguousarray(given, np.int64)
+        unsigned = whole.reshape(-1).view(np.uint64)
         if np.maximum.reduce(unsigned) >= _ACTIONS:
-            first = int((unsigned >= _ACTIONS).argmax())
-            row, drone = divmod(first, chosen.shape[1])
+            row, drone = divmod(int((unsigned >= _ACTIONS).argmax()), given.shape[1])
             raise ValueError(
-                f"actions must be integers from 0 to 5, got {np.asarray(actions)[row, drone]} "
+                f"actions must be integers from 0 to 5, got {given[row, drone]} "
                 f"for drone {drone} of search {row}"
             )
-        return chosen
+        return whole.astype(self._narrow)
 
     def _wanted_shape(self) -> str:
         shape = self._cells.shape
@@ -385,7 +430,7 @@ class SearchBatch:
     @property
     def cells(self) -> Ints:
         """Every drone's cell, y * N + x: int64, (E, n_drones)."""
-        return self._cells.copy()
+        return self._cells.astype(np.int64)
 
     @property
     def searching(self) -> Flags:
@@ -397,6 +442,12 @@ class SearchBatch:
     def missing(self) -> Flags:
         """Which persons have not been found: bool, (E, persons)."""
         return self._seas.missing.T.copy()
+
+    @property
+    def found(self) -> Flags:
+        """Whether a person has been found in the episode: bool, (E,)."""
+        found: Flags = ~np.logical_and.reduce(self._seas.missing)
+        return found
 
     @property
     def person_cells(self) -> Ints:
@@ -469,7 +520,7 @@ class SearchBatch:
     @property
     def table_index(self) -> Ints:
         """Which entry of `table` is the matrix of each row: int64, (E,); a new array."""
-        place: Ints = self._table().place[0]
+        place: Ints = self._table().entries[0]
         return place.copy()
 
     def _table(self) -> Tables:
@@ -481,14 +532,6 @@ class SearchBatch:
         if not isinstance(laws, Tables):
             raise ValueError("there is no table of matrices: the laws are too many, or sampled")
         return laws
-
-
-class _Episodes(NamedTuple):
-    """Episodes about to begin."""
-
-    counters: Words  # for each stream its key plus what counts the episodes
-    keys: Words  # for the persons' drift and for the detections
-    values: Values
 
 
 def _positions(grid_size: int) -> NDArray[np.int64]:

@@ -57,31 +57,56 @@ class LawParameters(NamedTuple):
 class Laws:
     """What both kinds of laws do; every row is at a step of its own.
 
+    Laws may keep some integers for each row, its places, that are set anew when an episode
+    begins and grow from step to step. They lie where `bind` is told, next to what else
+    begins and grows with an episode, so that all of it is set and grows at once.
+
     Attributes:
         grid_size: cells along each side, N.
-        right: the chances to move to the next higher column or row, float64, flat.
-        left: the same for the next lower.
+        growth: by how much each of a row's places grows in a step: int64, (places, 1).
     """
 
     grid_size: int
-    right: Floats
-    left: Floats
+    growth: Ints
 
-    def places(self, at: Ints) -> Ints:
-        """Where in `right` and `left` the chances of persons stand.
+    def bind(self, now: Ints, first: Ints) -> None:
+        """Keep the places in given arrays from now on.
 
         Args:
-            at: the persons' cells, x and y apart, int64, (persons, 2, rows).
+            now: for those of the present steps: int64, shape (places, rows).
+            first: for those of step 0, likewise.
         """
         raise NotImplementedError
 
-    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
-        """Put some rows at step 0.
+    def walk(self, at: Ints, luck: Ints) -> None:
+        """Let all persons walk by a step, as `person.walk` does.
+
+        Args:
+            at: the persons' cells, x and y apart, int64, (persons, 2, rows); overwritten.
+            luck: what decides each move, see `streams.numerators`, of the same shape.
+        """
+        higher, either = self._thresholds(at)
+        # +1 below the first threshold, -1 from there to the second: 2 a - (a or b).
+        move = np.less(luck, higher).view(np.int8)
+        move += move
+        move -= np.less(luck, either).view(np.int8)
+        at += move
+
+    def _thresholds(self, at: Ints) -> tuple[NDArray[Any], NDArray[Any]]:
+        """2**53 times the chance of every person to move higher, and to move at all."""
+        raise NotImplementedError
+
+    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+        """Give some rows other laws, with which their next episodes begin.
 
         Args:
             rows: their numbers.
-            parameters: the laws of all rows, where those of some may have changed.
+            parameters: the laws of all rows.
         """
+        raise NotImplementedError
+
+    def begin(self, rows: Ints) -> None:
+        """Put some rows at step 0. Their places are set by whoever holds them."""
         raise NotImplementedError
 
     def catch_up(self, steps: Ints) -> None:
@@ -89,7 +114,7 @@ class Laws:
         raise NotImplementedError
 
     def advance(self) -> None:
-        """Every row goes on by a step."""
+        """Every row goes on by a step. Its places have grown by `growth` already."""
         raise NotImplementedError
 
     def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
@@ -123,57 +148,79 @@ class Tables(Laws):
     def __init__(self, grid_size: int, steps: int, *parameters: LawParameters) -> None:
         self.grid_size = grid_size
         self._steps = steps
+        self._cells = np.array(grid_size**2)  # arrays calculate faster with it than with a number
         self._laws = _different_laws(parameters)
-        count, persons, rows = len(self._laws), *parameters[0].start.shape[::2]
+        count, persons = len(self._laws), len(parameters[0].start)
         shape = (count, steps + 1, 2, grid_size)
         self._right, self._left, self._probability = (np.zeros(shape) for _ in range(3))
+        # What numbers drawn, as integers, are compared with where persons walk.
+        self._higher, self._either = (np.zeros(shape, np.int64) for _ in range(2))
         self._matrices = np.zeros((count, steps + 1, grid_size, grid_size), np.float32)
         self._cdf: Floats | None = None
         self._filled = 0
         self._latest = 0  # no row has come further
         self._see_flat()
-        self._first_place = np.zeros((persons, rows), np.int64)
-        self.place = np.zeros((persons, rows), np.int64)
+        # Of every row and person: an entry of the tables, then where in the entry the chances
+        # for x begin and those for y.
+        self.growth = np.array([1] * persons + [2 * grid_size] * 2 * persons)[:, None]
         self._fill()
+
+    def _places_of(self, entries: Ints) -> Ints:
+        """The places that go with some entries of the tables, (persons, n)."""
+        of_axes = 2 * self.grid_size * entries[:, None] + self.grid_size * np.arange(2)[:, None]
+        return np.concatenate([entries, of_axes.reshape(-1, entries.shape[1])])
+
+    def bind(self, now: Ints, first: Ints) -> None:
+        persons = len(now) // 3
+        self._now, self._first = now, first
+        self.entries: Ints = now[:persons]
+        self._axes: Ints = now[persons:].reshape(persons, 2, -1)
 
     def _see_flat(self) -> None:
         """Make the views of the tables."""
-        self.right, self.left = self._right.reshape(-1), self._left.reshape(-1)
+        self._flat_higher, self._flat_either = self._higher.reshape(-1), self._either.reshape(-1)
         self.matrices = self._matrices.reshape(-1, self.grid_size, self.grid_size)
         self._flat_probability = self._probability.reshape(-1, 2, self.grid_size)
         self._flat_matrices = self._matrices.reshape(-1)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Views would be arrays of their own in a copy."""
-        views = ("right", "left", "matrices", "_flat_probability", "_flat_matrices")
-        return {name: value for name, value in self.__dict__.items() if name not in views}
+        """Views would be arrays of their own in a copy; who has bound places binds them again."""
+        views = ("entries", "_axes", "_now", "_first", "matrices")
+        return {
+            name: value
+            for name, value in self.__dict__.items()
+            if name not in views and not name.startswith("_flat")
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._see_flat()
 
-    def places(self, at: Ints) -> Ints:
-        places = at + (self.place * (2 * self.grid_size))[:, None]
-        places[:, 1] += self.grid_size
-        return places
+    def _thresholds(self, at: Ints) -> tuple[Ints, Ints]:
+        places = at + self._axes
+        return (
+            self._flat_higher.take(places, mode="clip"),
+            self._flat_either.take(places, mode="clip"),
+        )
 
-    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
-        if parameters is not None:
-            self._first_place[:, rows] = self._numbers(parameters, rows) * (self._steps + 1)
-        self.place[:, rows] = self._first_place.take(rows, axis=1)
+    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+        entries = self._numbers(parameters, rows) * (self._steps + 1)
+        self._first[:, rows] = self._places_of(entries)
+
+    def begin(self, rows: Ints) -> None:
+        pass  # their places say all
 
     def catch_up(self, steps: Ints) -> None:
-        self.place += steps
+        self._now += self.growth * steps
         self._latest = int(steps.max())
         while self._filled <= self._latest:
             self._fill()
 
     def advance(self) -> None:
-        self.place += 1
         self._latest += 1
         if self._latest == self._filled <= self._steps:
             # Rows have begun anew since; perhaps none has come that far.
-            self._latest = int((self.place % (self._steps + 1)).max())
+            self._latest = int((self.entries % (self._steps + 1)).max())
             if self._latest == self._filled:
                 self._fill()
 
@@ -182,10 +229,10 @@ class Tables(Laws):
         return both[:, 0], both[:, 1]
 
     def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
-        place, width = self.place[person, rows], 2 * self.grid_size
+        entries, width = self.entries[person, rows], 2 * self.grid_size
         right, left = (
-            np.ascontiguousarray(flat.reshape(-1, width).take(place, 0, mode="clip").T)
-            for flat in (self.right, self.left)
+            np.ascontiguousarray(table.reshape(-1, width).take(entries, 0, mode="clip").T)
+            for table in (self._right, self._left)
         )
         n = self.grid_size
         return right[:n], left[:n], right[n:], left[n:]
@@ -194,23 +241,24 @@ class Tables(Laws):
         self.matrices.take(self._at(person, rows), 0, out=out, mode="clip")
 
     def shown(self, person: int | Ints, rows: Ints, cells: Ints) -> Singles:
-        places = self._at(person, rows)
-        places *= self.grid_size**2
+        places = np.multiply(self._at(person, rows), self._cells)
         places += cells
-        return self._flat_matrices.take(places, mode="clip")
+        values: Singles = self._flat_matrices.take(places, mode="clip")
+        return values
 
     def _at(self, person: int | Ints, rows: Rows) -> Ints:
-        place: Ints
+        """The entries of one person of each of some rows."""
+        entries: Ints
         if isinstance(person, int) and not isinstance(rows, slice):
-            place = self.place[person].take(rows)
+            entries = self.entries[person].take(rows)
         else:
-            place = self.place[person, rows]
-        return place
+            entries = self.entries[person, rows]
+        return entries
 
     def _numbers(self, parameters: LawParameters, rows: Ints) -> Ints:
         """The number of each person's law: (persons, rows)."""
         if len(self._laws) == 1:
-            return np.zeros((len(self.place), len(rows)), np.int64)
+            return np.zeros((len(self.entries), len(rows)), np.int64)
         wanted = _laws(parameters, rows)
         merged = np.concatenate([self._laws, wanted.reshape(-1, 5)])
         _, number = np.unique(merged, axis=0, return_inverse=True)
@@ -239,6 +287,8 @@ class Tables(Laws):
             (self._left, tables.left),
         ):
             table[here] = values.reshape(shape).swapaxes(0, 1)
+        self._higher[here] = thresholds(self._right[here])
+        self._either[here] = thresholds(self._right[here] + self._left[here])
         x, y = np.moveaxis(self._probability[here].astype(np.float32), 2, 0)
         np.multiply(y[..., :, None], x[..., None, :], out=self._matrices[here])
         self._filled = first + count
@@ -255,6 +305,7 @@ class Followed(Laws):
     def __init__(self, grid_size: int, parameters: LawParameters) -> None:
         persons, _, rows = parameters.start.shape
         self.grid_size = grid_size
+        self.growth = np.empty((0, 1), np.int64)
         self._axes = axes = 2 * persons
         self._start = np.empty((axes, rows), np.int64)
         self._drift = np.empty((axes, rows))
@@ -264,33 +315,26 @@ class Followed(Laws):
         self._probability, self._right, self._left = (
             np.empty((grid_size, axes, rows)) for _ in range(3)
         )
-        self._see_flat()
         self._offset = np.arange(axes * rows).reshape(persons, 2, rows)
         self._chunk = max(1, _CHUNK_BYTES // (8 * axes * (grid_size + 2)))
 
-    def _see_flat(self) -> None:
-        """Make the views of the present chances."""
-        self.right, self.left = self._right.reshape(-1), self._left.reshape(-1)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Views would be arrays of their own in a copy."""
-        return {name: v for name, v in self.__dict__.items() if name not in ("right", "left")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._see_flat()
-
-    def places(self, at: Ints) -> Ints:
+    def _thresholds(self, at: Ints) -> tuple[Floats, Floats]:
         places = at * self._offset.size
         places += self._offset
-        return places
+        right = self._right.reshape(-1).take(places, mode="clip")
+        left = self._left.reshape(-1).take(places, mode="clip")
+        return right * 2.0**53, (right + left) * 2.0**53
 
-    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
-        if parameters is not None:
-            persons = len(parameters.start)
-            self._start[:, rows] = parameters.start[..., rows].reshape(self._axes, -1)
-            self._drift[:, rows] = np.tile(parameters.drift[:, rows], (persons, 1))
-            self._constant[rows] = parameters.disperse_constant[rows]
+    def bind(self, now: Ints, first: Ints) -> None:
+        pass  # it has none
+
+    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+        persons = len(parameters.start)
+        self._start[:, rows] = parameters.start[..., rows].reshape(self._axes, -1)
+        self._drift[:, rows] = np.tile(parameters.drift[:, rows], (persons, 1))
+        self._constant[rows] = parameters.disperse_constant[rows]
+
+    def begin(self, rows: Ints) -> None:
         self._step[rows] = 0.0
         for first in range(0, len(rows), self._chunk):
             some = rows[first : first + self._chunk]
@@ -344,6 +388,15 @@ class Followed(Laws):
         return values
 
 
+def thresholds(chances: Floats) -> Ints:
+    """The integers k for which a number u in [0, 1) lies below a chance if 2**53 u < k.
+
+    Args:
+        chances: float64; u has 53 binary digits.
+    """
+    return np.ceil(chances * 2.0**53).astype(np.int64)
+
+
 def _laws(parameters: LawParameters, rows: Rows = slice(None)) -> Floats:
     """Each person's law as numbers: (persons, rows, 5)."""
     start = parameters.start[..., rows]
@@ -366,7 +419,7 @@ def choose_laws(
         parameters: see `Tables`; the rows have the last ones now.
         wants_table: take tables, however large.
     """
-    step_bytes = 4 * grid_size**2 + 3 * 8 * 2 * grid_size
+    step_bytes = 4 * grid_size**2 + 5 * 8 * 2 * grid_size
     affordable = TABLE_BYTES // (step_bytes * (steps + 1))
     if wants_table or len(_different_laws(parameters)) <= affordable:
         return Tables(grid_size, steps, *parameters)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.streams import GOLDEN, numbers, unit_numbers
+from DroneSwarmSearch.streams import GOLDEN, numbers, numerators
 from DroneSwarmSearch.vector.beliefs import Beliefs
 from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables
 
@@ -26,6 +26,59 @@ Singles = NDArray[np.float32]
 _NOTHING: Ints = np.empty(0, np.int64)
 
 
+class _State:
+    """Integers of every row that the beginning of an episode sets: one array, and its parts.
+
+    Args:
+        persons: in each row.
+        places: the numbers that the laws keep for each row.
+        rows: the number of rows.
+
+    Attributes:
+        all: int64, (6 persons + 2 + places, rows); what follows are views of it.
+        at: each person's x and y: int64, (persons, 2, rows).
+        x: the first of these; y: the second: int64, (persons, rows).
+        cells: y * N + x: int64, (persons, rows).
+        missing: 1 for persons who have not been found, else 0: int64, (persons, rows).
+        detection_keys: the key of the episode's detections: uint64, (rows,).
+        growing: what grows by the same in every step, namely:
+        step: completed steps: int64, (rows,).
+        words: of the numbers by which the persons drift next: uint64, (2 persons, rows).
+        places: what the laws keep: int64, (places, rows).
+    """
+
+    def __init__(self, persons: int, places: int, rows: int) -> None:
+        self._persons = persons
+        self.all = np.zeros((6 * persons + 2 + places, rows), np.int64)
+        self._see()
+
+    def _see(self) -> None:
+        n = self._persons
+        coordinates, self.cells, self.missing, keys, self.growing = np.split(
+            self.all, (2 * n, 3 * n, 4 * n, 4 * n + 1)
+        )
+        self.at: Ints = coordinates.reshape(n, 2, -1)
+        self.x, self.y = self.at[:, 0], self.at[:, 1]
+        self.detection_keys: Words = keys[0].view(np.uint64)
+        self.step: Ints = self.growing[0]
+        self.words: Words = self.growing[1 : 2 * n + 1].view(np.uint64)
+        self.places: Ints = self.growing[2 * n + 1 :]
+
+    def with_places(self, places: int) -> _State:
+        """The same with room for so many numbers of the laws."""
+        other = _State(self._persons, places, self.all.shape[1])
+        kept = len(self.all) - len(self.places)
+        other.all[:kept] = self.all[:kept]
+        return other
+
+    def __getstate__(self) -> tuple[int, Ints]:
+        return self._persons, self.all  # views would be arrays of their own in a copy
+
+    def __setstate__(self, state: tuple[int, Ints]) -> None:
+        self._persons, self.all = state
+        self._see()
+
+
 class Seas:
     """The persons of many searches.
 
@@ -34,11 +87,6 @@ class Seas:
         detections: every person's probability of detection.
         bayesian: whether the matrices are posteriors given the searches made.
         rows: the number of searches.
-
-    Attributes:
-        step: completed steps of every row: int64, (rows,).
-        person_cells: y * N + x: int64, (persons, rows).
-        missing: who has not been found: bool, (persons, rows).
     """
 
     def __init__(
@@ -46,65 +94,89 @@ class Seas:
     ) -> None:
         persons = len(detections)
         self._size = laws.grid_size
-        self._laws = laws
+        self._width = np.array(self._size)  # arrays calculate faster with it than with a number
         self._detections = detections
         self._beliefs = Beliefs(self._size, detections, rows) if bayesian else None
-        # What a new episode sets lies in one array, and so do the values that it sets.
-        self._state = np.zeros((3 * persons + 3, rows), np.int64)
-        self._first_state = np.zeros((3 * persons + 1, rows), np.int64)
-        self._see_state()
-        # By how much the counter of drift numbers grows up to each of a step's numbers.
-        self._in_a_step = np.arange(1, 2 * persons + 1, dtype=np.uint64)[:, None] * GOLDEN
-        self.missing = np.ones((persons, rows), np.bool_)
+        # The words from which a step's drift numbers are made, counted from the episode's key.
+        self._words = np.arange(1, 2 * persons + 1, dtype=np.uint64)[:, None] * GOLDEN
+        self._now, self._first = (_State(persons, len(laws.growth), rows) for _ in range(2))
+        self._take_laws(laws)
+        self._first.missing[...] = 1
         # Of several persons: whose law is shown, and where no single law can be.
         self._leader = np.zeros(rows, np.int64)
         self._mixed = np.zeros(rows, np.bool_)
 
-    def _see_state(self) -> None:
-        """Make the views of the state."""
-        persons, state = len(self._detections), self._state
-        self._at: Ints = state[: 2 * persons].reshape(persons, 2, -1)  # each person's x and y
-        self.person_cells: Ints = state[2 * persons : 3 * persons]
-        self.step: Ints = state[3 * persons]
-        # The key of the episode's drift plus what counts the numbers drawn.
-        self._drift_counters, self._detection_keys = state[-2:].view(np.uint64)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Views would be arrays of their own in a copy."""
-        views = ("_at", "person_cells", "step", "_drift_counters", "_detection_keys")
-        return {name: value for name, value in self.__dict__.items() if name not in views}
+    def _take_laws(self, laws: Tables | Followed) -> None:
+        self._laws = laws
+        laws.bind(self._now.places, self._first.places)
+        # By how much all that grows does so in a step.
+        words = np.broadcast_to(self._words[-1].view(np.int64), self._words.shape)
+        self._growth = np.concatenate([np.ones((1, 1), np.int64), words, laws.growth])
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._see_state()
+        self._take_laws(self._laws)
 
     @property
     def laws(self) -> Tables | Followed:
         """The laws of the rows."""
         return self._laws
 
+    @property
+    def missing(self) -> Flags:
+        """Who has not been found: bool, (persons, rows); a new array."""
+        missing: Flags = self._now.missing != 0
+        return missing
+
+    @property
+    def step(self) -> Ints:
+        """Completed steps of every row: int64, (rows,)."""
+        return self._now.step
+
+    @property
+    def person_cells(self) -> Ints:
+        """Where every person is, y * N + x: int64, (persons, rows)."""
+        return self._now.cells
+
+    # Beginning.
+
     def change_laws(self, laws: Tables | Followed, parameters: LawParameters) -> None:
         """Take other laws, which hold those of the rows under way as well."""
-        self._laws = laws
-        laws.begin(np.arange(len(self.step)), parameters)
+        rows = np.arange(len(self.step))
+        self._now, self._first = (
+            state.with_places(len(laws.growth)) for state in (self._now, self._first)
+        )
+        self._take_laws(laws)
+        laws.assign(rows, parameters)
+        self._now.places[...] = self._first.places
+        laws.begin(rows)
         laws.catch_up(self.step)
 
-    def begin(self, rows: Ints, keys: Words, parameters: LawParameters | None) -> None:
-        """Start the episodes of some rows.
+    def prepare(self, rows: Ints, keys: Words) -> None:
+        """Take the keys of the next episodes of some rows.
 
         Args:
             rows: their numbers.
-            keys: of the episodes, for the persons' drift and for the detections: (2, n).
+            keys: for the persons' drift and for the detections, uint64, (2, n).
+        """
+        self._first.words[:, rows] = self._words + keys[0]
+        self._first.detection_keys[rows] = keys[1]
+
+    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
+        """Start the episodes of some rows, of which `prepare` has been told.
+
+        Args:
+            rows: their numbers.
             parameters: of all rows, where those of some may have changed.
         """
+        first, laws = self._first, self._laws
         if parameters is not None:
-            at, n = parameters.start[..., rows], len(rows)
-            self._first_state[: 2 * len(at), rows] = at.reshape(-1, n)
-            self._first_state[2 * len(at) : -1, rows] = at[:, 1] * self._size + at[:, 0]
-        self._laws.begin(rows, parameters)
-        self._state[:-2, rows] = self._first_state.take(rows, axis=1)
-        self._state[-2:, rows] = keys.view(np.int64)
-        self.missing[:, rows] = True
+            start = parameters.start[..., rows]
+            first.at[..., rows] = start
+            first.cells[:, rows] = start[:, 1] * self._size + start[:, 0]
+            laws.assign(rows, parameters)
+        self._now.all[:, rows] = first.all.take(rows, axis=1)
+        laws.begin(rows)
         if self._beliefs is not None:
             self._beliefs.forget(rows)
         if len(self._detections) > 1:
@@ -112,25 +184,14 @@ class Seas:
 
     def advance(self) -> None:
         """Let a step pass in every row: persons drift, and what is known of them."""
-        laws, at = self._laws, self._at
-        luck = unit_numbers(self._drift_counters + self._in_a_step).reshape(at.shape)
-        self._drift_counters += self._in_a_step[-1]
-        # As `person.walk`: +1 below one threshold, -1 from there to the other; 2 a - (a or b).
-        places = laws.places(at)
-        threshold = laws.right.take(places, mode="clip")
-        higher = luck < threshold
-        threshold += laws.left.take(places, mode="clip")
-        either = luck < threshold
-        move = higher.view(np.int8)
-        move += move
-        move -= either.view(np.int8)
-        at += move
-        np.multiply(at[:, 1], self._size, out=self.person_cells)
-        self.person_cells += at[:, 0]
+        now, laws = self._now, self._laws
+        laws.walk(now.at, numerators(now.words).reshape(now.at.shape))
+        np.multiply(now.y, self._width, out=now.cells)
+        now.cells += now.x
         if self._beliefs is not None:
             self._beliefs.drift(laws)
+        now.growing += self._growth
         laws.advance()
-        self.step += 1
 
     # Searches.
 
@@ -146,21 +207,22 @@ class Seas:
             as often as it has found persons.
         """
         found = []
+        now, several = self._now, len(self._detections) > 1
         for person, detection in enumerate(self._detections):
-            right = self.person_cells[person].take(rows) == cells
-            if len(self._detections) > 1:  # a single person found ends the episode
-                right &= self.missing[person].take(rows)
+            right = now.cells[person].take(rows) == cells
+            if several:  # a single person found ends the episode
+                right &= now.missing[person].take(rows) != 0
             hits = right.nonzero()[0]
             if hits.size and 0.0 < detection < 1.0:
                 where = rows[hits]
-                places = self.step[where] * len(self._detections) + person
-                luck = numbers(self._detection_keys[where], places.astype(np.uint64))
+                places = now.step[where] * len(self._detections) + person
+                luck = numbers(now.detection_keys[where], places.astype(np.uint64))
                 hits = hits[luck < detection]
             if hits.size and detection > 0.0:
-                self.missing[person, rows[hits]] = False
+                now.missing[person][rows.take(hits)] = 0
                 found.append(hits)
         finds = np.concatenate(found) if found else _NOTHING
-        if finds.size and len(self._detections) > 1:
+        if finds.size and several:
             self._choose_leaders(np.unique(rows[finds]))
         if self._beliefs is not None:
             self._beliefs.learn(rows, cells, self.missing, self._laws)
@@ -170,21 +232,23 @@ class Seas:
         """Note whose law is shown: that of those missing, or of all once none is."""
         shown = self._shown_persons(rows)
         self._leader[rows] = leader = shown.argmax(axis=0)
-        persons = len(self._detections)
-        start = self._first_state[: 2 * persons, rows].reshape(persons, 2, -1)
+        start = self._first.at[..., rows]
         theirs = np.take_along_axis(start, leader[None, None], axis=0)
         self._mixed[rows] = ((start != theirs).any(axis=1) & shown).any(axis=0)
 
     def _shown_persons(self, rows: Ints | slice) -> Flags:
         """The persons over whom the matrix is the mean: (persons, n)."""
-        missing = self.missing[:, rows]
-        return missing | ~missing.any(axis=0)
+        missing: Flags = self._now.missing[:, rows] != 0
+        shown: Flags = missing | ~missing.any(axis=0)
+        return shown
 
     # What is known.
 
     def shown(self, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each: float32, (n,)."""
         values = self._laws.shown(self._leaders(rows), rows, cells)
+        if self._beliefs is None and len(self._detections) == 1:
+            return values
         mixed, known = self._mixed_among(rows), self._known_among(rows)
         if mixed.size:
             here, n = rows[mixed], np.arange(len(mixed))
