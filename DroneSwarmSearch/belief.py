@@ -62,7 +62,9 @@ def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
         total = columns.sum(axis=0)
     else:
         total = columns.reshape(-1).cumsum()[-1].reshape(columns.shape[1:])
-    belief *= 1.0 / np.where(which & (total > 0.0), total, 1.0)
+    factor = 1.0 / np.where(which & (total > 0.0), total, 1.0)
+    # Long runs of memory multiply faster.
+    belief *= np.broadcast_to(factor, columns.shape).copy() if factor.ndim else factor
     return total
 
 
@@ -82,37 +84,40 @@ def after_drift(
     Returns:
         float64, of the belief's shape and with its sum.
     """
-    across, spare = np.empty_like(belief), np.empty_like(belief)
-    drift(belief, right_x, left_x, right_y, left_y, across, spare, after := np.empty_like(belief))
+    after = np.empty_like(belief)
+    spare = np.empty_like(belief), np.empty_like(belief)
+    drift(belief, (right_x, left_x), (right_y, left_y), spare, after)
     return after
 
 
 def drift(
     belief: Floats,
-    right_x: Floats,
-    left_x: Floats,
-    right_y: Floats,
-    left_y: Floats,
-    across: Floats,
-    spare: Floats,
+    along_x: tuple[Floats, Floats],
+    along_y: tuple[Floats, Floats],
+    spare: tuple[Floats, Floats],
     after: Floats,
 ) -> None:
-    """`after_drift` in arrays that are given: two to work in, one for the result.
+    """`after_drift` in arrays that are given, all of them C-contiguous.
 
-    All are C-contiguous. The result may be the belief's own array.
+    Args:
+        belief: as there.
+        along_x: the chances to move to the next higher column and to the next lower one.
+        along_y: the same for rows.
+        spare: two arrays to work in.
+        after: for the result; it may be the belief's own array.
     """
-    # Nobody leaves the grid, so what a shift by a column carries from one row of cells into
-    # the next is zero: everything can be shifted as one run of memory.
-    column = belief[0, 0].size
-    carried, total = spare.reshape(-1), across.reshape(-1)
-    np.multiply(belief, 1.0 - right_x - left_x, out=across)
-    np.multiply(belief, right_x, out=spare)
-    total[column:] += carried[:-column]
-    np.multiply(belief, left_x, out=spare)
-    total[:-column] += carried[column:]
-    down, up = right_y[:, None], left_y[:, None]
-    np.multiply(across, down, out=spare)
-    np.multiply(across, 1.0 - down - up, out=after)
-    after[1:] += spare[:-1]
-    np.multiply(across, up, out=spare)
-    after[:-1] += spare[1:]
+    up, down = spare
+    cells, from_below, from_above = after.reshape(-1), up.reshape(-1), down.reshape(-1)
+    higher, lower = along_y
+    for right, left, distance in (
+        (*along_x, belief[0, 0].size),
+        (higher[:, None], lower[:, None], belief[0].size),
+    ):
+        np.multiply(belief, right, out=up)
+        np.multiply(belief, left, out=down)
+        np.multiply(belief, 1.0 - right - left, out=after)
+        # Nobody leaves the grid, so what a shift carries out of one row of cells into the
+        # next is zero: everything can be shifted as one run of memory.
+        cells[distance:] += from_below[:-distance]
+        cells[:-distance] += from_above[distance:]
+        belief = after

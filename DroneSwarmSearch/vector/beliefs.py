@@ -27,6 +27,9 @@ Singles = NDArray[np.float32]
 _TILE_ROWS = 1024
 """The most rows in a tile."""
 
+_LEAST_ROWS = 64
+"""Fewer rows than these are not worth a tile, whatever they take."""
+
 _TILE_BYTES = 800 * 2**10
 """The most that a person's beliefs in a tile take: several such arrays fit a cache, and
 runs of memory are long."""
@@ -50,7 +53,7 @@ class Beliefs:
     def __init__(self, grid_size: int, detections: Sequence[float], rows: int) -> None:
         self._size = grid_size
         self._detections = detections
-        width = min(rows, _TILE_ROWS, max(16, _TILE_BYTES // (8 * grid_size**2)))
+        width = min(rows, _TILE_ROWS, max(_LEAST_ROWS, _TILE_BYTES // (8 * grid_size**2)))
         self._first = range(0, rows, width)  # of each tile's rows
         ends = [*self._first[1:], rows]
         self._rows = [slice(*ends_of) for ends_of in zip(self._first, ends, strict=True)]
@@ -79,29 +82,49 @@ class Beliefs:
         if new.size:
             self._begin(np.unique(new), laws)
         for tile, here in self._parts(rows):
-            columns, (y, x) = rows[here] - self._first[tile], np.divmod(cells[here], self._size)
+            columns = rows[here] - self._first[tile]
             for person, detection in enumerate(self._detections):
                 still = missing[person, rows[here]]
-                at = y[still], x[still], columns[still]
-                belief = self._tiles[tile][person]
-                before = belief[at]
-                belief[at] = before * (1.0 - detection)
-                searched = np.zeros(belief.shape[-1], np.bool_)
-                searched[columns[still]] = True
-                impossible = normalise(belief, searched) <= 0.0
-                impossible &= searched
-                if impossible.any():  # the searches contradict the belief, which stays
-                    undo = impossible[columns[still]]
-                    belief[tuple(axis[undo] for axis in at)] = before[undo]
+                belief, searched = self._tiles[tile][person], columns[still]
+                at = self._places(cells[here][still], searched, belief)
+                self._learn(belief, at, searched, 1.0 - detection)
+
+    @staticmethod
+    def _learn(belief: Floats, at: Ints, columns: Ints, kept: float) -> None:
+        """Take in searches for one person.
+
+        Args:
+            belief: about the person, a part of a tile.
+            at: the places in it of the cells searched.
+            columns: their columns in it.
+            kept: what is left of a searched cell's probability.
+        """
+        flat = belief.reshape(-1)
+        before = flat.take(at)
+        flat[at] = before * kept
+        searched = np.zeros(belief.shape[-1], np.bool_)
+        searched[columns] = True
+        impossible = searched & (normalise(belief, searched) <= 0.0)
+        if impossible.any():  # the searches contradict the belief, which stays
+            undo = impossible[columns]
+            flat[at[undo]] = before[undo]
+
+    @staticmethod
+    def _places(cells: Ints, columns: Ints, belief: Floats) -> Ints:
+        """Where in the flat belief of a tile's person some cells of some columns stand."""
+        at: Ints = cells * belief.shape[-1] + columns
+        return at
 
     def _begin(self, rows: Ints, laws: Laws) -> None:
         self.begun[rows] = True
         for person in range(len(self._detections)):
             x, y = laws.marginals(person, rows)
+            products = (y[:, :, None] * x[:, None, :]).reshape(len(rows), -1)
             for tile, here in self._parts(rows):
+                belief = self._tiles[tile][person].reshape(self._size**2, -1)
                 columns = rows[here] - self._first[tile]
-                products = y[here, :, None] * x[here, None, :]
-                self._tiles[tile][person][:, :, columns] = np.moveaxis(products, 0, -1)
+                for column, product in zip(columns.tolist(), products[here], strict=True):
+                    belief[:, column] = product
 
     def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
         """The tiles in which rows in rising order lie, and for each the part of the rows."""
@@ -114,9 +137,9 @@ class Beliefs:
         """Let the persons drift by a step; the laws are still at the step before."""
         for tile, rows in zip(self._tiles, self._rows, strict=True):
             if self.begun[rows].any():
-                across, spare = self._spare[tile.shape]
                 for person, belief in enumerate(tile):
-                    drift(belief, *laws.moves(person, rows), across, spare, belief)
+                    right, left, down, up = laws.moves(person, rows)
+                    drift(belief, (right, left), (down, up), self._spare[tile.shape], belief)
 
     def write_matrices(self, shown: Flags, out: Singles) -> None:
         """Write the matrices of all rows that have beliefs, and something to other rows.
@@ -152,9 +175,10 @@ class Beliefs:
         """What the matrices of some rows, in rising order, say of a cell of each: float32, (n,)."""
         out = np.empty(len(rows), np.float32)
         for tile, here in self._parts(rows):
-            y, x = np.divmod(cells[here], self._size)
-            beliefs = self._tiles[tile][:, y, x, rows[here] - self._first[tile]]
-            out[here] = self._mean(beliefs, shown[:, here])
+            beliefs = self._tiles[tile]
+            at = self._places(cells[here], rows[here] - self._first[tile], beliefs)
+            of_cells = beliefs.reshape(len(beliefs), -1).take(at, axis=1)
+            out[here] = self._mean(of_cells, shown[:, here])
         return out
 
     @staticmethod
