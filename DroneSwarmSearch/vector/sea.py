@@ -221,7 +221,7 @@ class Seas:
             if hits.size and detection > 0.0:
                 now.missing[person][rows.take(hits)] = 0
                 found.append(hits)
-        finds = np.concatenate(found) if found else _NOTHING
+        finds = np.concatenate(found) if len(found) > 1 else found[0] if found else _NOTHING
         if finds.size and several:
             self._choose_leaders(np.unique(rows[finds]))
         if self._beliefs is not None:
