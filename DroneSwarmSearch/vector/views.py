@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space, create_empty_array
+from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import checks
@@ -137,7 +137,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         its_own = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
         self._layout = self._choose_layout(str(observation), its_own)
         self.num_envs = self.batch.num_rows * self._per_swarm
-        self.single_observation_space = self._space()
+        self._every_slot = np.ones(self.num_envs, np.bool_)
+        self.single_observation_space = space = self._space()
+        boxes = space.items() if isinstance(space, spaces.Dict) else [("", space)]
+        self._forms = {key: (box.shape or (), box.dtype) for key, box in boxes}  # "" for an array
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.single_action_space = self._action_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -380,12 +383,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def _flags(self) -> tuple[Flags, Flags]:
         """Terminations and truncations of every slot."""
-        endings = self.batch.endings.repeat(self._per_swarm)
-        over = endings != 0
-        if not self._separate:
-            return over, over.copy()
-        time_up = endings == _TIME_UP
-        return over & ~time_up, time_up
+        endings, each = self.batch.endings, self._per_swarm
+        terminated = truncated = endings != 0
+        if self._separate:
+            truncated = endings == _TIME_UP
+            terminated = terminated & ~truncated
+        return terminated.repeat(each), truncated.repeat(each)
 
     def _observations(self) -> Observations:
         out = self._new(self.num_envs) if self._buffers is None else self._buffers.observations
@@ -413,15 +416,19 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def _with_masks(self, rows: Ints | None = None) -> Infos:
         """The infos, each with a mask of the slots for which it is meant."""
-        mask = np.ones(self.num_envs, np.bool_)
+        mask = self._every_slot
         if rows is not None and len(rows) < self.batch.num_rows:
-            mask[:] = False
+            mask = np.zeros_like(mask)
             mask.reshape(-1, self._per_swarm)[rows] = True
         infos = self._infos()
         return {**infos, **{f"_{key}": mask.copy() for key in infos}}
 
     def _new(self, slots: int) -> Observations:
-        return create_empty_array(self.single_observation_space, slots, fn=np.empty)
+        """Arrays for what some slots are shown, as Gymnasium's `create_empty_array` makes them."""
+        arrays = {
+            key: np.empty((slots, *shape), dtype) for key, (shape, dtype) in self._forms.items()
+        }
+        return arrays.get("", arrays)
 
     def _new_buffers(self) -> Buffers:
         n = self.num_envs
@@ -550,14 +557,15 @@ class SwarmVectorEnv(SearchVectorEnv):
 
     def _rewards(self) -> NDArray[np.float64]:
         # Drone by drone, as one adds up a dict of rewards, and faster than over short rows.
-        total: NDArray[np.float64] = np.ascontiguousarray(self._rewards_of_drones().T).sum(axis=0)
+        by_drone = np.ascontiguousarray(self._rewards_of_drones().T)
+        total: NDArray[np.float64] = np.add.reduce(by_drone, axis=0)
         return total
 
     def _infos(self) -> Infos:
         batch = self.batch
         return {
             "rewards": self._rewards_of_drones().copy(),
-            "Found": batch.found.copy(),
+            "Found": batch.found,
             "persons_found": ~batch.missing,
             "ending": batch.endings.copy(),
             "step": batch.steps,
