@@ -238,7 +238,7 @@ class SearchBatch:
 
     def _prepare(self, rows: Ints) -> None:
         """See to it that the next episodes of some rows, and perhaps of others, are prepared."""
-        if np.logical_and.reduce(self._prepared.take(rows)):
+        if np.count_nonzero(self._prepared.take(rows)) == len(rows):
             return
         rows = (~self._prepared).nonzero()[0]
         counters = self._episode_counters[:, rows] + GOLDEN
@@ -319,7 +319,7 @@ class SearchBatch:
         # 2. Outcomes, rewards and endings.
         shown = self._seas.shown(rows, cells).astype(np.float64)
         finds = self._seas.search(rows, cells)
-        self._judge(targets, searches, shown, finds, rows.take(finds))
+        self._judge(targets, searches, shown, finds, rows)
         self._cells, self._chosen = targets, chosen
 
         # 3. The clock advances, the persons and the matrices drift.
@@ -329,7 +329,7 @@ class SearchBatch:
             self.rewards.reshape(-1)[idle] = 0.0
 
     def _judge(
-        self, targets: Narrow, searches: Ints, shown: Floats, finds: Ints, finds_rows: Ints
+        self, targets: Narrow, searches: Ints, shown: Floats, finds: Ints, rows: Ints
     ) -> None:
         """Work out rewards and endings; who tried to leave the grid is put back.
 
@@ -338,14 +338,14 @@ class SearchBatch:
             searches: the drones that searched.
             shown: what each of these was shown of its cell.
             finds: the searches that have found somebody, by place in `searches`.
-            finds_rows: the row of each of these.
+            rows: the row of every search.
         """
         scheme, limit = self.scenario.reward_scheme, self.scenario.timestep_limit
         wanted, steps = targets.reshape(-1), self._seas.step
         left_grid = (wanted == _OFF_GRID).nonzero()[0]
         collided = self._collided(targets)
         last = np.greater(np.equal(steps, self._last_step), self.over).nonzero()[0]
-        timed_out = finders = all_found = _NOBODY
+        timed_out = finders = steps_before = all_found = _NOBODY
         so_far = _NOTHING
         if last.size:
             timed_out = self._drones_of.take(last, axis=0).reshape(-1)
@@ -353,8 +353,9 @@ class SearchBatch:
                 timed_out = timed_out[~self._finders.take(timed_out)]
             so_far = scheme.step * (limit - 1) + self._beyond_step.take(timed_out)
         if finds.size:
-            finders = searches.take(finds)
-            all_found = self._note_finds(finders, finds_rows)
+            finders, where = searches.take(finds), rows.take(finds)
+            steps_before = steps.take(where)
+            all_found = self._note_finds(finders, where)
         paid = rules.rewards(
             scheme,
             targets.size,
@@ -363,7 +364,7 @@ class SearchBatch:
             timed_out=timed_out,
             return_so_far=so_far,
             found=finders,
-            steps_before=steps[finds_rows],
+            steps_before=steps_before,
             timestep_limit=limit,
             left_grid=left_grid,
             collided=collided,
