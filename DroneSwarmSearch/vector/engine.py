@@ -323,9 +323,8 @@ class SearchBatch:
         self._cells, self._chosen = targets, chosen
 
         # 3. The clock advances, the persons and the matrices drift.
-        self._seas.advance()
+        self._seas.advance(beginning, self._laws_now())
         if beginning.size:
-            self._seas.begin(beginning, self._laws_now())
             self.rewards.reshape(-1)[idle] = 0.0
 
     def _judge(

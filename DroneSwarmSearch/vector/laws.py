@@ -113,8 +113,12 @@ class Laws:
         """Put rows that all stand at step 0 at other steps: int64, (rows,)."""
         raise NotImplementedError
 
-    def advance(self) -> None:
-        """Every row goes on by a step. Its places have grown by `growth` already."""
+    def advance(self, beginning: Ints) -> None:
+        """Every row goes on by a step. Their places say so already.
+
+        Args:
+            beginning: the rows that are put at step 0 instead.
+        """
         raise NotImplementedError
 
     def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
@@ -216,7 +220,7 @@ class Tables(Laws):
         while self._filled <= self._latest:
             self._fill()
 
-    def advance(self) -> None:
+    def advance(self, beginning: Ints) -> None:
         self._latest += 1
         if self._latest == self._filled <= self._steps:
             # Rows have begun anew since; perhaps none has come that far.
@@ -311,7 +315,7 @@ class Followed(Laws):
         self._drift = np.empty((axes, rows))
         self._constant = np.empty(rows)
         self._step = np.zeros(rows)
-        self._after = np.empty((grid_size + 2, axes, rows))
+        self._after = np.empty((grid_size + 2, axes, rows))  # F, padded as in `point_mass`
         self._probability, self._right, self._left = (
             np.empty((grid_size, axes, rows)) for _ in range(3)
         )
@@ -335,25 +339,31 @@ class Followed(Laws):
         self._constant[rows] = parameters.disperse_constant[rows]
 
     def begin(self, rows: Ints) -> None:
-        self._step[rows] = 0.0
+        self._rewind(rows)
         for first in range(0, len(rows), self._chunk):
-            some = rows[first : first + self._chunk]
-            self._go_on(some, point_mass(self.grid_size, self._start[:, some]))
+            self._go_on(rows[first : first + self._chunk])
+
+    def _rewind(self, rows: Ints) -> None:
+        """Let some rows go on to step 0."""
+        self._step[rows] = 0.0
+        self._after[..., rows] = point_mass(self.grid_size, self._start[:, rows])
 
     def catch_up(self, steps: Ints) -> None:
         for step in range(int(steps.max())):
             rows = np.flatnonzero(steps > step)
             self._step[rows] += 1.0
-            self._go_on(rows, self._after[..., rows])
+            self._go_on(rows)
 
-    def advance(self) -> None:
+    def advance(self, beginning: Ints) -> None:
         self._step += 1.0
+        if beginning.size:
+            self._rewind(beginning)
         for first in range(0, len(self._step), self._chunk):
-            some = slice(first, first + self._chunk)
-            self._go_on(some, self._after[..., some])
+            self._go_on(slice(first, first + self._chunk))
 
-    def _go_on(self, rows: Rows, before: Floats) -> None:
-        """Work out the step of some rows, given its F, and the F of the step after it."""
+    def _go_on(self, rows: Rows) -> None:
+        """Work out the step of some rows, whose F is known, and the F of the step after it."""
+        before = self._after[..., rows]
         target = gaussian_cdf(
             self.grid_size,
             self._start[:, rows],

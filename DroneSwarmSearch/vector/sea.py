@@ -169,21 +169,30 @@ class Seas:
             rows: their numbers.
             parameters: of all rows, where those of some may have changed.
         """
-        first, laws = self._first, self._laws
+        self._set(rows, parameters)
+        self._laws.begin(rows)
+
+    def _set(self, rows: Ints, parameters: LawParameters | None) -> None:
+        """Set what the beginning of an episode sets, but for what the laws work out."""
+        first = self._first
         if parameters is not None:
             start = parameters.start[..., rows]
             first.at[..., rows] = start
             first.cells[:, rows] = start[:, 1] * self._size + start[:, 0]
-            laws.assign(rows, parameters)
+            self._laws.assign(rows, parameters)
         self._now.all[:, rows] = first.all.take(rows, axis=1)
-        laws.begin(rows)
         if self._beliefs is not None:
             self._beliefs.forget(rows)
         if len(self._detections) > 1:
             self._choose_leaders(rows)
 
-    def advance(self) -> None:
-        """Let a step pass in every row: persons drift, and what is known of them."""
+    def advance(self, beginning: Ints, parameters: LawParameters | None) -> None:
+        """Let a step pass: persons drift, and what is known of them.
+
+        Args:
+            beginning: the rows in which it does not pass: their episodes start.
+            parameters: as for `begin`.
+        """
         now, laws = self._now, self._laws
         laws.walk(now.at, numerators(now.words).reshape(now.at.shape))
         np.multiply(now.y, self._width, out=now.cells)
@@ -191,7 +200,9 @@ class Seas:
         if self._beliefs is not None:
             self._beliefs.drift(laws)
         now.growing += self._growth
-        laws.advance()
+        if beginning.size:
+            self._set(beginning, parameters)
+        laws.advance(beginning)
 
     # Searches.
 
