@@ -106,18 +106,18 @@ def drift(
         spare: two arrays to work in.
         after: for the result; it may be the belief's own array.
     """
-    up, down = spare
-    cells, from_below, from_above = after.reshape(-1), up.reshape(-1), down.reshape(-1)
+    to_higher, to_lower = spare
+    cells, risen, fallen = after.reshape(-1), to_higher.reshape(-1), to_lower.reshape(-1)
     higher, lower = along_y
     for right, left, distance in (
         (*along_x, belief[0, 0].size),
         (higher[:, None], lower[:, None], belief[0].size),
     ):
-        np.multiply(belief, right, out=up)
-        np.multiply(belief, left, out=down)
+        np.multiply(belief, right, out=to_higher)
+        np.multiply(belief, left, out=to_lower)
         np.multiply(belief, 1.0 - right - left, out=after)
         # Nobody leaves the grid, so what a shift carries out of one row of cells into the
         # next is zero: everything can be shifted as one run of memory.
-        cells[distance:] += from_below[:-distance]
-        cells[:-distance] += from_above[distance:]
+        cells[distance:] += risen[:-distance]
+        cells[:-distance] += fallen[distance:]
         belief = after

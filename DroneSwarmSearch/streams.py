@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "DENOMINATOR",
     "EpisodeStream",
     "RowNumbers",
     "Streams",
@@ -46,7 +47,11 @@ _SHIFTS = _words(30, 27, 31)
 _FACTORS = _words(0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 _ONE = np.uint64(1)
 _LOWEST_BITS = _words(11)[0]  # a double holds the 53 above them
-_UNIT = np.array(2.0**-53)
+
+DENOMINATOR = 2.0**53
+"""What the `numerators` of numbers are divided by."""
+
+_UNIT = np.array(1 / DENOMINATOR)
 
 # An array call costs more than an episode of a few steps, the ordinary case of untrained
 # drones: the first numbers of an episode are computed for several episodes at once, and
@@ -108,7 +113,7 @@ def unit_numbers(counters: Words) -> NDArray[np.float64]:
 
 
 def numerators(counters: Words) -> NDArray[np.int64]:
-    """`unit_numbers` times 2**53, which are integers: int64."""
+    """`unit_numbers` times `DENOMINATOR`, which are integers: int64."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
     return words.view(np.int64)

@@ -183,11 +183,14 @@ def module_at(path: Path) -> ModuleType:
 
 def tables_of(page: str) -> list[list[list[str]]]:
     """The tables of a page: their rows, cell by cell, without the line below the heading."""
-    return [
-        [
-            [cell.strip() for cell in re.split(r"(?<!\\)\|", line[1:-1])]
-            for place, line in enumerate(block.splitlines())
-            if place != 1
-        ]
-        for block in re.findall(r"(?:^\|.*\|\n)+", page + "\n", re.M)
-    ]
+    tables = []
+    for block in re.findall(r"(?:^\|.*\|\n)+", page + "\n", re.M):
+        heading, rule, *rows = block.splitlines()
+        assert set(rule) <= set("|-: "), rule
+        tables.append(
+            [
+                [cell.strip() for cell in re.split(r"(?<!\\)\|", line[1:-1])]
+                for line in (heading, *rows)
+            ]
+        )
+    return tables

@@ -144,7 +144,6 @@ class SearchBatch:
         # For each stream its key plus what counts the episodes: of a row that is prepared the
         # next one, else the present one. Rows are prepared many at a time, which is cheaper.
         self._episode_counters = np.zeros((3, rows), np.uint64)
-        self._sampling_keys = np.zeros(rows, np.uint64)  # of the next episodes
         self._prepared = np.zeros(rows, np.bool_)
         self._seeded = np.zeros(rows, np.bool_)
         self.ready = False
@@ -200,12 +199,11 @@ class SearchBatch:
         counters = self._episode_counters[:, rows]
         for k, keys in grown.items():
             counters[:, k] = keys + GOLDEN
-        keys = mixed(counters)
-        values = self._sampled(keys[2], given or {})
+        values = self._sampled(counters[2], given or {})
 
         # Everything is checked: from here on the batch changes.
         self._episode_counters[:, rows] = counters
-        self._seas.prepare(rows, keys[:2])
+        self._seas.prepare(rows, mixed(counters[:2]))
         self._seeded[rows] = True
         self.ready = bool(self._seeded.all())
         if given:
@@ -234,7 +232,7 @@ class SearchBatch:
     def _next(self, rows: Ints) -> Values:
         """Prepare the next episodes of some rows; returns what is sampled for them."""
         self._prepare(rows)
-        return self._sampled(self._sampling_keys[rows]) if self._sampler is not None else {}
+        return self._sampled(self._episode_counters[2].take(rows))
 
     def _prepare(self, rows: Ints) -> None:
         """See to it that the next episodes of some rows, and perhaps of others, are prepared."""
@@ -243,16 +241,14 @@ class SearchBatch:
         rows = (~self._prepared).nonzero()[0]
         counters = self._episode_counters[:, rows] + GOLDEN
         self._episode_counters[:, rows] = counters
-        keys = mixed(counters)
-        self._seas.prepare(rows, keys[:2])
-        self._sampling_keys[rows] = keys[2]
+        self._seas.prepare(rows, mixed(counters[:2]))
         self._prepared[rows] = True
 
-    def _sampled(self, keys: Words, given: Container[str] = ()) -> Values:
-        """What the sampler draws for some episodes, but for what is given."""
+    def _sampled(self, counters: Words, given: Container[str] = ()) -> Values:
+        """What the sampler, if there is one, draws for some episodes, but for what is given."""
         if self._sampler is None:
             return {}
-        drawn = self._usual.drawn(len(keys), self._sampler, keys)
+        drawn = self._usual.drawn(len(counters), self._sampler, mixed(counters))
         return {name: value for name, value in drawn.items() if name not in given}
 
     def _begin(self, rows: Ints, values: Values, parameters: Parameters) -> Ints:

@@ -25,6 +25,7 @@ from DroneSwarmSearch.probability_matrix import (
     reachable,
     tabulate,
 )
+from DroneSwarmSearch.streams import DENOMINATOR
 
 __all__ = ["TABLE_BYTES", "Followed", "LawParameters", "Laws", "Tables", "choose_laws"]
 
@@ -93,7 +94,10 @@ class Laws:
         at += move
 
     def _thresholds(self, at: Ints) -> tuple[NDArray[Any], NDArray[Any]]:
-        """2**53 times the chance of every person to move higher, and to move at all."""
+        """The chances of every person to move higher, and to move at all, as numerators.
+
+        Rounded up to integers or not: it makes no difference to the integers compared with them.
+        """
         raise NotImplementedError
 
     def assign(self, rows: Ints, parameters: LawParameters) -> None:
@@ -291,8 +295,8 @@ class Tables(Laws):
             (self._left, tables.left),
         ):
             table[here] = values.reshape(shape).swapaxes(0, 1)
-        self._higher[here] = thresholds(self._right[here])
-        self._either[here] = thresholds(self._right[here] + self._left[here])
+        self._higher[here] = np.ceil(self._right[here] * DENOMINATOR)
+        self._either[here] = np.ceil((self._right[here] + self._left[here]) * DENOMINATOR)
         x, y = np.moveaxis(self._probability[here].astype(np.float32), 2, 0)
         np.multiply(y[..., :, None], x[..., None, :], out=self._matrices[here])
         self._filled = first + count
@@ -327,7 +331,7 @@ class Followed(Laws):
         places += self._offset
         right = self._right.reshape(-1).take(places, mode="clip")
         left = self._left.reshape(-1).take(places, mode="clip")
-        return right * 2.0**53, (right + left) * 2.0**53
+        return right * DENOMINATOR, (right + left) * DENOMINATOR
 
     def bind(self, now: Ints, first: Ints) -> None:
         pass  # it has none
@@ -396,15 +400,6 @@ class Followed(Laws):
         of_y = self._probability[y, axis + 1, rows].astype(np.float32)
         values: Singles = of_y * of_x
         return values
-
-
-def thresholds(chances: Floats) -> Ints:
-    """The integers k for which a number u in [0, 1) lies below a chance if 2**53 u < k.
-
-    Args:
-        chances: float64; u has 53 binary digits.
-    """
-    return np.ceil(chances * 2.0**53).astype(np.int64)
 
 
 def _laws(parameters: LawParameters, rows: Rows = slice(None)) -> Floats:

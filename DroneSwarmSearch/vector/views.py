@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector.utils import batch_space, create_empty_array
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import checks
@@ -138,9 +138,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._layout = self._choose_layout(str(observation), its_own)
         self.num_envs = self.batch.num_rows * self._per_swarm
         self._every_slot = np.ones(self.num_envs, np.bool_)
-        self.single_observation_space = space = self._space()
-        boxes = space.items() if isinstance(space, spaces.Dict) else [("", space)]
-        self._forms = {key: (box.shape or (), box.dtype) for key, box in boxes}  # "" for an array
+        self.single_observation_space = self._space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.single_action_space = self._action_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -424,11 +422,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         return {**infos, **{f"_{key}": mask.copy() for key in infos}}
 
     def _new(self, slots: int) -> Observations:
-        """Arrays for what some slots are shown, as Gymnasium's `create_empty_array` makes them."""
-        arrays = {
-            key: np.empty((slots, *shape), dtype) for key, (shape, dtype) in self._forms.items()
-        }
-        return arrays.get("", arrays)
+        return create_empty_array(self.single_observation_space, slots, fn=np.empty)
 
     def _new_buffers(self) -> Buffers:
         n = self.num_envs
