@@ -30,12 +30,20 @@ _TILE_ROWS = 1024
 _LEAST_ROWS = 64
 """Fewer rows than these are not worth a tile, whatever they take."""
 
-_TILE_BYTES = 800 * 2**10
+_TILE_BYTES = 1600 * 2**10
 """The most that a person's beliefs in a tile take: several such arrays fit a cache, and
 runs of memory are long."""
 
-_STRIP_BYTES = 2**15
-"""Of a tile's matrices this much is transposed at a time, which fits the nearest cache."""
+_BUFFERED = 512
+"""Elements of NumPy's buffers while beliefs drift. What is broadcast NumPy copies into its
+buffers if it fits: with small ones it is read where it lies, which is faster."""
+
+_STRIP_BYTES = 2**17
+"""Of a tile's matrices this much is transposed at a time."""
+
+_APART = 16
+"""Numbers between the rows of what is transposed. Where rows lie a power of two apart, their
+numbers for one search would drive each other out of the cache."""
 
 
 class Beliefs:
@@ -135,11 +143,15 @@ class Beliefs:
 
     def drift(self, laws: Laws) -> None:
         """Let the persons drift by a step; the laws are still at the step before."""
-        for tile, rows in zip(self._tiles, self._rows, strict=True):
-            if self.begun[rows].any():
-                for person, belief in enumerate(tile):
-                    right, left, down, up = laws.moves(person, rows)
-                    drift(belief, (right, left), (down, up), self._spare[tile.shape], belief)
+        usual = np.setbufsize(_BUFFERED)
+        try:
+            for tile, rows in zip(self._tiles, self._rows, strict=True):
+                if self.begun[rows].any():
+                    for person, belief in enumerate(tile):
+                        right, left, down, up = laws.moves(person, rows)
+                        drift(belief, (right, left), (down, up), self._spare[tile.shape], belief)
+        finally:
+            np.setbufsize(usual)
 
     def write_matrices(self, shown: Flags, out: Singles) -> None:
         """Write the matrices of all rows that have beliefs, and something to other rows.
@@ -151,12 +163,15 @@ class Beliefs:
         cells = self._size**2
         for tile, rows in zip(self._tiles, self._rows, strict=True):
             if self.begun[rows].any():
-                mean = self._mean(tile, shown[:, rows]).reshape(cells, -1).astype(np.float32)
+                mean = self._mean(tile, shown[:, rows]).reshape(cells, -1)
                 flat = out[rows].reshape(-1, cells)
                 strip = max(1, _STRIP_BYTES // (4 * len(flat)))
+                single = np.empty((strip, len(flat) + _APART), np.float32)[:, : len(flat)]
                 for first in range(0, cells, strip):
                     here = slice(first, first + strip)
-                    flat[:, here] = mean[here].T
+                    part = single[: cells - first]
+                    part[...] = mean[here]
+                    flat[:, here] = part.T
 
     def matrices(self, rows: Ints, shown: Flags) -> Singles:
         """The matrices of some rows that have beliefs: float32, (n, N, N).
