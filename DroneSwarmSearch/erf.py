@@ -37,7 +37,7 @@ def erf(z: Floats) -> Floats:
     """
     size = np.minimum(np.abs(z), _LARGEST)
     nearest = np.rint(size * _PER_UNIT)
-    point = nearest / _PER_UNIT
+    point = nearest * (1 / _PER_UNIT)
     step = size - point
     index = nearest.astype(np.intp)
     # Successive derivatives of erf are its first times Hermite polynomials.

@@ -80,7 +80,8 @@ def gaussian_cdf(
     phi = erf((edges - mean) / (deviation * math.sqrt(2)))
     below = phi[:1]
     cdf: Floats = (phi[1:] - below) / (phi[-1:] - below)
-    np.maximum.accumulate(cdf, axis=0, out=cdf)
+    if np.less(cdf[1:], cdf[:-1]).any():  # rounding could do that; to look is much cheaper
+        np.maximum.accumulate(cdf, axis=0, out=cdf)
     if not np.all(spreads):
         reached = edges[1:] - 0.5 >= np.rint(mean)
         cdf = np.where(spreads, cdf, reached)
@@ -128,9 +129,9 @@ def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats
     # Across the edge between x and x + 1, from -1|0 to N-1|N; nothing crosses the outer ones.
     net = before[:-1] - after[:-1]
     to_right = np.maximum(net, 0.0)
-    to_left = np.maximum(-net, 0.0)
+    to_left = to_right - net
     stay = np.maximum(probability - to_right[1:] - to_left[:-1], 0.0)
-    exchange = np.minimum(stay[:-1], stay[1:]) / 4
+    exchange = np.minimum(stay[:-1], stay[1:]) * 0.25
     to_right[1:-1] += exchange
     to_left[1:-1] += exchange
     occupied = np.where(probability > 0.0, probability, 1.0)

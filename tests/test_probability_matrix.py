@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from DroneSwarmSearch import ProbabilityMatrix
 from DroneSwarmSearch import probability_matrix as module
+from DroneSwarmSearch.erf import erf
 from DroneSwarmSearch.probability_matrix import dispersion_rate
 
 DRIFTS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
@@ -113,6 +114,21 @@ def test_drift_beyond_one_cell_a_step_moves_one_cell_a_step() -> None:
     fast = ProbabilityMatrix(40, (3, 20), (9.0, 0), 10)
     for t in range(1, 25):
         assert moments(fast.marginals(t)[0])[0] == pytest.approx(3 + t, abs=0.01)
+
+
+def test_no_chance_is_negative_however_the_error_function_is_rounded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    noise = np.random.default_rng(0)
+
+    def rounded(z: np.ndarray) -> np.ndarray:
+        return erf(z) + noise.uniform(-1e-9, 1e-9, z.shape)
+
+    monkeypatch.setattr(module, "erf", rounded)
+    of = {"start": np.array([4, 9]), "drift": np.array([0.3, -0.8])}
+    constant, steps = np.array(5.0), np.arange(1.0, 41.0)[:, None]
+    cdf = module.gaussian_cdf(30, **of, disperse_constant=constant, step=steps)
+    assert np.diff(cdf, axis=0).min() == 0.0
 
 
 def test_dispersion_rate_grows_to_two_thirds() -> None:

@@ -38,7 +38,7 @@ TABLE_BYTES = 64 * 2**20
 """The most that tables may take where they are not asked for; beyond it laws are followed."""
 
 _BLOCK_STEPS = 32
-_CHUNK_BYTES = 2**16  # of one array that is worked on; a cache holds some dozens of them
+_CHUNK_BYTES = 2**20  # of one of the arrays that are worked on; larger ones are not faster
 
 
 class LawParameters(NamedTuple):
@@ -136,7 +136,8 @@ class Laws:
     def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
         """Write the matrices of some rows, float32, shape (rows, N, N)."""
         x, y = self.marginals(person, rows)
-        np.multiply(y.astype(np.float32)[:, :, None], x.astype(np.float32)[:, None, :], out=out)
+        # Where runs of memory are as short as a row of cells, faster than `np.multiply`.
+        np.einsum("ry,rx->ryx", y.astype(np.float32), x.astype(np.float32), out=out)
 
     def shown(self, person: int | Ints, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each, y * N + x: float32, (n,)."""
