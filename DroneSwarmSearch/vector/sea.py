@@ -109,9 +109,11 @@ class Seas:
     def _take_laws(self, laws: Tables | Followed) -> None:
         self._laws = laws
         laws.bind(self._now.places, self._first.places)
-        # By how much all that grows does so in a step.
+        # By how much all that grows does so in a step; as much for all rows, but numbers that
+        # lie side by side are added faster.
         words = np.broadcast_to(self._words[-1].view(np.int64), self._words.shape)
-        self._growth = np.concatenate([np.ones((1, 1), np.int64), words, laws.growth])
+        growth = np.concatenate([np.ones((1, 1), np.int64), words, laws.growth])
+        self._growth = growth.repeat(self._now.all.shape[1], axis=1)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
