@@ -1426,6 +1426,6 @@ def test_laws_are_tabulated_where_tables_are_small_or_asked_for(
     assert isinstance(choose_laws(SIZE, 100, SIX, fourth), Followed)
     assert isinstance(choose_laws(SIZE, 100, SIX, SIX), Tables)
     tables = Tables(SIZE, 100, SIX)
-    chances = (tables._probability, tables._right, tables._left)
+    chances = (tables._probability, tables._moves)
     arrays = (tables._matrices, *chances, tables._higher, tables._either)
     assert sum(array.nbytes for array in arrays) == laws.TABLE_BYTES

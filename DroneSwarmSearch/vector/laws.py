@@ -161,7 +161,9 @@ class Tables(Laws):
         self._laws = _different_laws(parameters)
         count, persons = len(self._laws), len(parameters[0].start)
         shape = (count, steps + 1, 2, grid_size)
-        self._right, self._left, self._probability = (np.zeros(shape) for _ in range(3))
+        self._probability = np.zeros(shape)
+        # To move right and left: as `moves` returns them, with the entries as the last axis.
+        self._moves = np.zeros((2, 2, grid_size, count, steps + 1))
         # What numbers drawn, as integers, are compared with where persons walk.
         self._higher, self._either = (np.zeros(shape, np.int64) for _ in range(2))
         self._matrices = np.zeros((count, steps + 1, grid_size, grid_size), np.float32)
@@ -189,6 +191,7 @@ class Tables(Laws):
         """Make the views of the tables."""
         self._flat_higher, self._flat_either = self._higher.reshape(-1), self._either.reshape(-1)
         self.matrices = self._matrices.reshape(-1, self.grid_size, self.grid_size)
+        self._flat_moves = self._moves.reshape(2, 2, self.grid_size, -1)
         self._flat_probability = self._probability.reshape(-1, 2, self.grid_size)
         self._flat_matrices = self._matrices.reshape(-1)
 
@@ -238,13 +241,9 @@ class Tables(Laws):
         return both[:, 0], both[:, 1]
 
     def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
-        entries, width = self.entries[person, rows], 2 * self.grid_size
-        right, left = (
-            np.ascontiguousarray(table.reshape(-1, width).take(entries, 0, mode="clip").T)
-            for table in (self._right, self._left)
-        )
-        n = self.grid_size
-        return right[:n], left[:n], right[n:], left[n:]
+        entries = self.entries[person, rows]
+        (right, down), (left, up) = self._flat_moves.take(entries, 3, mode="clip")
+        return right, left, down, up
 
     def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
         self.matrices.take(self._at(person, rows), 0, out=out, mode="clip")
@@ -290,14 +289,14 @@ class Tables(Laws):
         self._cdf = tables.cdf
         here = np.s_[:, first : first + count]
         shape = (count, len(self._laws), 2, self.grid_size)
-        for table, values in (
-            (self._probability, tables.probability),
-            (self._right, tables.right),
-            (self._left, tables.left),
-        ):
-            table[here] = values.reshape(shape).swapaxes(0, 1)
-        self._higher[here] = np.ceil(self._right[here] * DENOMINATOR)
-        self._either[here] = np.ceil((self._right[here] + self._left[here]) * DENOMINATOR)
+        probability, right, left = (
+            table.reshape(shape).swapaxes(0, 1)
+            for table in (tables.probability, tables.right, tables.left)
+        )
+        self._probability[here] = probability
+        self._higher[here] = np.ceil(right * DENOMINATOR)
+        self._either[here] = np.ceil((right + left) * DENOMINATOR)
+        self._moves[..., first : first + count] = np.stack([right, left]).transpose(0, 3, 4, 1, 2)
         x, y = np.moveaxis(self._probability[here].astype(np.float32), 2, 0)
         np.multiply(y[..., :, None], x[..., None, :], out=self._matrices[here])
         self._filled = first + count

@@ -251,6 +251,9 @@ class Seas:
 
     def _shown_persons(self, rows: Ints | slice) -> Flags:
         """The persons over whom the matrix is the mean: (persons, n)."""
+        if len(self._detections) == 1:
+            number = len(self.step) if isinstance(rows, slice) else len(rows)
+            return np.ones((1, number), np.bool_)
         missing: Flags = self._now.missing[:, rows] != 0
         shown: Flags = missing | ~missing.any(axis=0)
         return shown
