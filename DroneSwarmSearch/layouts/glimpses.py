@@ -27,6 +27,10 @@ LENGTH = 2 * len(SCALES) * WINDOW**2 + 2
 FAINT = 1e-6
 """The least maximum of a matrix that is told from smaller ones."""
 
+_DRONES_AT_ONCE = 1000
+"""The windows of so many fit a cache. No power of two: numbers that lie such a distance apart
+would drive each other out of it."""
+
 
 class GlimpsesLayout(Layout):
     """For each drone a vector: float32, length 2 * 4 * 5² + 2 = 202.
@@ -42,70 +46,81 @@ class GlimpsesLayout(Layout):
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
-        self._boxes = WINDOW**2
-        # Windows one behind another: probabilities of a scale, then drones of that scale.
-        self._starts = [2 * place * self._boxes for place in range(len(SCALES))]
+        # [scale, probabilities or drones, box]: how the windows lie in what a drone is shown.
+        self._windows = (len(SCALES), 2, WINDOW**2)
         high = np.ones(LENGTH, np.float32)
-        for start in self._starts:
-            high[start + self._boxes : start + 2 * self._boxes] = n_drones - 1
+        high[:-2].reshape(self._windows)[:, 1] = n_drones - 1
         low = np.zeros(LENGTH, np.float32)
         low[-1] = -1.0
         self.space = spaces.Box(low, high, dtype=np.float32)
-        # For each scale, [column or row of the drone, border]: where along an axis boxes
-        # begin and end, cut off at the edges of the grid.
-        borders = np.arange(WINDOW + 1) - WINDOW // 2
-        axis = np.arange(grid_size)[:, None]
-        self._borders = [
-            np.clip(axis + borders * scale - scale // 2, 0, grid_size) for scale in SCALES
-        ]
+        scales = np.array(SCALES)[:, None]
+        # [scale, border, column or row of the drone]: where along an axis boxes begin and
+        # end, cut off at the edges of the grid.
+        borders = (np.arange(WINDOW + 1) - WINDOW // 2) * scales - scales // 2
+        self._borders = np.clip(borders[..., None] + np.arange(grid_size), 0, grid_size)
+        self._cells = (scales**2).astype(np.float32)[..., None, None]  # of a box
         # Products with this sum up along an axis, several times as fast as cumsum.
         self._summing = np.triu(np.ones((grid_size, grid_size), np.float32))
-        # For each scale, [offset + N - 1]: the box of a window's axis that a drone is in
-        # whose cell lies so far from one's own; beyond all boxes if it is out of the window.
+        # [scale, offset + N - 1]: the box of a window's axis that a drone is in whose cell
+        # lies so far from one's own; beyond all boxes if it is out of the window.
         offsets = np.arange(1 - grid_size, grid_size)
-        self._axes = []
-        for scale in SCALES:
-            boxes = (offsets + scale // 2) // scale + WINDOW // 2
-            self._axes.append(np.where((boxes < 0) | (boxes >= WINDOW), self._boxes, boxes))
+        boxes = (offsets + scales // 2) // scales + WINDOW // 2
+        self._axes = np.where((boxes < 0) | (boxes >= WINDOW), WINDOW**2, boxes)
         self._is_other = ~np.eye(n_drones, dtype=np.bool_)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
         highest = matrices.max(axis=(1, 2))
-        self._write_boxes(positions, matrices, highest, out)
-        self._write_others(positions, out)
+        windows = out[..., :-2].reshape(*out.shape[:2], *self._windows)
+        self._write_boxes(positions, matrices, highest, windows[..., 0, :])
+        self._write_others(positions, windows[..., 1, :])
         out[..., -2] = left[:, None]
         out[..., -1] = (np.log10(np.maximum(highest, FAINT)) / -np.log10(FAINT))[:, None]
 
     def _write_boxes(
         self, positions: Positions, matrices: Singles, highest: Singles, out: Singles
     ) -> None:
-        """Write the windows of probabilities, by way of sums over rectangles."""
+        """Write the windows of probabilities, by way of sums over rectangles.
+
+        Args:
+            positions: as for `write`.
+            matrices: likewise.
+            highest: their maxima.
+            out: float32, shape (searches, drones, scales, boxes).
+        """
         searches, width = len(matrices), self.grid_size + 1
         # [search, y, x]: the sum over all cells above and to the left.
         sums = np.zeros((searches, width, width), np.float32)
         sums[:, 1:, 1:] = self._summing.T @ (matrices @ self._summing)
-        of_search = (np.arange(searches) * width**2)[:, None, None]
-        for start, scale, borders in zip(self._starts, SCALES, self._borders, strict=True):
-            across = borders.take(positions[..., 0], axis=0)
-            down = borders.take(positions[..., 1], axis=0) * width + of_search
-            corners = sums.reshape(-1).take(down[..., :, None] + across[..., None, :])
-            strips = corners[..., 1:, :] - corners[..., :-1, :]
-            boxes = strips[..., 1:] - strips[..., :-1]
-            boxes /= (highest * scale**2)[:, None, None, None]
+        begin = np.arange(0, sums.size, width**2)
+        count = max(1, _DRONES_AT_ONCE // self.n_drones)
+        for first in range(0, searches, count):
+            here = slice(first, first + count)
+            # With the drones as the last axis, which is long, all the others are fast.
+            x, y = positions[here].reshape(-1, 2).T
+            across = self._borders.take(x, axis=2)
+            down = self._borders.take(y, axis=2) * width + begin[here].repeat(self.n_drones)
+            corners = sums.reshape(-1).take(down[:, :, None] + across[:, None], mode="clip")
+            strips = corners[:, 1:] - corners[:, :-1]
+            boxes = strips[:, :, 1:] - strips[:, :, :-1]
+            boxes /= highest[here].repeat(self.n_drones) * self._cells
             np.clip(boxes, 0.0, 1.0, out=boxes)  # rounding
             np.sqrt(boxes, out=boxes)
-            out[..., start : start + self._boxes] = boxes.reshape(searches, -1, self._boxes)
+            by_drone = boxes.reshape(len(SCALES), WINDOW**2, -1, self.n_drones)
+            out[here] = by_drone.transpose(2, 3, 0, 1)
 
     def _write_others(self, positions: Positions, out: Singles) -> None:
-        """Write the windows of the other drones."""
-        searches, drones = positions.shape[:2]
+        """Write the windows of the other drones.
+
+        Args:
+            positions: as for `write`.
+            out: float32, shape (searches, drones, scales, boxes).
+        """
+        searches, drones, scales, boxes = out.shape
         # [search, drone, other]: how far the other is to the right and down, plus N - 1.
         offsets = positions[:, None, :] - positions[:, :, None] + (self.grid_size - 1)
-        across, down = offsets[..., 0], offsets[..., 1]
-        slots = np.arange(searches * drones).reshape(searches, drones, 1) * self._boxes
-        for start, axis in zip(self._starts, self._axes, strict=True):
-            boxes = axis.take(down) * WINDOW + axis.take(across)
-            seen = (boxes < self._boxes) & self._is_other
-            counts = np.bincount((slots + boxes)[seen], minlength=slots.size * self._boxes)
-            first = start + self._boxes
-            out[..., first : first + self._boxes] = counts.reshape(searches, drones, -1)
+        # [scale, search, drone, other]
+        across, down = (self._axes.take(offsets[..., axis], axis=1) for axis in (0, 1))
+        seen = down * WINDOW + across
+        begin = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
+        counted = (begin.transpose(3, 0, 1, 2) + seen)[(seen < boxes) & self._is_other]
+        out[...] = np.bincount(counted, minlength=out.size).reshape(out.shape)
