@@ -1041,6 +1041,16 @@ def test_integers_of_every_kind_are_actions(dtype: Any) -> None:
     assert seen(batches[0]) == seen(batches[1]) == seen(batches[2])
 
 
+def test_numpys_settings_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = SearchBatch(2, bayesian_update=True)
+    batch.reset([1, 2])
+    usual, while_drifting = np.getbufsize(), []
+    monkeypatch.setattr(beliefs, "drift", lambda *_: while_drifting.append(np.getbufsize()))
+    batch.step([[Action.SEARCH], [Action.IDLE]])
+    assert while_drifting == [beliefs._BUFFERED]
+    assert np.getbufsize() == usual != beliefs._BUFFERED
+
+
 @pytest.mark.parametrize("seeds", [[1], [1, 2, 3], []])
 def test_a_wrong_number_of_seeds_is_refused(seeds: list[int]) -> None:
     batch = SearchBatch(2)
