@@ -8,6 +8,7 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
+from DroneSwarmSearch.layouts import glimpses as module
 from DroneSwarmSearch.layouts.glimpses import LENGTH, SCALES, WINDOW, GlimpsesLayout
 
 BOXES = WINDOW**2
@@ -69,7 +70,10 @@ def test_windows_show_the_boxes_around_the_drone(
 def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
     together = glimpses(*shown)
     alone = [glimpses(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
-    assert plain(np.concatenate(alone)) == plain(together)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_DRONES_AT_ONCE", 4)
+        in_parts = glimpses(*shown)
+    assert plain(np.concatenate(alone)) == plain(together) == plain(in_parts)
 
 
 def test_length_depends_on_neither_grid_nor_swarm() -> None:
