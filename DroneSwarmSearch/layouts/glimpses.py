@@ -28,8 +28,8 @@ FAINT = 1e-6
 """The least maximum of a matrix that is told from smaller ones."""
 
 _DRONES_AT_ONCE = 1000
-"""The windows of so many fit a cache. No power of two: numbers that lie such a distance apart
-would drive each other out of it."""
+"""What the windows of so many are made from fits a cache. No power of two: numbers that lie
+such a distance apart would drive each other out of it."""
 
 
 class GlimpsesLayout(Layout):
@@ -69,6 +69,14 @@ class GlimpsesLayout(Layout):
         self._is_other = ~np.eye(n_drones, dtype=np.bool_)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+        count = max(1, _DRONES_AT_ONCE // self.n_drones)
+        for first in range(0, len(positions), count):
+            here = slice(first, first + count)
+            self._write_some(positions[here], matrices[here], left[here], out[here])
+
+    def _write_some(
+        self, positions: Positions, matrices: Singles, left: Singles, out: Singles
+    ) -> None:
         highest = matrices.max(axis=(1, 2))
         windows = out[..., :-2].reshape(*out.shape[:2], *self._windows)
         self._write_boxes(positions, matrices, highest, windows[..., 0, :])
@@ -87,26 +95,23 @@ class GlimpsesLayout(Layout):
             highest: their maxima.
             out: float32, shape (searches, drones, scales, boxes).
         """
-        searches, width = len(matrices), self.grid_size + 1
+        searches, drones, scales, boxes = out.shape
+        width = self.grid_size + 1
         # [search, y, x]: the sum over all cells above and to the left.
         sums = np.zeros((searches, width, width), np.float32)
         sums[:, 1:, 1:] = self._summing.T @ (matrices @ self._summing)
-        begin = np.arange(0, sums.size, width**2)
-        count = max(1, _DRONES_AT_ONCE // self.n_drones)
-        for first in range(0, searches, count):
-            here = slice(first, first + count)
-            # With the drones as the last axis, which is long, all the others are fast.
-            x, y = positions[here].reshape(-1, 2).T
-            across = self._borders.take(x, axis=2)
-            down = self._borders.take(y, axis=2) * width + begin[here].repeat(self.n_drones)
-            corners = sums.reshape(-1).take(down[:, :, None] + across[:, None], mode="clip")
-            strips = corners[:, 1:] - corners[:, :-1]
-            boxes = strips[:, :, 1:] - strips[:, :, :-1]
-            boxes /= highest[here].repeat(self.n_drones) * self._cells
-            np.clip(boxes, 0.0, 1.0, out=boxes)  # rounding
-            np.sqrt(boxes, out=boxes)
-            by_drone = boxes.reshape(len(SCALES), WINDOW**2, -1, self.n_drones)
-            out[here] = by_drone.transpose(2, 3, 0, 1)
+        # With the drones as the last axis, which is long, all the others are fast.
+        x, y = positions.reshape(-1, 2).T
+        across = self._borders.take(x, axis=2)
+        down = self._borders.take(y, axis=2) * width
+        down += np.arange(0, sums.size, width**2).repeat(drones)
+        corners = sums.reshape(-1).take(down[:, :, None] + across[:, None], mode="clip")
+        strips = corners[:, 1:] - corners[:, :-1]
+        means = strips[:, :, 1:] - strips[:, :, :-1]
+        means /= highest.repeat(drones) * self._cells
+        np.clip(means, 0.0, 1.0, out=means)  # rounding
+        np.sqrt(means, out=means)
+        out[...] = means.reshape(scales, boxes, searches, drones).transpose(2, 3, 0, 1)
 
     def _write_others(self, positions: Positions, out: Singles) -> None:
         """Write the windows of the other drones.
