@@ -58,7 +58,7 @@ class GlimpsesLayout(Layout):
         # end, cut off at the edges of the grid.
         borders = (np.arange(WINDOW + 1) - WINDOW // 2) * scales - scales // 2
         self._borders = np.clip(borders[..., None] + np.arange(grid_size), 0, grid_size)
-        self._cells = (scales**2).astype(np.float32)[..., None, None]  # of a box
+        self._areas = (scales**2).astype(np.float32)[..., None, None]  # of boxes, in cells
         # Products with this sum up along an axis, several times as fast as cumsum.
         self._summing = np.triu(np.ones((grid_size, grid_size), np.float32))
         # [scale, offset + N - 1]: the box of a window's axis that a drone is in whose cell
@@ -108,7 +108,7 @@ class GlimpsesLayout(Layout):
         corners = sums.reshape(-1).take(down[:, :, None] + across[:, None], mode="clip")
         strips = corners[:, 1:] - corners[:, :-1]
         means = strips[:, :, 1:] - strips[:, :, :-1]
-        means /= highest.repeat(drones) * self._cells
+        means /= highest.repeat(drones) * self._areas
         np.clip(means, 0.0, 1.0, out=means)  # rounding
         np.sqrt(means, out=means)
         out[...] = means.reshape(scales, boxes, searches, drones).transpose(2, 3, 0, 1)
@@ -123,9 +123,10 @@ class GlimpsesLayout(Layout):
         searches, drones, scales, boxes = out.shape
         # [search, drone, other]: how far the other is to the right and down, plus N - 1.
         offsets = positions[:, None, :] - positions[:, :, None] + (self.grid_size - 1)
-        # [scale, search, drone, other]
+        # [scale, search, drone, other]: the box that the other is in.
         across, down = (self._axes.take(offsets[..., axis], axis=1) for axis in (0, 1))
-        seen = down * WINDOW + across
-        begin = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
-        counted = (begin.transpose(3, 0, 1, 2) + seen)[(seen < boxes) & self._is_other]
-        out[...] = np.bincount(counted, minlength=out.size).reshape(out.shape)
+        box = down * WINDOW + across
+        seen = (box < boxes) & self._is_other
+        first = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
+        places = first.transpose(3, 0, 1, 2) + box  # in `out`, flat
+        out[...] = np.bincount(places[seen], minlength=out.size).reshape(out.shape)
