@@ -13,6 +13,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 __all__ = [
     "boolean",
@@ -25,6 +26,7 @@ __all__ = [
     "pair",
     "positive",
     "real",
+    "receiver",
 ]
 
 
@@ -142,6 +144,23 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
         raise ValueError(f"{name} must be {what}, got {value!r}")
     x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
     return x, y
+
+
+def receiver(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+    """An array that may be written into as one run of memory, of some shape and dtype."""
+    if not isinstance(value, np.ndarray):
+        came = repr(value)
+    elif value.shape != shape or value.dtype != dtype:
+        came = f"{value.dtype} of shape {value.shape}"
+    elif not value.flags.c_contiguous:
+        came = "one with gaps or in another order"
+    elif not value.flags.writeable:
+        came = "a read-only one"
+    else:
+        return
+    error = ValueError if isinstance(value, np.ndarray) else TypeError
+    what = f"a writeable C-contiguous {np.dtype(dtype)} array of shape {shape}"
+    raise error(f"{name} must be {what}, got {came}")
 
 
 def _listed(allowed: Sequence[str | None]) -> str:

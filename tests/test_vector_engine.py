@@ -26,11 +26,11 @@ from DroneSwarmSearch import (
     ProbabilityMatrix,
     ResetNeeded,
 )
-from DroneSwarmSearch.belief import after_fruitless_search
+from DroneSwarmSearch.belief import after_drift, after_fruitless_search
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS
 from DroneSwarmSearch.streams import RowNumbers, episode_keys, numbers, stream_keys
-from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, laws
+from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, laws, threads
 from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables, choose_laws
 
 NAN, INF = float("nan"), float("inf")
@@ -72,6 +72,7 @@ class Twins:
         self.episodes = [0] * rows
         self.frames: list[Frame] = []
         self.compared = 0
+        self.received: Any = None
 
     def reset(
         self,
@@ -84,6 +85,7 @@ class Twins:
         for k, row in enumerate(which):
             self._begin(row, None if seeds is None else seeds[k], of_row(given or {}, row))
             self.rewards[row] = 0.0
+        self.received = None
         self.compare()
 
     def _begin(self, row: int, seed: int | None, given: Mapping[str, Any]) -> None:
@@ -103,7 +105,11 @@ class Twins:
 
     def step(self, actions: Any) -> None:
         over = self.batch.over.tolist()
-        self.batch.step(actions)
+        # Matrices come with a step, or are asked for after it.
+        size = self.envs[0].grid_size
+        asks = self.compared % 2
+        self.received = np.full((len(over), size, size), NAN, np.float32) if asks else None
+        self.batch.step(actions, self.received)
         for row, env in enumerate(self.envs):
             if over[row]:
                 self._begin(row, None, {})
@@ -121,6 +127,8 @@ class Twins:
         matrices = np.full_like(expected, NAN)
         batch.write_matrices(matrices)
         assert matrices.tobytes() == expected.tobytes()
+        if self.received is not None:
+            assert self.received.tobytes() == expected.tobytes()
         for rows in (every, every[self.compared % 2 :: 2]):
             assert batch.matrices_of(rows).tobytes() == expected[rows].tobytes()
         assert batch.rewards.tobytes() == self.rewards.tobytes()
@@ -234,6 +242,7 @@ class Case:
     seed: int
     steps: int
     resets: float  # the chance of a reset after a step
+    shared: bool  # whether threads share what they may
 
 
 class Drawn:
@@ -295,6 +304,7 @@ def random_case(rng: random.Random) -> Case:
         seed=rng.randrange(2**32),
         steps=rng.randint(4, 28),
         resets=rng.choice([0.0, 0.0, 0.15]),
+        shared=rng.random() < 0.3,
     )
 
 
@@ -303,6 +313,18 @@ def planned(plans: list[list[int]], frame: Frame, turn: int, rng: random.Random)
     missing = [cell for cell, f in zip(frame.persons, frame.found, strict=True) if not f]
     actions = planned_actions(plans, turn, frame.drones, missing, frame.grid_size, rng)
     return list(map(int, actions))
+
+
+HELPERS = threads._Helpers()
+HELPERS.number = 2
+
+
+def share_all(patch: pytest.MonkeyPatch) -> None:
+    """Let threads, wherever the test runs, share what is otherwise too small for it."""
+    patch.setattr(threads, "_helpers", HELPERS)
+    patch.setattr(beliefs, "_LEAST_SHARED_BYTES", 0)
+    patch.setattr(threads, "_LEAST_BYTES", 0)
+    patch.setattr(threads, "_PART_BYTES", 100)  # so that there are several parts
 
 
 def check_case(case: Case) -> Counter[str]:
@@ -315,6 +337,8 @@ def check_case(case: Case) -> Counter[str]:
         patch.setattr(collisions, "_FEW", case.few_drones)
         if case.followed:
             patch.setattr(laws, "TABLE_BYTES", 0)
+        if case.shared:
+            share_all(patch)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         successful: list[set[int]] = [set() for _ in range(case.rows)]
@@ -449,12 +473,15 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     followed.advance(np.empty(0, np.int64))  # the person of row 1 may now be in any of nine cells
     known = beliefs.Beliefs(4, (1.0,), 3)
     cells = np.array([5, 5, 0])
-    known.learn(np.arange(3), cells, np.ones((1, 3), bool), followed)
-    matrices = known.matrices(np.arange(3), np.ones((1, 3), bool))
+    everybody = np.ones((1, 3), bool)
+    with known.going_on(np.arange(3), cells, everybody, everybody, followed, None):
+        pass
+    matrices = known.matrices(np.arange(3), everybody)
     for row, cell in enumerate(cells.tolist()):
         law = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
-        after, kept = after_fruitless_search(law.exact(1), [cell], 1.0)
+        learned, kept = after_fruitless_search(law.exact(1), [cell], 1.0)
         assert (kept == 0.0) == (row != 1)
+        after = after_drift(learned, *law.moves(1))
         assert matrices[row].tobytes() == after.astype(np.float32).tobytes()
 
 
@@ -1407,12 +1434,12 @@ def test_tables_fill_as_far_as_the_rows_come() -> None:
         if step == 40:
             held.begin([0, 1, 2])
         filled.append(tables._filled)
-    # Rows that began anew after step 41 have to come to step 64 for the third block.
-    assert filled == [32] * 31 + [64] * 69
+    # A step ahead. Rows that began anew after step 41 have to come to step 63 for the third block.
+    assert filled == [32] * 30 + [64] * 70
     for _ in range(41):
         held.advance()
         filled.append(tables._filled)
-    assert filled[100:] == [64] * 4 + [96] * 32 + [101] * 5
+    assert filled[100:] == [64] * 3 + [96] * 32 + [101] * 6
     assert tables._matrices.shape[:2] == (3, 101)
 
 

@@ -169,8 +169,10 @@ def _batch(size: Size, num_envs: int, **more: Any) -> SearchBatch:
     return batch
 
 
-def _steps_of_batch(batch: SearchBatch, look: Callable[[], object]) -> Run:
-    """Steps of the engine, after each of which something is looked at."""
+def _steps_of_batch(
+    batch: SearchBatch, look: Callable[[], object], matrices: NDArray[np.float32] | None = None
+) -> Run:
+    """Steps of the engine, which write matrices where wanted; then something is looked at."""
     num_rows = batch.num_rows
     coming = cycle(random_actions(num_rows, batch.scenario.n_drones))
 
@@ -179,7 +181,7 @@ def _steps_of_batch(batch: SearchBatch, look: Callable[[], object]) -> Run:
         for row in islice(coming, steps):
             # Rows that are over begin anew in place of a step.
             made += num_rows - int(np.count_nonzero(batch.over))
-            batch.step(row)
+            batch.step(row, matrices)
             look()
         return made
 
@@ -194,12 +196,7 @@ def _index(size: Size, num_envs: int) -> Run:
 def _matrices(size: Size, num_envs: int, **more: Any) -> Run:
     buffer = _matrix_buffer(size, num_envs)
     batch = _batch(size, num_envs, **more)
-
-    def look() -> None:
-        _ = batch.positions
-        batch.write_matrices(buffer)
-
-    return _steps_of_batch(batch, look)
+    return _steps_of_batch(batch, lambda: batch.positions, buffer)
 
 
 def _own_laws(size: Size, num_envs: int) -> Run:

@@ -5,17 +5,20 @@ The arithmetic is `belief`'s, and agrees with the single environment to the last
 
 Rows lie in tiles with the row as the last axis: the factors by which a belief drifts
 differ from row to row, and this way they apply to runs of memory, not to single numbers.
+Tiles go on independently, where there are several in as many threads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.belief import drift, normalise
 from DroneSwarmSearch.vector.laws import Laws
+from DroneSwarmSearch.vector.threads import Beside
 
 __all__ = ["Beliefs"]
 
@@ -34,6 +37,9 @@ _TILE_BYTES = 1600 * 2**10
 """The most that a person's beliefs in a tile take: several such arrays fit a cache, and
 runs of memory are long."""
 
+_LEAST_SHARED_BYTES = 2**20
+"""Tiles of which a person's beliefs take less are not worth another thread."""
+
 _BUFFERED = 512
 """Elements of NumPy's buffers while beliefs drift. What is broadcast NumPy copies into its
 buffers if it fits: with small ones it is read where it lies, which is faster."""
@@ -44,6 +50,22 @@ _STRIP_BYTES = 2**17
 _APART = 16
 """Numbers between the rows of what is transposed. Where rows lie a power of two apart, their
 numbers for one search would drive each other out of the cache."""
+
+
+class _Searches(NamedTuple):
+    """The searches of a step for one person, who is still missing.
+
+    Attributes:
+        rows: the row of every search, in rising order.
+        at: the place of its cell among all beliefs.
+        before: what was believed of that cell.
+        searched: which rows have been searched: bool, (rows of the batch,).
+    """
+
+    rows: Ints
+    at: Ints
+    before: Floats
+    searched: Flags
 
 
 class Beliefs:
@@ -61,67 +83,86 @@ class Beliefs:
     def __init__(self, grid_size: int, detections: Sequence[float], rows: int) -> None:
         self._size = grid_size
         self._detections = detections
-        width = min(rows, _TILE_ROWS, max(_LEAST_ROWS, _TILE_BYTES // (8 * grid_size**2)))
-        self._first = range(0, rows, width)  # of each tile's rows
+        self._width = min(rows, _TILE_ROWS, max(_LEAST_ROWS, _TILE_BYTES // (8 * grid_size**2)))
+        self._flat = np.zeros(len(detections) * grid_size**2 * rows)
+        self.begun = np.zeros(rows, np.bool_)
+        self._see()
+
+    def _see(self) -> None:
+        """Make the views of the beliefs."""
+        persons, size, rows = len(self._detections), self._size, len(self.begun)
+        self._first = range(0, rows, self._width)  # of each tile's rows
         ends = [*self._first[1:], rows]
         self._rows = [slice(*ends_of) for ends_of in zip(self._first, ends, strict=True)]
+        # Where each row's beliefs begin, and how far apart they are from cell to cell.
+        columns = np.arange(rows) % self._width
+        self._begin_at = columns + persons * size**2 * (np.arange(rows) - columns)
+        self._apart = np.minimum(self._width, rows - (np.arange(rows) - columns))
         # [person, y, x, row of the tile]
-        shape = (len(detections), grid_size, grid_size)
-        self._tiles = [np.zeros((*shape, tile.stop - tile.start)) for tile in self._rows]
-        self._spare = {tile.shape: (tile[0].copy(), tile[0].copy()) for tile in self._tiles}
-        self.begun = np.zeros(rows, np.bool_)
+        self._tiles = [
+            part.reshape(persons, size, size, -1)
+            for part in np.split(self._flat, [persons * size**2 * end for end in ends[:-1]])
+        ]
+        # For each thread that lets beliefs drift two arrays to work in.
+        self._spare: list[tuple[Floats, Floats]] = []
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Views would be arrays of their own in a copy."""
+        views = ("_first", "_rows", "_begin_at", "_apart", "_tiles", "_spare")
+        return {name: value for name, value in self.__dict__.items() if name not in views}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._see()
 
     def forget(self, rows: Ints) -> None:
         """Some rows have begun anew."""
         self.begun[rows] = False
 
-    def learn(self, rows: Ints, cells: Ints, missing: Flags, laws: Laws) -> None:
-        """Take in that searches have not found those still missing.
+    # A step.
+
+    def going_on(
+        self,
+        rows: Ints,
+        cells: Ints,
+        missing: Flags,
+        shown: Flags,
+        laws: Laws,
+        out: Singles | None,
+    ) -> Beside[int]:
+        """What happens to beliefs in a step; at the end of the block that is run beside it.
+
+        They take in that searches have not found those still missing; the persons drift;
+        then the matrices of all rows that have beliefs are written, and something to some
+        other rows.
 
         Args:
             rows: the row of every search, in rising order.
             cells: the cell of every search, y * N + x; in a row no two are alike.
-            missing: the persons not found, shape (persons, rows of the batch).
-            laws: of the rows, at the step of the search.
+            missing: the persons not found, bool, shape (persons, rows of the batch).
+            shown: the persons over which a matrix is the mean, likewise.
+            laws: of the rows; until the block ends they stay at the step of the search.
+            out: float32, shape (rows of the batch, N, N); None: no matrices are written.
         """
-        if not rows.size:
-            return
         new = rows[~self.begun[rows]]
         if new.size:
             self._begin(np.unique(new), laws)
-        for tile, here in self._parts(rows):
-            columns = rows[here] - self._first[tile]
-            for person, detection in enumerate(self._detections):
-                still = missing[person, rows[here]]
-                belief, searched = self._tiles[tile][person], columns[still]
-                at = self._places(cells[here][still], searched, belief)
-                self._learn(belief, at, searched, 1.0 - detection)
+        by_person = [
+            self._take_in(person, rows[still], cells[still])
+            for person, still in enumerate(missing[:, rows])
+        ]
 
-    @staticmethod
-    def _learn(belief: Floats, at: Ints, columns: Ints, kept: float) -> None:
-        """Take in searches for one person.
+        def go_on(tile: int) -> None:
+            if not self.begun[self._rows[tile]].any():
+                return
+            for person, searches in enumerate(by_person):
+                self._normalise(tile, person, searches)
+            self._drift(tile, laws)
+            if out is not None:
+                self._write(tile, shown, out)
 
-        Args:
-            belief: about the person, a part of a tile.
-            at: the places in it of the cells searched.
-            columns: their columns in it.
-            kept: what is left of a searched cell's probability.
-        """
-        flat = belief.reshape(-1)
-        before = flat.take(at)
-        flat[at] = before * kept
-        searched = np.zeros(belief.shape[-1], np.bool_)
-        searched[columns] = True
-        impossible = searched & (normalise(belief, searched) <= 0.0)
-        if impossible.any():  # the searches contradict the belief, which stays
-            undo = impossible[columns]
-            flat[at[undo]] = before[undo]
-
-    @staticmethod
-    def _places(cells: Ints, columns: Ints, belief: Floats) -> Ints:
-        """Where in the flat belief of a tile's person some cells of some columns stand."""
-        at: Ints = cells * belief.shape[-1] + columns
-        return at
+        shares = self._tiles[0][0].nbytes >= _LEAST_SHARED_BYTES
+        return Beside(go_on, range(len(self._tiles)), shares)
 
     def _begin(self, rows: Ints, laws: Laws) -> None:
         self.begun[rows] = True
@@ -134,44 +175,76 @@ class Beliefs:
                 for column, product in zip(columns.tolist(), products[here], strict=True):
                     belief[:, column] = product
 
-    def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
-        """The tiles in which rows in rising order lie, and for each the part of the rows."""
-        ends = np.searchsorted(rows, [tile.stop for tile in self._rows]).tolist()
-        for tile, here in enumerate(map(slice, [0, *ends], ends)):
-            if here.start < here.stop:
-                yield tile, here
+    def _take_in(self, person: int, rows: Ints, cells: Ints) -> _Searches:
+        """Lower what is believed of cells searched; what the beliefs sum to is lower, too."""
+        at = self._places(person, rows, cells)
+        before = self._flat.take(at)
+        self._flat[at] = before * (1.0 - self._detections[person])
+        searched = np.zeros(len(self.begun), np.bool_)
+        searched[rows] = True
+        return _Searches(rows, at, before, searched)
 
-    def drift(self, laws: Laws) -> None:
-        """Let the persons drift by a step; the laws are still at the step before."""
+    def _places(self, person: int, rows: Ints, cells: Ints) -> Ints:
+        """Where among all beliefs those of some rows about a person and some cells are."""
+        places: Ints = cells + person * self._size**2
+        places *= self._apart.take(rows)
+        places += self._begin_at.take(rows)
+        return places
+
+    def _normalise(self, tile: int, person: int, searches: _Searches) -> None:
+        """Let beliefs sum to 1 again that have taken in searches."""
+        rows = self._rows[tile]
+        searched = searches.searched[rows]
+        if not searched.any():
+            return
+        impossible = searched & (normalise(self._tiles[tile][person], searched) <= 0.0)
+        if impossible.any():  # the searches contradict the belief, which stays
+            first, last = np.searchsorted(searches.rows, [rows.start, rows.stop])
+            undo = first + impossible[searches.rows[first:last] - rows.start].nonzero()[0]
+            self._flat[searches.at[undo]] = searches.before[undo]
+
+    def _drift(self, tile: int, laws: Laws) -> None:
+        """Let the persons of a tile drift by a step; the laws are still at the step before."""
+        beliefs = self._tiles[tile]
+        try:
+            spare = self._spare.pop()
+        except IndexError:
+            spare = np.empty(self._tiles[0][0].size), np.empty(self._tiles[0][0].size)
+        higher, lower = (array[: beliefs[0].size].reshape(beliefs[0].shape) for array in spare)
         usual = np.setbufsize(_BUFFERED)
         try:
-            for tile, rows in zip(self._tiles, self._rows, strict=True):
-                if self.begun[rows].any():
-                    for person, belief in enumerate(tile):
-                        right, left, down, up = laws.moves(person, rows)
-                        drift(belief, (right, left), (down, up), self._spare[tile.shape], belief)
+            for person, belief in enumerate(beliefs):
+                right, left, down, up = laws.moves(person, self._rows[tile])
+                drift(belief, (right, left), (down, up), (higher, lower), belief)
         finally:
             np.setbufsize(usual)
+        self._spare.append(spare)
+
+    # What is known.
 
     def write_matrices(self, shown: Flags, out: Singles) -> None:
-        """Write the matrices of all rows that have beliefs, and something to other rows.
+        """Write the matrices of all rows that have beliefs, and something to some other rows.
 
         Args:
             shown: the persons over which the mean is taken, bool, shape (persons, rows).
             out: float32, shape (rows, N, N).
         """
-        cells = self._size**2
-        for tile, rows in zip(self._tiles, self._rows, strict=True):
+        for tile, rows in enumerate(self._rows):
             if self.begun[rows].any():
-                mean = self._mean(tile, shown[:, rows]).reshape(cells, -1)
-                flat = out[rows].reshape(-1, cells)
-                strip = max(1, _STRIP_BYTES // (4 * len(flat)))
-                single = np.empty((strip, len(flat) + _APART), np.float32)[:, : len(flat)]
-                for first in range(0, cells, strip):
-                    here = slice(first, first + strip)
-                    part = single[: cells - first]
-                    part[...] = mean[here]
-                    flat[:, here] = part.T
+                self._write(tile, shown, out)
+
+    def _write(self, tile: int, shown: Flags, out: Singles) -> None:
+        """Write the matrices of a tile."""
+        cells, rows = self._size**2, self._rows[tile]
+        mean = self._mean(self._tiles[tile], shown[:, rows]).reshape(cells, -1)
+        flat = out[rows].reshape(-1, cells)
+        strip = max(1, _STRIP_BYTES // (4 * len(flat)))
+        single = np.empty((strip, len(flat) + _APART), np.float32)[:, : len(flat)]
+        for first in range(0, cells, strip):
+            here = slice(first, first + strip)
+            part = single[: cells - first]
+            part[...] = mean[here]
+            flat[:, here] = part.T
 
     def matrices(self, rows: Ints, shown: Flags) -> Singles:
         """The matrices of some rows that have beliefs: float32, (n, N, N).
@@ -188,13 +261,17 @@ class Beliefs:
 
     def shown(self, rows: Ints, cells: Ints, shown: Flags) -> Singles:
         """What the matrices of some rows, in rising order, say of a cell of each: float32, (n,)."""
-        out = np.empty(len(rows), np.float32)
-        for tile, here in self._parts(rows):
-            beliefs = self._tiles[tile]
-            at = self._places(cells[here], rows[here] - self._first[tile], beliefs)
-            of_cells = beliefs.reshape(len(beliefs), -1).take(at, axis=1)
-            out[here] = self._mean(of_cells, shown[:, here])
-        return out
+        places = (self._places(person, rows, cells) for person in range(len(self._detections)))
+        of_cells = np.stack([self._flat.take(at) for at in places])
+        values: Singles = self._mean(of_cells, shown).astype(np.float32)
+        return values
+
+    def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
+        """The tiles in which rows in rising order lie, and for each the part of the rows."""
+        ends = np.searchsorted(rows, [tile.stop for tile in self._rows]).tolist()
+        for tile, here in enumerate(map(slice, [0, *ends], ends)):
+            if here.start < here.stop:
+                yield tile, here
 
     @staticmethod
     def _mean(beliefs: Floats, shown: Flags) -> Floats:

@@ -4,8 +4,9 @@ A step goes through the phases of the single environment's, for all rows at once
 
 1. all drones move or search, against the state they were shown;
 2. `rules` decides outcomes, rewards and endings: rows in which nothing but searches in
-   vain happens, nearly all of them, by the table's last two lines, the others by all;
-3. the clock advances, the persons and the matrices drift;
+   vain happens, nearly all of them, by the table's last two lines, the others by all; the
+   persons drift, and beside both, on other processors if that pays, so does what is known;
+3. the clock advances;
 4. the new state can be read: positions, matrices or their places in the shared table.
 
 A row whose episode has ended begins its next one in place of the step that follows, or
@@ -20,14 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import rules
+from DroneSwarmSearch import checks, rules
 from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.vector.collisions import Collisions
-from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables, choose_laws
+from DroneSwarmSearch.vector.laws import Followed, Tables, choose_laws
 from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values
 from DroneSwarmSearch.vector.sea import Seas
 
@@ -148,7 +149,8 @@ class SearchBatch:
         self._seeded = np.zeros(rows, np.bool_)
         self.ready = False
         self._seas = Seas(self._choose_laws(), scenario.detections, scenario.bayesian_update, rows)
-        self._seas.begin(self._rows, self._now.laws)
+        self._seas.assign(self._rows, self._now.laws)
+        self._seas.begin(self._rows)
         self._cells = np.zeros((rows, n), self._narrow)
         self._chosen = np.full((rows, n), _IDLE, self._narrow)
         self._beyond_step = np.zeros((rows, n))  # each drone's return less what `step` pays
@@ -224,7 +226,7 @@ class SearchBatch:
     def _start(self, rows: Ints, values: Values, parameters: Parameters) -> None:
         """Begin episodes outside of a step."""
         drones = self._begin(rows, values, parameters)
-        self._seas.begin(rows, self._laws_now())
+        self._seas.begin(rows)
         self.over = self.over.copy()  # a caller may have kept it
         self.over[rows] = False
         self._chosen.reshape(-1)[drones] = _IDLE
@@ -266,16 +268,13 @@ class SearchBatch:
         if self._varies:
             self._now.assign(rows, parameters)
             self._now.assign_values(rows, values)
+            self._seas.assign(rows, self._now.laws)
         drones = self._drones_of.take(rows, axis=0).reshape(-1)
         self._cells.reshape(-1)[drones] = self._now.drones.take(drones)
         self._beyond_step.reshape(-1)[drones] = 0.0
         if self._several:
             self._finders.reshape(-1)[drones] = False
         return drones
-
-    def _laws_now(self) -> LawParameters | None:
-        """The laws' parameters, if they may have changed."""
-        return self._now.laws if self._varies else None
 
     def _choose_laws(self) -> Tables | Followed:
         size, steps = self.scenario.grid_size, self.scenario.timestep_limit
@@ -286,19 +285,23 @@ class SearchBatch:
 
     # A step.
 
-    def step(self, actions: ArrayLike) -> None:
+    def step(self, actions: ArrayLike, matrices: Singles | None = None) -> None:
         """Let every drone act once; rows that are over begin their next episodes instead.
 
         Args:
             actions: integers from 0 to 5, see `rules.Action`; shape (E, n_drones).
+            matrices: receives every row's matrix after the step, as from `write_matrices`,
+                which is slower where matrices are many: here others write beside the step.
 
         Raises:
             ResetNeeded: before the first `reset`.
-            TypeError: the actions are no integers.
-            ValueError: they are out of range or of another shape. As with every error, the
-                batch is as it was.
+            TypeError: the actions are no integers, or what is to receive matrices no array.
+            ValueError: they are out of range, or something is of another shape. As with
+                every error, the batch is as it was.
         """
         chosen = self._checked(actions)
+        if matrices is not None:
+            self._check_receiver(matrices)
         beginning = self.over.nonzero()[0]
         if beginning.size:
             idle = self._begin(beginning, self._next(beginning), self._usual)
@@ -312,14 +315,16 @@ class SearchBatch:
         rows = self._row_of.take(searches)
         cells = self._cells.reshape(-1).take(searches).astype(np.int64)
 
-        # 2. Outcomes, rewards and endings.
+        # 2. Outcomes, rewards and endings; the persons drift, and what is known.
         shown = self._seas.shown(rows, cells).astype(np.float64)
         finds = self._seas.search(rows, cells)
-        self._judge(targets, searches, shown, finds, rows)
+        with self._seas.going_on(rows, cells, beginning, matrices):
+            self._judge(targets, searches, shown, finds, rows)
+            self._seas.walk()
         self._cells, self._chosen = targets, chosen
 
-        # 3. The clock advances, the persons and the matrices drift.
-        self._seas.advance(beginning, self._laws_now())
+        # 3. The clock advances.
+        self._seas.advance(beginning, matrices)
         if beginning.size:
             self.rewards.reshape(-1)[idle] = 0.0
 
@@ -482,8 +487,18 @@ class SearchBatch:
         )
 
     def write_matrices(self, out: Singles) -> None:
-        """Write the matrix of every row: float32, (E, N, N), C-contiguous, indexed [y, x]."""
+        """Write the matrix of every row: float32, (E, N, N), C-contiguous, indexed [y, x].
+
+        Raises:
+            TypeError: what is to receive them is no array.
+            ValueError: it is of another shape, dtype or order, or read-only.
+        """
+        self._check_receiver(out)
         self._seas.write_matrices(out)
+
+    def _check_receiver(self, matrices: Singles) -> None:
+        size = self.scenario.grid_size
+        checks.receiver("matrices", matrices, (self.num_rows, size, size), np.float32)
 
     def matrices_of(self, rows: Ints) -> Singles:
         """The matrices of some rows: float32, (n, N, N), indexed [y, x]; a new array.

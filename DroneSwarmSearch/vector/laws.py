@@ -26,6 +26,7 @@ from DroneSwarmSearch.probability_matrix import (
     tabulate,
 )
 from DroneSwarmSearch.streams import DENOMINATOR
+from DroneSwarmSearch.vector.threads import Beside, parts_of, worth_sharing
 
 __all__ = ["TABLE_BYTES", "Followed", "LawParameters", "Laws", "Tables", "choose_laws"]
 
@@ -122,6 +123,23 @@ class Laws:
 
         Args:
             beginning: the rows that are put at step 0 instead.
+        """
+        raise NotImplementedError
+
+    def writes_beside(self, out: Singles) -> bool:
+        """Whether to write the matrices of the next step beside the present one.
+
+        Args:
+            out: as for `writing_next`.
+        """
+        return False
+
+    def writing_next(self, beginning: Ints, out: Singles) -> Beside[slice]:
+        """Matrices of the next step, to be written beside the present one.
+
+        Args:
+            beginning: the rows that will be at step 0 then; their places have been told.
+            out: for the matrices of every row, of its only person: float32, shape (rows, N, N).
         """
         raise NotImplementedError
 
@@ -225,16 +243,28 @@ class Tables(Laws):
     def catch_up(self, steps: Ints) -> None:
         self._now += self.growth * steps
         self._latest = int(steps.max())
-        while self._filled <= self._latest:
+        while self._filled <= min(self._latest + 1, self._steps):
             self._fill()
 
     def advance(self, beginning: Ints) -> None:
         self._latest += 1
-        if self._latest == self._filled <= self._steps:
+        if self._latest + 1 == self._filled <= self._steps:  # the next step may be asked for
             # Rows have begun anew since; perhaps none has come that far.
             self._latest = int((self.entries % (self._steps + 1)).max())
-            if self._latest == self._filled:
+            if self._latest + 1 == self._filled:
                 self._fill()
+
+    def writes_beside(self, out: Singles) -> bool:
+        return worth_sharing(out)
+
+    def writing_next(self, beginning: Ints, out: Singles) -> Beside[slice]:
+        entries = self.entries[0] + 1
+        entries[beginning] = self._first[0].take(beginning)
+
+        def write(rows: slice) -> None:
+            self.matrices.take(entries[rows], 0, out=out[rows], mode="clip")
+
+        return Beside(write, parts_of(out))
 
     def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
         both = self._flat_probability.take(self._at(person, rows), 0, mode="clip")

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
 
 _NOTHING: Ints = np.empty(0, np.int64)
+_NOTHING_BESIDE = nullcontext()
 
 
 class _State:
@@ -164,52 +166,35 @@ class Seas:
         self._first.words[:, rows] = self._words + keys[0]
         self._first.detection_keys[rows] = keys[1]
 
-    def begin(self, rows: Ints, parameters: LawParameters | None) -> None:
-        """Start the episodes of some rows, of which `prepare` has been told.
+    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+        """Let the next episodes of some rows have other parameters.
 
         Args:
             rows: their numbers.
-            parameters: of all rows, where those of some may have changed.
+            parameters: of all rows.
         """
-        self._set(rows, parameters)
+        start = parameters.start[..., rows]
+        self._first.at[..., rows] = start
+        self._first.cells[:, rows] = start[:, 1] * self._size + start[:, 0]
+        self._laws.assign(rows, parameters)
+
+    def begin(self, rows: Ints) -> None:
+        """Start the episodes of some rows, of which `prepare` and `assign` have been told."""
+        self._set(rows)
         self._laws.begin(rows)
 
-    def _set(self, rows: Ints, parameters: LawParameters | None) -> None:
+    def _set(self, rows: Ints) -> None:
         """Set what the beginning of an episode sets, but for what the laws work out."""
-        first = self._first
-        if parameters is not None:
-            start = parameters.start[..., rows]
-            first.at[..., rows] = start
-            first.cells[:, rows] = start[:, 1] * self._size + start[:, 0]
-            self._laws.assign(rows, parameters)
-        self._now.all[:, rows] = first.all.take(rows, axis=1)
+        self._now.all[:, rows] = self._first.all.take(rows, axis=1)
         if self._beliefs is not None:
             self._beliefs.forget(rows)
         if len(self._detections) > 1:
             self._choose_leaders(rows)
 
-    def advance(self, beginning: Ints, parameters: LawParameters | None) -> None:
-        """Let a step pass: persons drift, and what is known of them.
-
-        Args:
-            beginning: the rows in which it does not pass: their episodes start.
-            parameters: as for `begin`.
-        """
-        now, laws = self._now, self._laws
-        laws.walk(now.at, numerators(now.words).reshape(now.at.shape))
-        np.multiply(now.y, self._width, out=now.cells)
-        now.cells += now.x
-        if self._beliefs is not None:
-            self._beliefs.drift(laws)
-        now.growing += self._growth
-        if beginning.size:
-            self._set(beginning, parameters)
-        laws.advance(beginning)
-
-    # Searches.
+    # A step: searches, then persons walk, and beside it what is known goes on; then time passes.
 
     def search(self, rows: Ints, cells: Ints) -> Ints:
-        """Let a step's searches succeed or fail, and take in what they teach.
+        """Let a step's searches succeed or fail.
 
         Args:
             rows: the row of every search.
@@ -237,9 +222,55 @@ class Seas:
         finds = np.concatenate(found) if len(found) > 1 else found[0] if found else _NOTHING
         if finds.size and several:
             self._choose_leaders(np.unique(rows[finds]))
-        if self._beliefs is not None:
-            self._beliefs.learn(rows, cells, self.missing, self._laws)
         return finds
+
+    def going_on(
+        self, rows: Ints, cells: Ints, beginning: Ints, out: Singles | None
+    ) -> AbstractContextManager[None]:
+        """What is known goes on by a step, beside a block in which persons may walk.
+
+        Args:
+            rows: the row of every search, in rising order.
+            cells: the cell of every search, in which who is still missing is not.
+            beginning: the rows in which the step does not pass: their episodes start.
+            out: for the matrices after the step, float32, shape (rows, N, N), in part or
+                all of them; what is missing `advance` writes.
+        """
+        if self._beliefs is not None:
+            shown = self._shown_persons(slice(None))
+            return self._beliefs.going_on(rows, cells, self.missing, shown, self._laws, out)
+        if out is not None and self._writes_beside(out):
+            return self._laws.writing_next(beginning, out)
+        return _NOTHING_BESIDE
+
+    def walk(self) -> None:
+        """Let all persons walk by a step."""
+        now = self._now
+        self._laws.walk(now.at, numerators(now.words).reshape(now.at.shape))
+        np.multiply(now.y, self._width, out=now.cells)
+        now.cells += now.x
+
+    def advance(self, beginning: Ints, out: Singles | None) -> None:
+        """Let a step pass; what is known has gone on, and persons have walked.
+
+        Args:
+            beginning: the rows in which it does not pass: their episodes start.
+            out: as for `going_on`.
+        """
+        self._now.growing += self._growth
+        if beginning.size:
+            self._set(beginning)
+        self._laws.advance(beginning)
+        if out is None:
+            return
+        if self._beliefs is not None and self._beliefs.begun.any():
+            self._write_others(out)
+        elif self._beliefs is not None or not self._writes_beside(out):
+            self.write_matrices(out)
+
+    def _writes_beside(self, out: Singles) -> bool:
+        """Whether, where there are no beliefs, matrices are all written in `going_on`."""
+        return len(self._detections) == 1 and self._laws.writes_beside(out)
 
     def _choose_leaders(self, rows: Ints) -> None:
         """Note whose law is shown: that of those missing, or of all once none is."""
@@ -289,11 +320,15 @@ class Seas:
         """Write the matrix of every row: float32, shape (rows, N, N), C-contiguous."""
         if self._beliefs is not None and self._beliefs.begun.any():
             self._beliefs.write_matrices(self._shown_persons(slice(None)), out)
-            others = (~self._beliefs.begun).nonzero()[0]
-            out[others] = self.matrices(others)
+            self._write_others(out)
         else:
             alone = len(self._detections) == 1
             self._write_laws(slice(None) if alone else np.arange(len(self.step)), out)
+
+    def _write_others(self, out: Singles) -> None:
+        """Write the matrices of the rows that have no beliefs."""
+        others = (~self._known().begun).nonzero()[0]
+        out[others] = self.matrices(others)
 
     def _write_laws(self, rows: Ints | slice, out: Singles) -> None:
         """Write what the laws say of some rows; those that have beliefs get something."""

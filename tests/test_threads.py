@@ -1,0 +1,273 @@
+"""What helpers do beside a step is done once, wholly, and by whoever is there."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action
+from DroneSwarmSearch.vector import SearchBatch, threads
+from DroneSwarmSearch.vector.threads import Beside, usual_number
+
+
+def helpers(number: int) -> threads._Helpers:
+    made = threads._Helpers()
+    made.number = number
+    return made
+
+
+@pytest.fixture
+def two(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two helpers, wherever the test runs."""
+    monkeypatch.setattr(threads, "_helpers", helpers(2))
+
+
+# Work in parts.
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+@pytest.mark.parametrize("parts", [0, 1, 2, 50])
+def test_every_part_is_done_once(number: int, parts: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "_helpers", helpers(number))
+    for _ in range(20):
+        done: list[int] = []
+        with Beside(done.append, range(parts)):
+            pass
+        assert sorted(done) == list(range(parts))
+
+
+def test_helpers_work_beside_the_block(two: None) -> None:
+    begun, may_end = threading.Event(), threading.Event()
+    who = []
+
+    def work(_: int) -> None:
+        who.append(threading.current_thread())
+        begun.set()
+        assert may_end.wait(60)
+
+    with Beside(work, [1]):
+        assert begun.wait(60)  # while the block is still going on
+        may_end.set()
+    assert [thread.daemon for thread in who] == [True]
+    assert who != [threading.current_thread()]
+
+
+def test_the_blocks_end_waits_for_helpers(two: None) -> None:
+    begun, may_end = threading.Event(), threading.Event()
+    done = []
+
+    def work(part: int) -> None:
+        begun.set()
+        assert may_end.wait(60)
+        done.append(part)
+
+    def let_go() -> None:
+        assert begun.wait(60)
+        may_end.set()
+
+    other = threading.Thread(target=let_go)
+    other.start()
+    with Beside(work, [7]):
+        assert begun.wait(60)
+    assert done == [7]
+    other.join()
+
+
+def test_work_not_worth_sharing_is_done_at_the_blocks_end_by_the_caller(two: None) -> None:
+    who = []
+    with Beside(lambda _: who.append(threading.current_thread()), range(3), shares=False):
+        assert who == []
+    assert who == [threading.current_thread()] * 3
+
+
+@pytest.mark.parametrize("shares", [True, False])
+@pytest.mark.parametrize("wrong", [0, 1, 2])
+def test_what_a_part_raises_is_raised_at_the_blocks_end(
+    wrong: int, shares: bool, two: None
+) -> None:
+    def work(part: int) -> None:
+        if part == wrong:
+            raise ArithmeticError(part)
+
+    with pytest.raises(ArithmeticError, match=str(wrong)), Beside(work, range(3), shares):
+        pass
+
+
+@pytest.mark.parametrize("shares", [True, False])
+def test_what_the_block_raises_is_raised_when_nobody_works_any_more(
+    shares: bool, two: None
+) -> None:
+    begun: list[int] = []
+    done: list[int] = []
+
+    def work(part: int) -> None:
+        begun.append(part)
+        time.sleep(0.001)
+        done.append(part)
+
+    for _ in range(10):
+        with pytest.raises(KeyError, match="block"), Beside(work, range(9), shares):
+            raise KeyError("block")
+        assert sorted(begun) == sorted(done)
+    if not shares:
+        assert not begun  # it would be in vain
+
+
+def test_where_no_thread_can_be_started_the_caller_does_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def start(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threads, "_helpers", helpers(3))
+    monkeypatch.setattr(threading.Thread, "start", start)
+    done: list[int] = []
+    for _ in range(2):
+        with Beside(done.append, range(4)):
+            pass
+    assert done == [0, 1, 2, 3] * 2
+    assert threads._helpers.number == 0
+
+
+# How many there are.
+
+
+@pytest.mark.parametrize(
+    ("wanted", "number"),
+    [("1", 1), ("3", 3), ("2,4", 2), (" 5 ", 5), ("99", 8), ("", 4), ("0", 4), ("-2", 4), ("x", 4)],
+)
+def test_the_number_of_threads_is_openmps_or_the_processors(
+    wanted: str, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", wanted)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(4)), raising=False)
+    assert usual_number() == number
+
+
+def test_without_openmp_and_affinities_the_processors_are_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    for count, number in ((6, 6), (64, 8), (None, 1)):
+        monkeypatch.setattr(os, "cpu_count", lambda count=count: count)
+        assert usual_number() == number
+
+
+def test_no_thread_is_started_for_small_batches() -> None:
+    program = (
+        "import threading, numpy as np\n"
+        "from DroneSwarmSearch.vector import SwarmVectorEnv\n"
+        "env = SwarmVectorEnv(64, grid_size=20, n_drones=4, bayesian_update=True)\n"
+        "env.reset(seed=0)\n"
+        "for _ in range(3): env.step(env.action_space.sample())\n"
+        "assert threading.active_count() == 1\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
+
+
+# Batches that are large enough by themselves.
+
+LARGE = {"grid_size": 50, "n_drones": 2, "person_initial_position": (25, 25)}
+ROWS = 900  # matrices of 9 MB, several tiles of beliefs
+
+
+def states(batch: SearchBatch, steps: int, together: bool) -> list[bytes]:
+    """What a batch comes to; matrices are written with the steps, or after them."""
+    rng = np.random.default_rng(5)
+    matrices = np.empty((batch.num_rows, 50, 50), np.float32)
+    seen = []
+    for _ in range(steps):
+        actions = rng.integers(0, len(Action), (batch.num_rows, 2))
+        if together:
+            batch.step(actions, matrices)
+        else:
+            batch.step(actions)
+            batch.write_matrices(matrices)
+        seen += [matrices.tobytes(), batch.rewards.tobytes(), batch.person_cells.tobytes()]
+    return seen
+
+
+@pytest.mark.parametrize("bayesian", [False, True])
+def test_large_batches_are_the_same_with_any_number_of_helpers(
+    bayesian: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    for number in (0, 1, 3):
+        monkeypatch.setattr(threads, "_helpers", helpers(number))
+        batch = SearchBatch(ROWS, bayesian_update=bayesian, **LARGE)
+        batch.reset(range(ROWS))
+        seen.append(states(batch, 6, together=True))
+        assert (threads._helpers._started > 0) == (number > 0)
+    assert seen[0] == seen[1] == seen[2]
+    batch = SearchBatch(ROWS, bayesian_update=bayesian, **LARGE)
+    batch.reset(range(ROWS))
+    assert states(batch, 6, together=False) == seen[0]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_forked_processes_have_helpers_of_their_own(two: None) -> None:
+    batch = SearchBatch(ROWS, **LARGE)
+    batch.reset(range(ROWS))
+    states(batch, 2, together=True)
+    assert threads._helpers._started == 2
+    copied = pickle.loads(pickle.dumps(batch))
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:  # pragma: no cover (in another process)
+        threads._helpers.number = 2
+        with os.fdopen(writing, "wb") as pipe:
+            pickle.dump((states(batch, 2, together=True), threads._helpers._started), pipe)
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        theirs, started = pickle.load(pipe)
+    os.waitpid(child, 0)
+    assert started == 2
+    assert theirs == states(copied, 2, together=True)
+
+
+# What receives matrices.
+
+
+@pytest.mark.parametrize(
+    ("receiver", "error", "came"),
+    [
+        ([0.0], TypeError, r"got \[0.0\]"),
+        (np.zeros((2, 7, 7)), ValueError, r"got float64 of shape \(2, 7, 7\)"),
+        (np.zeros((3, 7, 7), np.float32), ValueError, r"got float32 of shape \(3, 7, 7\)"),
+        (np.zeros((2, 7, 14), np.float32)[..., ::2], ValueError, "got one with gaps or in"),
+        (np.zeros((2, 7, 7), np.float32).swapaxes(1, 2), ValueError, "got one with gaps or in"),
+    ],
+)
+def test_what_receives_matrices_is_checked(
+    receiver: Any, error: type[Exception], came: str
+) -> None:
+    batch = SearchBatch(2)
+    batch.reset([1, 2])
+    before = pickle.dumps(batch)
+    actions = [[Action.SEARCH], [Action.RIGHT]]
+    wanted = r"matrices must be a writeable C-contiguous float32 array of shape \(2, 7, 7\), "
+    for write in (batch.write_matrices, lambda given: batch.step(actions, given)):
+        with pytest.raises(error, match=wanted + came):
+            write(receiver)
+        assert pickle.dumps(batch) == before
+
+
+def test_matrices_are_not_written_into_what_is_read_only() -> None:
+    batch = SearchBatch(2)
+    batch.reset([1, 2])
+    receiver = np.zeros((2, 7, 7), np.float32)
+    receiver.flags.writeable = False
+    with pytest.raises(ValueError, match="got a read-only one"):
+        batch.step([[Action.SEARCH]] * 2, receiver)
+    assert batch.steps.tolist() == [0, 0]
