@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.vector import SearchBatch, threads
+from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
 from DroneSwarmSearch.vector.threads import Beside, usual_number
+from DroneSwarmSearch.vector.views import SearchVectorEnv
 
 
 def helpers(number: int) -> threads._Helpers:
@@ -234,6 +236,35 @@ def test_forked_processes_have_helpers_of_their_own(two: None) -> None:
     os.waitpid(child, 0)
     assert started == 2
     assert theirs == states(copied, 2, together=True)
+
+
+def shown(view: type[SearchVectorEnv], **how: Any) -> list[bytes]:
+    """What a view of some small searches shows for a while, whose episodes end in between."""
+    env = view(7, n_drones=2, timestep_limit=4, copy=False, **how)
+    env.action_space.seed(3)
+    seen = [pickle.dumps(env.reset(seed=3)[0])]
+    for _ in range(9):
+        observations, rewards, *_, infos = env.step(env.action_space.sample())
+        seen.append(pickle.dumps((observations, rewards, infos.get("final_obs"))))
+    return seen
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("layout", list(LAYOUTS))
+@pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
+def test_views_show_the_same_if_threads_share_in_what_is_written(
+    view: type[SearchVectorEnv],
+    layout: str,
+    mode: str,
+    two: None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    alone = shown(view, observation=layout, autoreset_mode=mode)
+    assert threads._helpers._started == 0
+    monkeypatch.setattr(threads, "_LEAST_BYTES", 1)
+    monkeypatch.setattr(threads, "_PART_BYTES", 1)
+    assert shown(view, observation=layout, autoreset_mode=mode) == alone
+    assert threads._helpers._started == 2
 
 
 # What receives matrices.

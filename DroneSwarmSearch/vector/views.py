@@ -6,7 +6,7 @@ infos follow Gymnasium's vector API (1.x).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS, Action, Ending
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import VARIABLE
+from DroneSwarmSearch.vector.threads import Beside, parts_of, worth_sharing
 
 __all__ = ["Buffers", "DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
 
@@ -208,7 +209,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.batch.reset([seeds[row] for row in rows.tolist()] if seeds else None, rows, given)
         if isinstance(seed, int):
             super().reset(seed=seed)  # which numbers of Gymnasium's own follow from
-        return self._observations(), self._with_masks(rows)
+        observations = self._receiver()
+        matrices = self._matrices_in(observations)
+        if matrices is not None:
+            self.batch.write_matrices(matrices)
+        self._observe(self._all_rows, matrices, observations)
+        return observations, self._with_masks(rows)
 
     def step(self, actions: ArrayLike) -> tuple[Observations, Slots, Slots, Slots, Infos]:
         """Let every drone act once.
@@ -234,14 +240,18 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 f"step: the episodes of swarms {over} are over; reset them with "
                 "options={'reset_mask': ...}"
             )
-        batch.step(self._by_swarm(actions))
+        observations = self._receiver()
+        matrices = self._matrices_in(observations)
+        batch.step(self._by_swarm(actions), matrices)
         # What the step brought, rewards and endings, outlasts a restart; states do not.
         finals: Infos = {}
         if self._mode is AutoresetMode.SAME_STEP and batch.over.any():
             ended: Ints = batch.over.nonzero()[0]
             finals = self._finals(ended)
             batch.restart(ended)
-        observations = self._observations()
+            if matrices is not None:
+                matrices[ended] = batch.matrices_of(ended)
+        self._observe(self._all_rows, matrices, observations)
         rewards, terminated, truncated = self._rewards(), *self._flags()
         if self._buffers is not None:
             into = self._buffers
@@ -281,7 +291,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             rows: the swarms' numbers, in rising order; int64, shape (n,).
         """
         observed = self._new(len(rows) * self._per_swarm)
-        self._observe(rows, observed)
+        self._observe(rows, self.batch.matrices_of(rows) if self._writes else None, observed)
         return observed
 
     def action_masks(self, right_of_way: bool = False) -> Flags:
@@ -388,10 +398,25 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             terminated = terminated & ~truncated
         return terminated.repeat(each), truncated.repeat(each)
 
-    def _observations(self) -> Observations:
-        out = self._new(self.num_envs) if self._buffers is None else self._buffers.observations
-        self._observe(self._all_rows, out)
-        return out
+    def _receiver(self) -> Observations:
+        """What receives the observations of all slots."""
+        return self._new(self.num_envs) if self._buffers is None else self._buffers.observations
+
+    def _matrices_in(self, observations: Observations) -> Singles | None:
+        """What receives the matrices of all swarms, if any are shown: float32, (swarms, N, N).
+
+        The observations themselves, where they hold matrices as the batch writes them.
+        """
+        if not self._writes:
+            return None
+        if self.observation == "dict":
+            shown: Singles = observations["probability_matrix"]
+            if len(shown) == self.batch.num_rows and shown.flags.c_contiguous:
+                return shown
+        if self._scratch is None:
+            shape = (self.batch.num_rows, self._size, self._size)
+            self._scratch = np.empty(shape, np.float32)
+        return self._scratch
 
     def _finals(self, rows: Ints) -> Infos:
         """The last observations and infos of swarms whose episodes have ended."""
@@ -439,29 +464,45 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         index = spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)
         return spaces.Dict({**entries, "matrix_index": index})
 
-    def _observe(self, rows: Ints, out: Observations) -> None:
-        """Write what some swarms' slots are shown."""
+    def _observe(self, rows: Ints, matrices: Singles | None, out: Observations) -> None:
+        """Write what some swarms' slots are shown.
+
+        Args:
+            rows: the swarms' numbers.
+            matrices: theirs, or None if none are shown; afterwards anything may be in them.
+            out: receives it; where `_matrices_in` says so, the matrices are in it already.
+        """
         positions = self._of_rows(self.batch.positions, rows)
         if self.observation == "dict":
             self._by_row(out[self._positions_name], rows)[...] = positions
-            self._show_matrices(rows, out)
+            self._show_matrices(rows, matrices, out)
             return
-        left = share_left(self._of_rows(self.batch.steps, rows), self.batch.scenario.timestep_limit)
-        self._layout.write(positions, self._matrices(rows), left, self._by_row(out, rows))
+        assert matrices is not None
+        given, shown = matrices, self._by_row(out, rows)
+        steps, limit = self.batch.steps, self.batch.scenario.timestep_limit
+        left = share_left(self._of_rows(steps, rows), limit)
 
-    def _show_matrices(self, rows: Ints, out: dict[str, Slots]) -> None:
-        """Write the entry of the dict layout that tells the matrix."""
-        if not self._writes:
+        def write(some: slice) -> None:
+            self._layout.write(positions[some], given[some], left[some], shown[some])
+
+        _write_in_parts(write, shown)
+
+    def _show_matrices(self, rows: Ints, matrices: Singles | None, out: dict[str, Slots]) -> None:
+        """Write the entry of the dict layout that tells the matrix; arguments as above."""
+        if matrices is None:
             index = self._of_rows(self.batch.table_index, rows)
             out["matrix_index"][...] = index.repeat(self._per_swarm)
             return
-        matrices = out["probability_matrix"]
-        direct = len(matrices) == len(rows) == self.batch.num_rows
-        if direct and matrices.flags.c_contiguous:
-            self.batch.write_matrices(matrices)
-        else:
-            by_drone = matrices.reshape(len(rows), -1, self._size, self._size)
-            by_drone[...] = self._matrices(rows)[:, None]
+        shown = out["probability_matrix"]
+        if shown is matrices:
+            return
+        by_drone = matrices[:, None]
+        copies = shown.reshape(len(rows), self._per_swarm, self._size, self._size)
+
+        def copy(some: slice) -> None:
+            copies[some] = by_drone[some]
+
+        _write_in_parts(copy, copies)
 
     @property
     def matrices(self) -> Singles:
@@ -475,18 +516,23 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         return self.batch.table
 
-    def _matrices(self, rows: Ints) -> Singles:
-        """Some swarms' matrices: float32, (rows, N, N); overwritten by the next call."""
-        if len(rows) < self.batch.num_rows:
-            return self.batch.matrices_of(rows)
-        if self._scratch is None:
-            self._scratch = np.empty((len(rows), self._size, self._size), np.float32)
-        self.batch.write_matrices(self._scratch)
-        return self._scratch
-
     def _of_rows(self, values: Slots, rows: Ints) -> Slots:
         """Values of all swarms, cut down to some."""
         return values if len(rows) == self.batch.num_rows else values[rows]
+
+
+def _write_in_parts(write: Callable[[slice], None], out: Slots) -> None:
+    """Let something be written, by several threads if it is much.
+
+    Args:
+        write: writes some swarms' part of it.
+        out: what is written: its first axis is for the swarms.
+    """
+    if worth_sharing(out):
+        with Beside(write, parts_of(out)):
+            pass
+    else:
+        write(slice(None))
 
 
 def _check_buffer(name: str, given: Any, wanted: Slots, exact: bool = True) -> None:
