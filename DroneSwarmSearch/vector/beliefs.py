@@ -44,9 +44,6 @@ _BUFFERED = 512
 """Elements of NumPy's buffers while beliefs drift. What is broadcast NumPy copies into its
 buffers if it fits: with small ones it is read where it lies, which is faster."""
 
-_STRIP_BYTES = 2**17
-"""Of a tile's matrices this much is transposed at a time."""
-
 _APART = 16
 """Numbers between the rows of what is transposed. Where rows lie a power of two apart, their
 numbers for one search would drive each other out of the cache."""
@@ -238,13 +235,9 @@ class Beliefs:
         cells, rows = self._size**2, self._rows[tile]
         mean = self._mean(self._tiles[tile], shown[:, rows]).reshape(cells, -1)
         flat = out[rows].reshape(-1, cells)
-        strip = max(1, _STRIP_BYTES // (4 * len(flat)))
-        single = np.empty((strip, len(flat) + _APART), np.float32)[:, : len(flat)]
-        for first in range(0, cells, strip):
-            here = slice(first, first + strip)
-            part = single[: cells - first]
-            part[...] = mean[here]
-            flat[:, here] = part.T
+        single = np.empty((cells, len(flat) + _APART), np.float32)[:, : len(flat)]
+        single[...] = mean
+        flat[...] = single.T
 
     def matrices(self, rows: Ints, shown: Flags) -> Singles:
         """The matrices of some rows that have beliefs: float32, (n, N, N).
