@@ -168,7 +168,7 @@ def test_no_thread_is_started_for_small_batches() -> None:
     program = (
         "import threading, numpy as np\n"
         "from DroneSwarmSearch.vector import SwarmVectorEnv\n"
-        "env = SwarmVectorEnv(64, grid_size=20, n_drones=4, bayesian_update=True)\n"
+        "env = SwarmVectorEnv(400, grid_size=20, n_drones=4, bayesian_update=True)\n"
         "env.reset(seed=0)\n"
         "for _ in range(3): env.step(env.action_space.sample())\n"
         "assert threading.active_count() == 1\n"

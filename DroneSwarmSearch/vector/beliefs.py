@@ -38,7 +38,7 @@ _TILE_BYTES = 1600 * 2**10
 runs of memory are long."""
 
 _LEAST_SHARED_BYTES = 2**20
-"""Tiles of which a person's beliefs take less are not worth another thread."""
+"""If a person's beliefs in a tile take less, it is not worth another thread."""
 
 _BUFFERED = 512
 """Elements of NumPy's buffers while beliefs drift. What is broadcast NumPy copies into its
@@ -91,10 +91,10 @@ class Beliefs:
         self._first = range(0, rows, self._width)  # of each tile's rows
         ends = [*self._first[1:], rows]
         self._rows = [slice(*ends_of) for ends_of in zip(self._first, ends, strict=True)]
-        # Where each row's beliefs begin, and how far apart they are from cell to cell.
+        # Where among all beliefs a row's are: of its first cell, and how far apart from there on.
         columns = np.arange(rows) % self._width
-        self._begin_at = columns + persons * size**2 * (np.arange(rows) - columns)
-        self._apart = np.minimum(self._width, rows - (np.arange(rows) - columns))
+        self._origin = columns + persons * size**2 * (np.arange(rows) - columns)
+        self._stride = np.minimum(self._width, rows - (np.arange(rows) - columns))
         # [person, y, x, row of the tile]
         self._tiles = [
             part.reshape(persons, size, size, -1)
@@ -105,7 +105,7 @@ class Beliefs:
 
     def __getstate__(self) -> dict[str, Any]:
         """Views would be arrays of their own in a copy."""
-        views = ("_first", "_rows", "_begin_at", "_apart", "_tiles", "_spare")
+        views = ("_first", "_rows", "_origin", "_stride", "_tiles", "_spare")
         return {name: value for name, value in self.__dict__.items() if name not in views}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -127,7 +127,7 @@ class Beliefs:
         laws: Laws,
         out: Singles | None,
     ) -> Beside[int]:
-        """What happens to beliefs in a step; at the end of the block that is run beside it.
+        """A step of the beliefs, to be done beside something else.
 
         They take in that searches have not found those still missing; the persons drift;
         then the matrices of all rows that have beliefs are written, and something to some
@@ -158,7 +158,7 @@ class Beliefs:
             if out is not None:
                 self._write(tile, shown, out)
 
-        shares = self._tiles[0][0].nbytes >= _LEAST_SHARED_BYTES
+        shares = len(self._tiles) > 1 and self._tiles[0][0].nbytes >= _LEAST_SHARED_BYTES
         return Beside(go_on, range(len(self._tiles)), shares)
 
     def _begin(self, rows: Ints, laws: Laws) -> None:
@@ -184,8 +184,8 @@ class Beliefs:
     def _places(self, person: int, rows: Ints, cells: Ints) -> Ints:
         """Where among all beliefs those of some rows about a person and some cells are."""
         places: Ints = cells + person * self._size**2
-        places *= self._apart.take(rows)
-        places += self._begin_at.take(rows)
+        places *= self._stride.take(rows)
+        places += self._origin.take(rows)
         return places
 
     def _normalise(self, tile: int, person: int, searches: _Searches) -> None:
