@@ -20,6 +20,7 @@ from DroneSwarmSearch import bench, demo
 from DroneSwarmSearch.bench import contestants, memory, peers, turns
 from DroneSwarmSearch.bench.contestants import Size
 from DroneSwarmSearch.bench.groups import COIN_GAME_RATIOS, GROUPS
+from DroneSwarmSearch.vector import threads
 
 SHORT = ["--short", "--sizes", "5x2", "--num-envs", "1", "3"]
 COMPARED = [name for name in GROUPS if name not in ("memory", "peers")]
@@ -105,6 +106,7 @@ class TestGroups:
         assert told["versions"]["numpy"] == np.__version__
         assert {"python", "gymnasium"} <= told["versions"].keys()
         assert told["cpus"] >= 1
+        assert told["threads"] == threads.usual_number()
         assert told["parameters"]["sizes"] == ["3x1", "4x2"]
         assert told["parameters"]["num_envs"] == [2]
         assert told["parameters"]["rounds"] == bench.SHORT["rounds"]

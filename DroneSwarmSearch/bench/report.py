@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import os
 import platform
 import sys
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import DroneSwarmSearch
 from DroneSwarmSearch.bench.contestants import Size
 from DroneSwarmSearch.bench.memory import Figures
 from DroneSwarmSearch.bench.turns import Spread
+from DroneSwarmSearch.vector import threads
 
 __all__ = [
     "Progress",
@@ -45,14 +45,8 @@ def surroundings() -> dict[str, Any]:
             versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-    return {"versions": versions, "cpus": _processors(), "system": platform.platform()}
-
-
-def _processors() -> int:
-    """How many processors this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    counts = {"cpus": threads.processors(), "threads": threads.usual_number()}
+    return {"versions": versions, **counts, "system": platform.platform()}
 
 
 def heading(command: str, around: dict[str, Any], parameters: dict[str, Any]) -> str:
@@ -64,7 +58,7 @@ def heading(command: str, around: dict[str, Any], parameters: dict[str, Any]) ->
         f"    {command}",
         "",
         ", ".join(f"{name} {version}" for name, version in versions.items())
-        + f"; processors: {around['cpus']}",
+        + f"; processors: {around['cpus']}, threads: {around['threads']}",
         ", ".join(f"{name.replace('_', ' ')}: {_words(v)}" for name, v in parameters.items()),
         "",
         NOTES,

@@ -19,7 +19,7 @@ from typing import Any, Generic, TypeVar
 
 from numpy.typing import NDArray
 
-__all__ = ["Beside", "parts_of", "usual_number", "worth_sharing"]
+__all__ = ["Beside", "parts_of", "processors", "usual_number", "worth_sharing"]
 
 Part = TypeVar("Part")
 
@@ -33,6 +33,13 @@ _MOST = 8
 """More threads than these would wait for the memory."""
 
 
+def processors() -> int:
+    """How many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def usual_number() -> int:
     """How many threads a process uses, the caller's among them.
 
@@ -41,12 +48,7 @@ def usual_number() -> int:
     At most 8.
     """
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
-    if wanted.isdecimal() and int(wanted) > 0:
-        number = int(wanted)
-    elif hasattr(os, "sched_getaffinity"):
-        number = len(os.sched_getaffinity(0))
-    else:
-        number = os.cpu_count() or 1
+    number = int(wanted) if wanted.isdecimal() and int(wanted) > 0 else processors()
     return min(number, _MOST)
 
 
