@@ -332,6 +332,7 @@ def check_case(case: Case) -> Counter[str]:
     rng, events = random.Random(case.seed), Counter[str]()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
+        patch.setattr(beliefs, "_BEGUN_AT_ONCE", 2)
         patch.setattr(laws, "_CHUNK_BYTES", 500)  # so that there are several
         patch.setattr(collisions, "_FEW", case.few_drones)
         if case.followed:

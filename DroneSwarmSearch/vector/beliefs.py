@@ -40,6 +40,9 @@ runs of memory are long."""
 _LEAST_SHARED_BYTES = 2**20
 """If a person's beliefs in a tile take less, it is not worth another thread."""
 
+_BEGUN_AT_ONCE = 256
+"""For so many rows memory is taken when their beliefs begin."""
+
 _BUFFERED = 512
 """Elements of NumPy's buffers while beliefs drift. What is broadcast NumPy copies into its
 buffers if it fits: with small ones it is read where it lies, which is faster."""
@@ -163,14 +166,14 @@ class Beliefs:
 
     def _begin(self, rows: Ints, laws: Laws) -> None:
         self.begun[rows] = True
+        cells = np.arange(self._size**2)[:, None]
         for person in range(len(self._detections)):
-            x, y = laws.marginals(person, rows)
-            products = (y[:, :, None] * x[:, None, :]).reshape(len(rows), -1)
-            for tile, here in self._parts(rows):
-                belief = self._tiles[tile][person].reshape(self._size**2, -1)
-                columns = rows[here] - self._first[tile]
-                for column, product in zip(columns.tolist(), products[here], strict=True):
-                    belief[:, column] = product
+            for first in range(0, len(rows), _BEGUN_AT_ONCE):
+                some = rows[first : first + _BEGUN_AT_ONCE]
+                x, y = laws.marginals(person, some)
+                # In the order of tiles: cells first, for which rows lie side by side.
+                products = y.T[:, None] * x.T
+                self._flat[self._places(person, some, cells).reshape(-1)] = products.reshape(-1)
 
     def _take_in(self, person: int, rows: Ints, cells: Ints) -> _Searches:
         """Lower what is believed of cells searched; what the beliefs sum to is lower, too."""
@@ -182,9 +185,11 @@ class Beliefs:
         return _Searches(rows, at, before, searched)
 
     def _places(self, person: int, rows: Ints, cells: Ints) -> Ints:
-        """Where among all beliefs those of some rows about a person and some cells are."""
-        places: Ints = cells + person * self._size**2
-        places *= self._stride.take(rows)
+        """Where among all beliefs those of some rows about a person and some cells are.
+
+        Rows and cells are broadcast.
+        """
+        places: Ints = (cells + person * self._size**2) * self._stride.take(rows)
         places += self._origin.take(rows)
         return places
 
