@@ -247,7 +247,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         finals: Infos = {}
         if self._mode is AutoresetMode.SAME_STEP and batch.over.any():
             ended: Ints = batch.over.nonzero()[0]
-            finals = self._finals(ended)
+            finals = self._finals(ended, matrices)
             batch.restart(ended)
             if matrices is not None:
                 matrices[ended] = batch.matrices_of(ended)
@@ -290,9 +290,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         Args:
             rows: the swarms' numbers, in rising order; int64, shape (n,).
         """
-        observed = self._new(len(rows) * self._per_swarm)
-        self._observe(rows, self.batch.matrices_of(rows) if self._writes else None, observed)
-        return observed
+        return self._observed(rows, self.batch.matrices_of(rows) if self._writes else None)
 
     def action_masks(self, right_of_way: bool = False) -> Flags:
         """Which actions are sensible now, see `masks.action_masks`; a new array.
@@ -418,10 +416,15 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             self._scratch = np.empty(shape, np.float32)
         return self._scratch
 
-    def _finals(self, rows: Ints) -> Infos:
-        """The last observations and infos of swarms whose episodes have ended."""
+    def _finals(self, rows: Ints, matrices: Singles | None) -> Infos:
+        """The last observations and infos of swarms whose episodes have ended.
+
+        Args:
+            rows: the swarms' numbers.
+            matrices: of all swarms, if any are shown.
+        """
         slots = (rows[:, None] * self._per_swarm + np.arange(self._per_swarm)).reshape(-1)
-        observed = self.observe(rows)
+        observed = self._observed(rows, None if matrices is None else matrices[rows])
         last = np.full(self.num_envs, None, object)
         for place, slot in enumerate(slots.tolist()):
             if isinstance(observed, dict):
@@ -463,6 +466,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         del entries["probability_matrix"]
         index = spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)
         return spaces.Dict({**entries, "matrix_index": index})
+
+    def _observed(self, rows: Ints, matrices: Singles | None) -> Observations:
+        """What some swarms' slots are shown, in new arrays; arguments as for `_observe`."""
+        out = self._new(len(rows) * self._per_swarm)
+        self._observe(rows, matrices, out)
+        return out
 
     def _observe(self, rows: Ints, matrices: Singles | None, out: Observations) -> None:
         """Write what some swarms' slots are shown.
