@@ -261,16 +261,17 @@ class Seas:
         if beginning.size:
             self._set(beginning)
         self._laws.advance(beginning)
-        if out is None:
+        if out is None or self._writes_beside(out):
             return
         if self._beliefs is not None and self._beliefs.begun.any():
             self._write_others(out)
-        elif self._beliefs is not None or not self._writes_beside(out):
+        else:
             self.write_matrices(out)
 
     def _writes_beside(self, out: Singles) -> bool:
-        """Whether, where there are no beliefs, matrices are all written in `going_on`."""
-        return len(self._detections) == 1 and self._laws.writes_beside(out)
+        """Whether `going_on` lets the laws write all matrices."""
+        alone = self._beliefs is None and len(self._detections) == 1
+        return alone and self._laws.writes_beside(out)
 
     def _choose_leaders(self, rows: Ints) -> None:
         """Note whose law is shown: that of those missing, or of all once none is."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 from queue import SimpleQueue
 from threading import Thread
 from types import TracebackType
@@ -119,13 +118,12 @@ class Beside(Generic[Part]):
         self._work = work
         self._left = deque(parts)
         self._number = len(self._left)
-        self._reports: SimpleQueue[BaseException | None] | None = None  # on parts helped with
-        if shares:
-            self._reports = SimpleQueue()
+        self._shares = shares
+        self._reports: SimpleQueue[BaseException | None] = SimpleQueue()  # on parts helped with
 
     def __enter__(self) -> None:
-        if self._reports is not None:
-            _helpers.ask(self._number, partial(self._help, self._reports))
+        if self._shares:
+            _helpers.ask(self._number, self._help)
 
     def __exit__(
         self,
@@ -138,16 +136,14 @@ class Beside(Generic[Part]):
             own += 1
             if problem is None:
                 problem = self._report_on(part)
-        if self._reports is not None:
-            # All others have been taken by helpers, who may still be at work.
-            for _ in range(self._number - own):
-                problem = self._reports.get() or problem
+        for _ in range(self._number - own):  # helpers have taken them, and may be at work
+            problem = self._reports.get() or problem
         if problem is not None and problem is not error:
             raise problem
 
-    def _help(self, reports: SimpleQueue[BaseException | None]) -> None:
+    def _help(self) -> None:
         for part in self._taken():
-            reports.put(self._report_on(part))
+            self._reports.put(self._report_on(part))
 
     def _taken(self) -> Iterator[Part]:
         """Parts that nobody else has taken."""
