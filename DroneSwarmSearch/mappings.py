@@ -8,7 +8,7 @@ now has two things; here the two are a tuple that answers drones' names as well.
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, KeysView, Mapping, ValuesView
+from collections.abc import ItemsView, Iterable, KeysView, Mapping, ValuesView
 from typing import Any, Generic, TypeVar, overload
 
 __all__ = ["Infos", "Rewards", "Start"]
@@ -44,6 +44,26 @@ class _Answering(dict[str, Value]):
     def get(self, key: str, default: Any = None, /) -> Any:
         # A plain dict's get knows nothing of __missing__.
         return super().get(key, default) if key != self.NAME else self[key]
+
+    def __setitem__(self, key: str, value: Value) -> None:
+        self._refuse((key,))
+        super().__setitem__(key, value)
+
+    def setdefault(self, key: str, default: Any = None, /) -> Any:
+        return super().setdefault(key, default) if key != self.NAME else self._answer()
+
+    def update(self, *values: Any, **more: Any) -> None:
+        new: dict[str, Value] = dict(*values, **more)
+        self._refuse(new)
+        super().update(new)
+
+    def __ior__(self, other: Any) -> Any:  # type: ignore[misc]
+        self.update(other)
+        return self
+
+    def _refuse(self, keys: Iterable[object]) -> None:
+        if self.NAME in keys:
+            raise ValueError(f"{self.NAME!r} follows from the drones' values and cannot be set")
 
     def __delitem__(self, key: str) -> None:
         if key != self.NAME:  # which is not listed anyway
