@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
 _SEARCH = int(Action.SEARCH)
+_pay = dict.__setitem__  # quicker than assigning an item, which checks the name
 _OPTIONS = ("drones_positions", "vector", "person_initial_position")
 
 
@@ -205,6 +206,8 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         Raises:
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
+            RuntimeError: render_mode is "human" and no window can be opened. As with every
+                error, the environment is as it was.
         """
         scenario = search = self._scenario
         cells = self._start_cells
@@ -225,7 +228,13 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if drones_positions is not None:
             cells = scenario.drone_cells(drones_positions)
 
-        # Everything is checked: from here on the environment changes.
+        if self.render_mode == "human":
+            self._get_window().open()
+
+        # Everything is checked: from here on the environment changes. Until it is done there
+        # is no episode, so that an interrupt leaves an environment that asks for a reset.
+        self.agents = []
+        self._ending = None
         if search is not self._search:
             self._sea = Sea(search)
             self._search = search
@@ -234,18 +243,16 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if seed is not None or self._streams is None:
             self._streams = Streams.from_seed(seed)
             self._episode = 0
-        self._sea.begin(self._streams, self._episode)
-        self.agents = list(self._names)
+        matrix = self._sea.begin(self._streams, self._episode)
         self._cells = cells
         self._chosen = self._all_idle
-        self._ending = None
         self._found = False
         self._finders = set()
         self._beyond_step = [0.0] * len(cells)
+        self.agents = list(self._names)
         if self.render_mode == "human":
-            self._get_window().reopen()
-            self.render()
-        return Start(observe(self._names, cells, self._positions, self._sea.matrix, self._found))
+            self._show()
+        return Start(observe(self._names, cells, self._positions, matrix, self._found))
 
     def step(
         self, actions: Mapping[str, int]
@@ -259,35 +266,43 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             Observations, rewards, terminations, truncations and infos of every drone.
 
         Raises:
-            ResetNeeded: before the first `reset`, and after the end of an episode.
+            ResetNeeded: before the first `reset`, after the end of an episode, and after an
+                exception (Ctrl-C, for example) interrupted a step or a reset.
             TypeError: `actions` is no mapping, or an action is no integer.
             ValueError: an action is missing, out of range, or for no drone. As with every
                 error, the environment is as it was.
         """
         if not self.agents:
-            raise ResetNeeded("step: the episode is over or has not begun; call reset() first")
+            raise ResetNeeded(
+                "step: the episode is over, was interrupted or has not begun; call reset() first"
+            )
         # 1. Every drone moves or searches.
         cells, sea = self._cells, self._sea
         chosen, targets = self._read(actions, self._neighbours, cells)
+        # Without agents until the step is complete: if it is interrupted, a reset is needed.
+        agents, self.agents = self.agents, []
         self._chosen = chosen
 
         # 2. Outcomes, rewards and the end; mostly the table's last line is all there is.
         rewards = Rewards(self._all_step)
-        over = self._all_false
+        ending = None
         crashed = targets is not cells and len({OFF_GRID, *targets}) <= len(targets)
         if crashed or _SEARCH in chosen or sea.step == self._last_step:
-            targets = self._judge(targets, crashed, rewards)
-            if self._ending is not None:
-                over = self._all_true
-                self.agents = []
+            targets, ending = self._judge(targets, crashed, rewards)
         self._cells = targets
 
         # 3. The clock advances, the persons and the matrix drift.
         matrix = sea.advance()
+        if ending is None:
+            over = self._all_false
+            self.agents = agents
+        else:
+            over = self._all_true
+            self._ending = ending
 
         # 4. The new state is observed.
         if self.render_mode == "human":
-            self.render()
+            self._show()
         observations, infos = observe(self._names, targets, self._positions, matrix, self._found)
         return observations, rewards, over.copy(), over.copy(), infos
 
@@ -407,13 +422,13 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """Everything a picture of the present state shows, the persons included.
 
         Raises:
-            ResetNeeded: before the first `reset`.
+            ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
-        if self._search is None:
-            raise ResetNeeded("there is no state yet; call reset() first")
+        if not self.agents and self._ending is None:
+            raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
         positions, sea = self._positions, self._sea
         return Frame(
-            matrix=sea.matrix,
+            matrix=sea.matrix(),
             drones=tuple(positions[cell] for cell in self._cells),
             searching=tuple(action == _SEARCH for action in self._chosen),
             persons=tuple(positions[sea.person_cell(person)] for person in sea.everybody),
@@ -426,8 +441,10 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
     # Phase 2 of a step.
 
-    def _judge(self, targets: list[int], crashed: bool, rewards: Rewards) -> list[int]:
-        """Fill in the rewards, note who was found and whether this is the end.
+    def _judge(
+        self, targets: list[int], crashed: bool, rewards: Rewards
+    ) -> tuple[list[int], Ending | None]:
+        """Fill in the rewards and note who was found.
 
         Args:
             targets: where each drone tried to go.
@@ -435,26 +452,33 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             rewards: holds the table's last line for every drone; the others are filled in.
 
         Returns:
-            The drones' cells after moving.
+            The drones' cells after moving, and why the episode ends, if it does.
         """
         searches = _searches(self._chosen, self._cells)
         finders = self._sea.search(searches) if searches else set()
+        ending = None
         if crashed or finders or self._sea.step == self._last_step:
-            self._judge_turning_point(targets, finders, rewards)
+            ending = self._judge_turning_point(targets, finders, rewards)
         else:
             self._pay_fruitless_searches(searches, rewards)
         if OFF_GRID in targets:  # who tried to leave has stayed
-            return [
+            targets = [
                 cell if target == OFF_GRID else target
                 for cell, target in zip(self._cells, targets, strict=True)
             ]
-        return targets
+        return targets, ending
 
-    def _judge_turning_point(self, targets: list[int], finders: set[int], rewards: Rewards) -> None:
-        """Judge a step in which somebody was found, drones crashed or the time is up."""
+    def _judge_turning_point(
+        self, targets: list[int], finders: set[int], rewards: Rewards
+    ) -> Ending | None:
+        """Judge a step in which somebody was found, drones crashed or the time is up.
+
+        Returns:
+            Why the episode ends, if it does.
+        """
         scenario, sea, chosen = self._scenario, self._sea, self._chosen
         scheme, limit = scenario.reward_scheme, scenario.timestep_limit
-        beyond, shown, t = self._beyond_step, sea.matrix.item, sea.step
+        beyond, shown, t = self._beyond_step, sea.probability, sea.step
         time_up = t == self._last_step
         shared = rules.same_cell(targets)
         crashes = {*shared, OFF_GRID}
@@ -474,19 +498,19 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                     limit,
                     scheme.step * t + beyond[drone],
                 )
-                rewards[self._names[drone]] = points
+                _pay(rewards, self._names[drone], points)
                 beyond[drone] += points - scheme.step
         if finders:
             self._found = True
             self._finders |= finders
-        self._ending = rules.ending(not sea.missing, bool(shared), OFF_GRID in targets, time_up)
+        return rules.ending(not sea.missing, bool(shared), OFF_GRID in targets, time_up)
 
     def _pay_fruitless_searches(self, searches: dict[int, int], rewards: Rewards) -> None:
         """Judge a step in which nothing happened but searches that found nobody."""
-        scheme, shown = self._scenario.reward_scheme, self._sea.matrix.item
+        scheme, shown = self._scenario.reward_scheme, self._sea.probability
         for cell, drone in searches.items():
             points = rules.fruitless_search_reward(scheme, shown(cell))
-            rewards[self._names[drone]] = points
+            _pay(rewards, self._names[drone], points)
             self._beyond_step[drone] += points - scheme.step
 
     # The window and the painter, made when first needed.
@@ -510,6 +534,18 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                 self._get_painter(), title="Drone swarm search", fps=self.metadata["render_fps"]
             )
         return self._window
+
+    def _show(self) -> None:
+        """Show the state that a reset or a step has led to; the episode goes on if that fails."""
+        try:
+            self._get_window().show(self.frame())
+        except RuntimeError as problem:
+            self._get_window().dismiss()
+            warnings.warn(
+                f"{problem}; the episode goes on without being shown, and the next reset "
+                "tries to open the window again",
+                stacklevel=3,
+            )
 
     def __getstate__(self) -> dict[str, Any]:
         """Copies and pickles go on identically, but have no window."""

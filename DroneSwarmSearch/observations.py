@@ -38,11 +38,11 @@ def observe(
         found: whether any drone has found a person.
     """
     observations: dict[str, Observation] = {}
-    infos = Infos()
+    infos = {}  # a plain dict is filled in half the time
     for name, cell in zip(names, cells):  # noqa: B905 (strict= would cost a tenth of it)
         observations[name] = {"observation": (positions[cell], matrix)}
         infos[name] = {"Found": found}
-    return observations, infos
+    return observations, Infos(infos)
 
 
 def observation_space(grid_size: int) -> spaces.Dict:

@@ -20,8 +20,9 @@ steps when somebody asks for them, and kept for later episodes within `KEPT_BYTE
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter, OrderedDict
-from threading import Lock
+from threading import RLock
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -30,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from DroneSwarmSearch import checks
 from DroneSwarmSearch.erf import erf
 
-__all__ = ["Block", "ProbabilityMatrix", "Steps", "dispersion_rate"]
+__all__ = ["ProbabilityMatrix", "dispersion_rate"]
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
@@ -42,6 +43,15 @@ KEPT_BYTES = 56 * 2**20
 
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
+
+# A copy of one small matrix costs mostly the call, a copy of several little more.
+_HANDED_STEPS = 8
+_HANDED_BYTES = 2**16
+
+
+def _power_of_two(number: int) -> int:
+    """The largest power of two that is no larger than a number; at least 1."""
+    return 1 << (max(1, number).bit_length() - 1)
 
 
 def dispersion_rate(disperse_constant: Number) -> Number:
@@ -208,7 +218,10 @@ def tabulate(
 
 
 class Block(NamedTuple):
-    """Some consecutive steps of a law.
+    """Some consecutive steps of a law: tables that every environment with this law reads.
+
+    Nothing in here may reach users. NumPy's read-only flag does not protect it, because
+    other libraries (PyTorch's `as_tensor`, for example) ignore the flag.
 
     Attributes:
         first: the step that index 0 of everything below stands for.
@@ -216,7 +229,8 @@ class Block(NamedTuple):
         marginals: the probabilities in single precision, float32, shape (n, 2, N).
         right: `right` of the steps, flat, in the form that scalar code reads fastest.
         left: their `left` likewise.
-        matrices: for every step, its matrix once somebody has asked for it.
+        matrices: the matrices, in portions of `ProbabilityMatrix.handed_steps` steps, each
+            made when it is first needed.
     """
 
     first: int
@@ -225,6 +239,16 @@ class Block(NamedTuple):
     right: memoryview
     left: memoryview
     matrices: list[NDArray[np.float32] | None]
+
+    def matrices_from(self, step: int) -> NDArray[np.float32]:
+        """The matrices of some steps from a multiple of their number on: float32, (n, N, N)."""
+        count = len(self.marginals) // len(self.matrices)
+        place = (step - self.first) // count
+        matrices = self.matrices[place]
+        if matrices is None:
+            x, y = self.marginals[place * count : (place + 1) * count].swapaxes(0, 1)
+            matrices = self.matrices[place] = y[:, :, None] * x[:, None, :]
+        return matrices
 
 
 class _Kept:
@@ -237,17 +261,17 @@ class _Kept:
         self._blocks: OrderedDict[tuple[_Key, int], tuple[Block, int]] = OrderedDict()
         self._of_law: Counter[_Key] = Counter()  # bytes
         self._bytes = 0
-        self._lock = Lock()
+        self.lock = RLock()
 
     def get(self, law: _Key, first: int) -> Block | None:
-        with self._lock:
+        with self.lock:
             block, _ = self._blocks.get((law, first), (None, 0))
             if block is not None:
                 self._blocks.move_to_end((law, first))
             return block
 
     def put(self, law: _Key, first: int, block: Block, size: int) -> None:
-        with self._lock:
+        with self.lock:
             if (law, first) in self._blocks or self._of_law.get(law, 0) + size > KEPT_BYTES:
                 return
             self._blocks[law, first] = (block, size)
@@ -263,6 +287,14 @@ class _Kept:
 
 _kept = _Kept()
 
+if hasattr(os, "register_at_fork"):
+    # A child process must not inherit the lock from a thread that it does not have.
+    os.register_at_fork(
+        before=_kept.lock.acquire,
+        after_in_parent=_kept.lock.release,
+        after_in_child=_kept.lock.release,
+    )
+
 
 class ProbabilityMatrix:
     """Where a drifting person is, step by step.
@@ -273,6 +305,8 @@ class ProbabilityMatrix:
     Attributes:
         block_steps: the steps in each block of tables, a power of two; blocks begin at
             its multiples.
+        handed_steps: the steps whose matrices are copied at once for whoever is shown
+            them, likewise.
 
     Args:
         grid_size: cells along each side of the square grid, N.
@@ -299,8 +333,8 @@ class ProbabilityMatrix:
         constant = checks.real("disperse_constant", disperse_constant, 0)
         self._parameters = (size, cell, drift, constant)
         self._key = (size, *cell, *drift, constant)
-        fitting = max(1, _BLOCK_BYTES // self._step_bytes())
-        self.block_steps = min(_BLOCK_STEPS, 1 << (fitting.bit_length() - 1))
+        self.block_steps = min(_BLOCK_STEPS, _power_of_two(_BLOCK_BYTES // self._step_bytes()))
+        self.handed_steps = min(_HANDED_STEPS, _power_of_two(_HANDED_BYTES // (4 * size**2)))
         self._initial = self._block = self._make_block(0, None)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -323,26 +357,20 @@ class ProbabilityMatrix:
             step: completed steps, >= 0.
 
         Returns:
-            float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; read-only.
+            float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; a new array.
 
         Raises:
             ValueError: the step is negative.
         """
-        block = self._block
-        index = step - block.first
-        if not 0 <= index < self.block_steps:
-            block = self.block(step)
-            index = step - block.first
-        matrix = block.matrices[index]
-        if matrix is None:
-            x, y = block.marginals[index]
-            matrix = np.multiply.outer(y, x)
-            matrix.flags.writeable = False
-            block.matrices[index] = matrix
-        return matrix
+        matrices = self.block(step).matrices_from(step)
+        matrix: NDArray[np.float32] = matrices[step % self.handed_steps]
+        return matrix.copy()
 
     def block(self, step: int) -> Block:
-        """The tables that hold a step; going on from step to step is cheap."""
+        """The shared tables that hold a step, for the library itself.
+
+        Going on from step to step is cheap.
+        """
         block = self._block
         if step < block.first:
             checks.integer("step", step, 0)
@@ -355,7 +383,7 @@ class ProbabilityMatrix:
     def marginals(self, step: int) -> tuple[Floats, Floats]:
         """The chances of each column and of each row at a step: float64, shape (N,) each."""
         block = self.block(step)
-        x, y = block.steps.probability[step - block.first]
+        x, y = block.steps.probability[step - block.first].copy()
         return x, y
 
     def exact(self, step: int) -> Floats:
@@ -372,7 +400,8 @@ class ProbabilityMatrix:
         """
         block = self.block(step)
         index = step - block.first
-        (right, down), (left, up) = block.steps.right[index], block.steps.left[index]
+        right, down = block.steps.right[index].copy()
+        left, up = block.steps.left[index].copy()
         return right, left, down, up
 
     def _step_bytes(self) -> int:
@@ -392,7 +421,7 @@ class ProbabilityMatrix:
                 marginals=steps.probability.astype(np.float32),
                 right=steps.right.reshape(-1).data,
                 left=steps.left.reshape(-1).data,
-                matrices=[None] * self.block_steps,
+                matrices=[None] * (self.block_steps // self.handed_steps),
             )
             _kept.put(self._key, first, block, self._step_bytes() * self.block_steps)
         return block

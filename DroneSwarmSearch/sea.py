@@ -38,71 +38,84 @@ class Sea:
         everybody: the persons, by number.
         missing: those not yet found.
         step: completed steps.
-        matrix: the matrix of this step, float32, shape (N, N), indexed [y, x]; read-only.
-            With several persons it is the mean over those missing, or over all of them
-            once none is.
     """
 
     def __init__(self, search: Scenario) -> None:
         size = search.grid_size
+        self._cells = size**2
         self._bayesian = search.bayesian_update
         self._detections = search.detections
         self._laws = search.laws()
         self._paths_at_start = [[y * size + x] for x, y in search.persons]
         self._block_steps = self._laws[0].block_steps
         self.everybody = tuple(range(len(self._laws)))
-        self._law_at_start = self._one_law(self.everybody)
-        self._matrices_at_start = self._ready_made(self._law_at_start, 0)
-        self._rewind()
+        self._law_at_start = law = self._one_law(self.everybody)
+        if law is not None:
+            self._shown_at_start = law.block(0).matrices_from(0)
 
-    def begin(self, streams: Streams, episode: int) -> None:
+    def begin(self, streams: Streams, episode: int) -> Matrix:
         """Start an episode.
 
         Args:
             streams: the random numbers.
             episode: the episode's number since the seed, which they depend on.
+
+        Returns:
+            The matrix of step 0, to hand out; see `advance`.
         """
         self._streams = streams
         self._episode = episode
-        self._rewind()
-
-    def _rewind(self) -> None:
         self.step = 0
         self.missing = self.everybody
         self._paths = self._paths_at_start  # each person's cells for some steps
         self._paths_begin = 0
         self._beliefs: dict[int, NDArray[np.float64]] = {}  # of persons searched for
         self._law = self._law_at_start  # whose matrix is the one to show, if there is one
-        # The matrices of the block of steps that ends before `_block_end`; None where one
-        # has not been made yet, or depends on searches.
         self._block_end = self._block_steps
-        self._matrices = self._matrices_at_start
-        self.matrix = self._matrix_now()
+        self._show(self._mean()[None] if self._law is None else self._shown_at_start)
+        first: Matrix = self._handed[0]
+        return first
 
     # Time.
 
     def advance(self) -> Matrix:
-        """Let a step pass: the persons drift, and what is known of them; returns the matrix."""
+        """Let a step pass: the persons drift, and what is known of them.
+
+        Returns:
+            `matrix` of the new step, read-only, to hand out: nothing reads it again, so
+            that whatever its owner does to it changes no episode.
+        """
         self.step += 1
-        if self.step == self._block_end:
-            self._enter_block()
-        matrix = self._matrices[self.step - self._block_end]
-        if matrix is None:
-            matrix = self._drifted_matrix()
-        self.matrix = matrix
+        if self.step == self._shown_end:
+            self._go_on()
+        matrix: Matrix = self._handed[self.step - self._shown_first]
         return matrix
 
-    def _enter_block(self) -> None:
-        """Go on to the next block of the laws' tables; everybody walks out of the last one."""
-        self.person_cell(0)
-        self._block_end += self._block_steps
-        self._fetch_matrices()
+    def _go_on(self) -> None:
+        """Get the matrices of the present step and, where tables have them, of some more."""
+        if self.step == self._block_end:
+            self.person_cell(0)  # everybody walks out of the last block
+            self._block_end += self._block_steps
+        if self._law is not None:
+            self._show(self._law.block(self.step).matrices_from(self.step))
+        else:
+            for person, belief in self._beliefs.items():
+                moves = self._laws[person].moves(self.step - 1)
+                self._beliefs[person] = after_drift(belief, *moves)
+            self._show(self._mean()[None])
 
-    def _drifted_matrix(self) -> Matrix:
-        """The matrix where none is ready-made; beliefs have drifted since the last step."""
-        for person, belief in self._beliefs.items():
-            self._beliefs[person] = after_drift(belief, *self._laws[person].moves(self.step - 1))
-        return self._matrix_now()
+    def _show(self, matrices: Matrix) -> None:
+        """Take the matrices of some steps: rewards follow from these, users get copies.
+
+        Args:
+            matrices: float32, shape (n, N, N): of the present step among others, the first
+                of which is a multiple of n.
+        """
+        self._shown = matrices
+        self._shown_first = self.step - self.step % len(matrices)
+        self._shown_end = self._shown_first + len(matrices)
+        self._handed = matrices.copy()
+        self._handed.setflags(write=False)
 
     # The persons.
 
@@ -142,8 +155,8 @@ class Sea:
             if cell in searches and self._luck(person):
                 finders.add(searches[cell])
                 self.missing = tuple(other for other in self.missing if other != person)
-        if finders and len(self.everybody) > 1:
-            self._choose_law()
+        if finders and len(self.everybody) > 1 and not self._beliefs:
+            self._use_law(self._one_law(self.missing or self.everybody))
         if self._bayesian:
             self._learn(list(searches))
         return finders
@@ -160,8 +173,7 @@ class Sea:
         """Take in that searches of some cells have not found those still missing."""
         if not self._beliefs:
             self._beliefs = {person: self._belief(person) for person in self.everybody}
-            self._law = None
-            self._fetch_matrices()
+            self._use_law(None)
         for person in self.missing:
             self._beliefs[person], _ = after_fruitless_search(
                 self._beliefs[person], cells, self._detections[person]
@@ -174,22 +186,27 @@ class Sea:
         belief = self._beliefs.get(person)
         return self._laws[person].exact(self.step) if belief is None else belief
 
-    def _matrix_now(self) -> Matrix:
-        """The matrix of the present step."""
-        if self._law is not None:
-            return self._law.at(self.step)
+    def matrix(self) -> Matrix:
+        """The matrix of the present step: float32, shape (N, N), indexed [y, x]; a new array."""
+        matrix: Matrix = self._shown[self.step - self._shown_first]
+        return matrix.copy()
+
+    def probability(self, cell: int) -> float:
+        """What the drones were shown of a cell, y * grid_size + x, before they acted."""
+        return self._shown.item((self.step - self._shown_first) * self._cells + cell)
+
+    def _mean(self) -> Matrix:
+        """The mean over the persons missing, or over all of them once none is."""
         shown = self.missing or self.everybody
         total = self._belief(shown[0])
         for person in shown[1:]:
             total = total + self._belief(person)
-        matrix = (total / len(shown)).astype(np.float32)
-        matrix.flags.writeable = False
-        return matrix
+        return (total / len(shown)).astype(np.float32)
 
-    def _choose_law(self) -> None:
-        """Note whether one law's ready-made matrix is the one to show."""
-        self._law = None if self._beliefs else self._one_law(self.missing or self.everybody)
-        self._fetch_matrices()
+    def _use_law(self, law: ProbabilityMatrix | None) -> None:
+        """From the next step on show a law's matrices, or means (None)."""
+        self._law = law
+        self._shown_end = self.step + 1
 
     def _one_law(self, persons: Sequence[int]) -> ProbabilityMatrix | None:
         """The law of some persons if it is one and the same."""
@@ -197,21 +214,7 @@ class Sea:
         same = all(law.parameters == laws[0].parameters for law in laws)
         return laws[0] if same else None
 
-    def _fetch_matrices(self) -> None:
-        self._matrices = self._ready_made(self._law, self._block_end - self._block_steps)
-
-    def _ready_made(self, law: ProbabilityMatrix | None, first: int) -> list[Matrix | None]:
-        """The matrices of a law's block of steps, which fills up as they are made."""
-        return [None] * self._block_steps if law is None else law.block(first).matrices
-
-    # Arrays do not stay read-only through a pickle: matrices are made anew.
-
-    def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("matrix", "_matrices", "_matrices_at_start")
-        return {**self.__dict__, **dict.fromkeys(made_anew)}
-
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._matrices_at_start = self._ready_made(self._law_at_start, 0)
-        self._fetch_matrices()
-        self.matrix = self._matrix_now()
+        self._handed = self._handed.copy()
+        self._handed.setflags(write=False)  # arrays do not stay read-only through a pickle

@@ -188,15 +188,18 @@ class EpisodeStream:
             count, width = _LONG if self._drawn > _SHORT[1] else _SHORT
             episodes = np.arange(episode, episode + count, dtype=np.uint64)
             keys = episode_keys(self._key, episodes[:, None])
-            self._heads = numbers(keys, np.arange(width, dtype=np.uint64)).tolist()
+            heads = numbers(keys, np.arange(width, dtype=np.uint64)).tolist()
+            # If an interrupt comes in between, there are no heads, and they are made again.
+            self._heads = []
             self._heads_keys = keys[:, 0].tolist()
             self._heads_first = episode
+            self._heads = heads
         self._known = self._heads[episode - self._heads_first]
         self._first = 0
-        self._episode = episode
         self._drawn = 0
         self._rows = []
         self._first_row = 0
+        self._episode = episode
 
     def _extend(self, begin: int, end: int) -> None:
         """Know the numbers from one place to another, and some beyond."""

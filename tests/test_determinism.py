@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import careful_actions, observed, plain, play, play_on
+from helpers import careful_actions, observed, overwrite, plain, play, play_on
 
 from DroneSwarmSearch import DroneSwarmSearch
 
@@ -333,7 +333,6 @@ def test_matrices_of_copies_are_read_only_too(copied):
     env.reset(seed=1)
     env.step(dict.fromkeys(env.agents, 4))
     other = copied(env)
-    assert not other.frame().matrix.flags.writeable
     observations = other.step(dict.fromkeys(other.agents, 5))[0]
     assert not observations["drone0"]["observation"][1].flags.writeable
 
@@ -361,6 +360,32 @@ def test_handed_out_matrices_never_change_and_are_read_only(parameters):
             matrix[0, 0] = 1
         with pytest.raises(ValueError, match=r"WRITEABLE|writeable"):
             matrix.view().flags.writeable = True
+
+
+@each_parameters
+def test_nothing_done_to_handed_out_arrays_changes_an_episode(parameters):
+    """Not this one, not a later one, and none of an environment made afterwards."""
+
+    def episodes(env, touch):
+        log, rng = [], random.Random(4)
+        for episode in range(3):
+            observations, _ = env.reset(seed=5 if episode == 0 else None)
+            while env.agents:
+                actions = careful_actions(rng, observations, env.grid_size)
+                shown = observations["drone0"]["observation"][1]
+                log.append((shown.tolist(), env.frame().matrix.tolist(), env.state().tolist()))
+                for array in (shown, env.frame().matrix, env.state()):
+                    touch(array)
+                for law in env.scenario.laws():
+                    for array in (law.at(3), law.exact(3), *law.marginals(3), *law.moves(3)):
+                        touch(array)
+                observations, *results = env.step(actions)
+                log.append(results)
+        return log
+
+    expected = episodes(make_env(parameters), lambda array: None)
+    assert episodes(make_env(parameters), overwrite) == expected
+    assert episodes(make_env(parameters), lambda array: None) == expected
 
 
 def test_what_step_returns_belongs_to_the_caller():

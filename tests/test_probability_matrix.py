@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import pickle
+import signal
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -144,12 +148,15 @@ def test_steps_come_in_any_order() -> None:
         np.testing.assert_array_equal(other.at(t), expected[t])
 
 
-def test_matrices_are_read_only_and_shared() -> None:
-    one, other = (ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5) for _ in range(2))
-    assert one.at(7) is other.at(7) is copy.deepcopy(one).at(7)
-    with pytest.raises(ValueError, match="read-only"):
-        one.at(7)[0, 0] = 1
-    assert not pickle.loads(pickle.dumps(one)).at(7).flags.writeable
+def test_matrices_are_new_arrays() -> None:
+    law = ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5)
+    expected = law.at(7)
+    for array in (law.at(7), law.exact(7), *law.marginals(7), *law.moves(7)):
+        array[...] = 5.0
+    for same in (law, copy.deepcopy(law), pickle.loads(pickle.dumps(law))):
+        np.testing.assert_array_equal(same.at(7), expected)
+        assert same.exact(7).sum() == pytest.approx(1)
+        assert max(chances.max() for chances in same.moves(7)) <= 1
 
 
 def test_a_million_steps_keep_bounded_memory() -> None:
@@ -157,7 +164,8 @@ def test_a_million_steps_keep_bounded_memory() -> None:
     law = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
     for t in range(6000):
         law.at(t)
-    assert law.at(3) is ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5).at(3), "the earliest are kept"
+    again = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
+    assert law.block(3) is again.block(3), "the earliest are kept"
     for start in range(40):
         other = ProbabilityMatrix(64, (start, 4), (0.1, 0.2), 5)
         for t in range(100):
@@ -200,3 +208,28 @@ def test_bad_arguments(arguments: tuple, message: str) -> None:
 def test_steps_before_the_first() -> None:
     with pytest.raises(ValueError, match="step must be an integer of at least 0, got -1"):
         ProbabilityMatrix(5, (1, 1), (0, 0), 1).at(-1)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_process_forked_while_another_thread_makes_tables_goes_on() -> None:
+    held, forking = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        with module._kept.lock:
+            held.set()
+            forking.wait(60)
+            time.sleep(0.05)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    held.wait(60)
+    forking.set()
+    child = os.fork()
+    if child == 0:  # pragma: no cover (in another process)
+        signal.alarm(30)  # ends a child that hangs
+        ProbabilityMatrix(8, (3, 2), (0.123, 0.456), 5).at(40)
+        os._exit(0)
+    thread.join()
+    assert os.waitpid(child, 0)[1] == 0
+    ProbabilityMatrix(8, (3, 2), (0.321, 0.456), 5).at(40)

@@ -14,8 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from helpers import plain, whole_state
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
 from DroneSwarmSearch.rendering.layout import LEFT, TOP, Layout
@@ -572,11 +574,14 @@ def make_window(grid_size: int = 7, *, title: str = "test", fps: float = 1000.0)
     return Window(painter, title=title, fps=fps)
 
 
+def _no_surface() -> None:
+    raise pygame.error("display Surface quit")
+
+
 @pytest.mark.usefixtures("dummy_display")
 class TestWindow:
     def test_it_opens_with_the_first_frame(self) -> None:
         window = make_window(title="a search")
-        window.reopen()
         assert not window.is_open
         assert not pygame.display.get_init()
         window.show(make_frame())
@@ -619,7 +624,7 @@ class TestWindow:
             warnings.simplefilter("error")
             window.show(make_frame())
             assert not pygame.display.get_init()
-            window.reopen()
+            window.open()
             window.show(make_frame())
         assert window.is_open
 
@@ -627,7 +632,7 @@ class TestWindow:
         window = make_window()
         window.show(make_frame())
         screen = pygame.display.get_surface()
-        window.reopen()
+        window.open()
         window.show(make_frame())
         assert pygame.display.get_surface() is screen
 
@@ -721,6 +726,50 @@ class TestWindow:
         with pytest.raises(RuntimeError, match=r"rgb_array.*ansi.*SDL_VIDEODRIVER=dummy"):
             make_window().show(make_frame())
         assert not pygame.display.get_init()
+
+    def test_without_a_display_a_reset_changes_nothing(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        env = DroneSwarmSearch(grid_size=5, render_mode="human")
+        env.reset(seed=1)
+        env.step({"drone0": 5})
+        env.close()
+        before, twin = whole_state(env), copy.deepcopy(env)
+        monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
+        for _ in range(2):
+            with pytest.raises(RuntimeError, match="no window can be opened"):
+                env.reset(seed=2, vector=(0.3, 0.3))
+            assert whole_state(env) == before
+        new = DroneSwarmSearch(render_mode="human")
+        with pytest.raises(RuntimeError, match="no window can be opened"):
+            new.reset()
+        with pytest.raises(ResetNeeded):
+            new.step({"drone0": 5})
+        monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+        assert plain(env.step({"drone0": 1})) == plain(twin.step({"drone0": 1}))
+
+    @pytest.mark.parametrize("how", ["it cannot be opened", "it cannot be drawn"])
+    def test_an_episode_outlives_its_window(
+        self, how: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        env = DroneSwarmSearch(grid_size=5, render_mode="human", vector=(0.2, 0.1))
+        twin = DroneSwarmSearch(grid_size=5, vector=(0.2, 0.1))
+        env.reset(seed=1)
+        twin.reset(seed=1)
+        if how == "it cannot be opened":
+            pygame.quit()
+            monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
+        else:
+            monkeypatch.setattr(pygame.display, "flip", _no_surface)
+        with pytest.warns(UserWarning, match="goes on without being shown"):
+            shown = env.step({"drone0": 1})
+        assert plain(shown) == plain(twin.step({"drone0": 1}))
+        assert plain(env.step({"drone0": 3})) == plain(twin.step({"drone0": 3}))  # no warning
+        monkeypatch.undo()
+        monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+        env.reset()
+        assert pygame.display.get_init()
+        env.close()
 
     def test_a_display_that_shows_nothing_must_be_asked_for(
         self, monkeypatch: pytest.MonkeyPatch

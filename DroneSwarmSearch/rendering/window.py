@@ -71,32 +71,34 @@ class Window:
         """Shows a frame, opening the window if need be, and waits until the next is due.
 
         Waits one frame period at most. Does nothing once the user has closed the window,
-        which is warned about once, until `reopen`.
+        which is warned about once, until `open`.
 
         Raises:
-            RuntimeError: no window can be opened here.
+            RuntimeError: no window can be opened here, or it has failed.
         """
         if self._dismissed:
             return
-        if not self.is_open:
-            self._open()
-        if self._user_quits():
-            self.close()
-            self._dismissed = True
-            warnings.warn(
-                "the window was closed: the episode goes on without being shown;"
-                " the next reset opens the window again",
-                stacklevel=2,
-            )
-            return
-        self._present(self._painter.paint(frame))
+        self.open()
+        try:
+            if self._user_quits():
+                self.dismiss()
+                warnings.warn(
+                    "the window was closed: the episode goes on without being shown;"
+                    " the next reset opens the window again",
+                    stacklevel=2,
+                )
+                return
+            self._present(self._painter.paint(frame))
+        except pygame.error as error:
+            raise RuntimeError(f"the window has failed ({error})") from error
         if self._clock is None:
             self._clock = pygame.time.Clock()
         self._clock.tick(self._fps)
 
-    def reopen(self) -> None:
-        """Lets the next `show` open the window if the user has closed it."""
-        self._dismissed = False
+    def dismiss(self) -> None:
+        """Closes the window; `show` does nothing until `open`."""
+        self.close()
+        self._dismissed = True
 
     def close(self) -> None:
         """Closes the window, if it is open; may be called any number of times."""
@@ -112,8 +114,17 @@ class Window:
         """What a copy starts from: the same settings, but no open window."""
         return {**self.__dict__, "_clock": None}
 
-    def _open(self) -> None:
-        """Takes the display, starting it if nobody has."""
+    def open(self) -> None:
+        """Opens the window if it is not open, also after it was dismissed.
+
+        Takes the display, and starts it if nobody has.
+
+        Raises:
+            RuntimeError: no window can be opened here.
+        """
+        self._dismissed = False
+        if self.is_open:
+            return
         try:
             if not pygame.display.get_init():
                 _refuse_without_screen()
