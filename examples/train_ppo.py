@@ -128,7 +128,7 @@ class Swarms:
     def __init__(self, seed: int, **parameters: Any) -> None:
         self.env = DroneVectorEnv(observation="glimpses", **parameters)
         self.batch = self.env.batch
-        scenario = self.batch.scenario
+        scenario = self.batch.scenario_of(0)
         self.size, self.drones = scenario.grid_size, scenario.n_drones
         self.detection = scenario.detections[0]
         self.seen, _ = self.env.reset(seed=seed)
@@ -175,7 +175,7 @@ class Tally:
         swarms.returns += swarms.batch.rewards.mean(axis=1)
         swarms.age += 1
         over = swarms.batch.over
-        if swarms.age > 2 * swarms.batch.scenario.timestep_limit:
+        if swarms.age > 2 * swarms.batch.scenario_of(0).timestep_limit:
             self.returns += swarms.returns[over].tolist()
             self.found += (swarms.batch.endings[over] == FOUND).tolist()
         swarms.returns[over] = 0.0

@@ -16,7 +16,7 @@ import pytest
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
-from DroneSwarmSearch.vector.threads import Beside, usual_number
+from DroneSwarmSearch.vector.threads import run_in_parts, usual_number
 from DroneSwarmSearch.vector.views import SearchVectorEnv
 
 
@@ -24,6 +24,10 @@ def helpers(number: int) -> threads._Helpers:
     made = threads._Helpers()
     made.number = number
     return made
+
+
+def require(fact: object) -> None:
+    assert fact
 
 
 @pytest.fixture
@@ -41,12 +45,11 @@ def test_every_part_is_done_once(number: int, parts: int, monkeypatch: pytest.Mo
     monkeypatch.setattr(threads, "_helpers", helpers(number))
     for _ in range(20):
         done: list[int] = []
-        with Beside(done.append, range(parts)):
-            pass
+        run_in_parts(done.append, range(parts))
         assert sorted(done) == list(range(parts))
 
 
-def test_helpers_work_beside_the_block(two: None) -> None:
+def test_helpers_work_beside_the_caller(two: None) -> None:
     begun, may_end = threading.Event(), threading.Event()
     who = []
 
@@ -55,14 +58,16 @@ def test_helpers_work_beside_the_block(two: None) -> None:
         begun.set()
         assert may_end.wait(60)
 
-    with Beside(work, [1]):
-        assert begun.wait(60)  # while the block is still going on
+    def meanwhile() -> None:
+        assert begun.wait(60)  # while this is still going on
         may_end.set()
+
+    run_in_parts(work, [1], meanwhile)
     assert [thread.daemon for thread in who] == [True]
     assert who != [threading.current_thread()]
 
 
-def test_the_blocks_end_waits_for_helpers(two: None) -> None:
+def test_helpers_are_waited_for(two: None) -> None:
     begun, may_end = threading.Event(), threading.Event()
     done = []
 
@@ -77,34 +82,35 @@ def test_the_blocks_end_waits_for_helpers(two: None) -> None:
 
     other = threading.Thread(target=let_go)
     other.start()
-    with Beside(work, [7]):
-        assert begun.wait(60)
+    run_in_parts(work, [7], lambda: require(begun.wait(60)))
     assert done == [7]
     other.join()
 
 
-def test_work_not_worth_sharing_is_done_at_the_blocks_end_by_the_caller(two: None) -> None:
+def test_work_not_worth_sharing_is_done_by_the_caller_at_the_end(two: None) -> None:
     who = []
-    with Beside(lambda _: who.append(threading.current_thread()), range(3), shares=False):
-        assert who == []
+    run_in_parts(
+        lambda _: who.append(threading.current_thread()),
+        range(3),
+        lambda: require(who == []),
+        shares=False,
+    )
     assert who == [threading.current_thread()] * 3
 
 
 @pytest.mark.parametrize("shares", [True, False])
 @pytest.mark.parametrize("wrong", [0, 1, 2])
-def test_what_a_part_raises_is_raised_at_the_blocks_end(
-    wrong: int, shares: bool, two: None
-) -> None:
+def test_what_a_part_raises_is_raised_at_the_end(wrong: int, shares: bool, two: None) -> None:
     def work(part: int) -> None:
         if part == wrong:
             raise ArithmeticError(part)
 
-    with pytest.raises(ArithmeticError, match=str(wrong)), Beside(work, range(3), shares):
-        pass
+    with pytest.raises(ArithmeticError, match=str(wrong)):
+        run_in_parts(work, range(3), shares=shares)
 
 
 @pytest.mark.parametrize("shares", [True, False])
-def test_what_the_block_raises_is_raised_when_nobody_works_any_more(
+def test_what_the_caller_raises_is_raised_when_nobody_works_any_more(
     shares: bool, two: None
 ) -> None:
     begun: list[int] = []
@@ -115,12 +121,15 @@ def test_what_the_block_raises_is_raised_when_nobody_works_any_more(
         time.sleep(0.001)
         done.append(part)
 
+    def meanwhile() -> None:
+        raise KeyError("meanwhile")
+
     for _ in range(10):
-        with pytest.raises(KeyError, match="block"), Beside(work, range(9), shares):
-            raise KeyError("block")
+        with pytest.raises(KeyError, match="meanwhile"):
+            run_in_parts(work, range(9), meanwhile, shares)
         assert sorted(begun) == sorted(done)
     if not shares:
-        assert not begun  # it would be in vain
+        assert not begun
 
 
 def test_where_no_thread_can_be_started_the_caller_does_all(
@@ -133,8 +142,7 @@ def test_where_no_thread_can_be_started_the_caller_does_all(
     monkeypatch.setattr(threading.Thread, "start", start)
     done: list[int] = []
     for _ in range(2):
-        with Beside(done.append, range(4)):
-            pass
+        run_in_parts(done.append, range(4))
     assert done == [0, 1, 2, 3] * 2
     assert threads._helpers.number == 0
 

@@ -474,8 +474,7 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     known = beliefs.Beliefs(4, (1.0,), 3)
     cells = np.array([5, 5, 0])
     everybody = np.ones((1, 3), bool)
-    with known.going_on(np.arange(3), cells, everybody, everybody, followed, None):
-        pass
+    known.go_on(np.arange(3), cells, everybody, everybody, followed, None, lambda: None)
     matrices = known.matrices(np.arange(3), everybody)
     for row, cell in enumerate(cells.tolist()):
         law = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
@@ -1468,3 +1467,62 @@ def test_laws_are_tabulated_where_tables_are_small_or_asked_for(
     chances = (tables._probability, tables._moves)
     arrays = (tables._matrices, *chances, tables._higher, tables._either)
     assert sum(array.nbytes for array in arrays) == laws.TABLE_BYTES
+
+
+# What a policy is made from.
+
+
+def test_the_scenario_is_that_of_the_present_episodes() -> None:
+    shared = {"grid_size": 6, "n_drones": 2, "bayesian_update": True, "timestep_limit": 9}
+    batch, env = SearchBatch(3, **shared), DroneSwarmSearch(**shared)
+    assert batch.scenario == env.scenario
+    for changes in (
+        {"vector": (0.4, -0.3)},
+        {"person_initial_position": [(3, 2)]},
+        {"vector": (0.1, 0.2), "person_initial_position": (5, 0)},
+        {},
+    ):
+        batch.reset([1, 2, 3], given=changes)
+        env.reset(seed=1, options=changes)
+        assert batch.scenario == env.scenario == batch.scenario_of(2)
+        idle = np.full((3, 2), Action.IDLE)
+        batch.step(idle)
+        env.step(dict.fromkeys(env.agents, 5))
+        assert batch.scenario == env.scenario
+    batch.reset(given={"disperse_constant": 2.5})
+    assert batch.scenario.disperse_constant == 2.5
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("vector", np.array([(0.1, 0.2), (0.1, 0.2), (0.1, 0.3)])),
+        ("person_initial_position", np.array([[(1, 1)], [(1, 1)], [(2, 1)]])),
+        ("disperse_constant", np.array([1.0, 1.0, 2.0])),
+    ],
+)
+def test_searches_that_differ_have_scenarios_of_their_own(name: str, values: Any) -> None:
+    batch = SearchBatch(3, grid_size=6, **{name: values})
+    later = SearchBatch(3, grid_size=6)
+    later.reset([1, 2, 3], given={name: values})
+    for each in (batch, later):
+        with pytest.raises(ValueError, match=rf"differ in {name}; scenario_of\(row\)"):
+            _ = each.scenario
+        for row in range(3):
+            env = DroneSwarmSearch(grid_size=6, **{name: values[row]})
+            assert each.scenario_of(row) == env.scenario
+            assert repr(each.scenario_of(np.int64(row))) == repr(env.scenario)
+    for row in (-1, 3):
+        with pytest.raises(ValueError, match=f"row must be .* got {row}"):
+            batch.scenario_of(row)
+    with pytest.raises(TypeError, match="row must be"):
+        batch.scenario_of(1.0)  # type: ignore[arg-type]
+
+
+def test_a_sampler_gives_every_search_its_own_scenario() -> None:
+    batch = SearchBatch(4, sampler=lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)})
+    batch.reset(range(4))
+    vectors = batch.parameters["vector"].tolist()
+    assert [list(batch.scenario_of(row).vector) for row in range(4)] == vectors
+    with pytest.raises(ValueError, match="differ in vector"):
+        _ = batch.scenario

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import vector as wrappers
-from helpers import plain
+from helpers import overwrite, plain
 from layouts_by_hand import drone_by_hand, swarm_by_hand
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
@@ -404,6 +404,42 @@ def test_indices_name_the_matrices_that_would_be_written(view: type[SearchVector
         assert plain(indexed.matrices[entry]) == matrix
 
 
+@pytest.mark.parametrize("parameters", [{}, {"bayesian_update": True}, {"write_matrices": False}])
+@both_views
+def test_nothing_done_to_arrays_of_a_batch_changes_an_episode(
+    view: type[SearchVectorEnv], parameters: dict[str, Any]
+) -> None:
+    """The table, observations and all that a batch has; none of a batch made later either."""
+
+    def episodes(touch: Callable[[Any], object]) -> list[Any]:
+        env = view(4, **{**SMALL, "n_drones": 2, "timestep_limit": 40, **parameters})
+        rng, log = np.random.default_rng(3), []
+        observations, infos = env.reset(seed=1)
+        for _ in range(60):
+            log.append(plain([observations, infos, env.batch.person_cells]))
+            batch = env.batch
+            arrays = [
+                *observations.values(), *infos.values(), batch.rewards, batch.endings, batch.over,
+                batch.steps, batch.cells, batch.positions, batch.missing, batch.person_cells,
+                batch.searching, batch.frame(1).matrix, batch.matrices_of(np.arange(2)),
+                *batch.parameters.values(), env.action_masks(),
+            ]  # fmt: skip
+            if "write_matrices" in parameters:
+                arrays += [env.matrices, batch.table_index]
+            for array in arrays:
+                touch(array)
+            actions = rng.choice([1, 3, 4, 4, 4, 5], env.action_space.shape)
+            observations, *results, infos = env.step(actions)
+            log.append(plain(results))
+            for array in results:
+                touch(array)
+        return log
+
+    expected = episodes(lambda array: None)
+    assert episodes(overwrite) == expected
+    assert episodes(lambda array: None) == expected
+
+
 @both_views
 def test_another_drift_leaves_the_table_held_before_as_it_was(view: type[SearchVectorEnv]) -> None:
     indexed, writing = view(3, write_matrices=False, **SMALL), view(3, **SMALL)
@@ -645,11 +681,11 @@ def test_without_autoreset_ended_swarms_must_be_reset(view: type[SearchVectorEnv
     actions = np.array([Action.LEFT, Action.IDLE, Action.UP]).reshape(env.action_space.shape)
     over = env.step(actions)[2]
     before = pickle.dumps(env.batch)
-    with pytest.raises(ResetNeeded, match=r"swarms \[0, 2\] are over.*'reset_mask'"):
+    with pytest.raises(ResetNeeded, match=r"searches \[0, 2\] are over.*'reset_mask'"):
         env.step(actions)
     assert pickle.dumps(env.batch) == before
     env.reset(options={"reset_mask": np.array([True, False, False])})
-    with pytest.raises(ResetNeeded, match=r"swarms \[2\] are over"):
+    with pytest.raises(ResetNeeded, match=r"searches \[2\] are over"):
         env.step(actions)
     _, infos = env.reset(options={"reset_mask": np.array([False, False, True])})
     assert infos["step"].tolist() == [0, 1, 0]

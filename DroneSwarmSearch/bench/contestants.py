@@ -174,7 +174,7 @@ def _steps_of_batch(
 ) -> Run:
     """Steps of the engine, which write matrices where wanted; then something is looked at."""
     num_rows = batch.num_rows
-    coming = cycle(random_actions(num_rows, batch.scenario.n_drones))
+    coming = cycle(random_actions(num_rows, batch.scenario_of(0).n_drones))
 
     def run(steps: int) -> int:
         made = 0

@@ -10,7 +10,7 @@ Tiles go on independently, where there are several in as many threads.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.belief import drift, normalise
 from DroneSwarmSearch.vector.laws import Laws
-from DroneSwarmSearch.vector.threads import Beside
+from DroneSwarmSearch.vector.threads import run_in_parts
 
 __all__ = ["Beliefs"]
 
@@ -121,7 +121,7 @@ class Beliefs:
 
     # A step.
 
-    def going_on(
+    def go_on(
         self,
         rows: Ints,
         cells: Ints,
@@ -129,8 +129,9 @@ class Beliefs:
         shown: Flags,
         laws: Laws,
         out: Singles | None,
-    ) -> Beside[int]:
-        """A step of the beliefs, to be done beside something else.
+        meanwhile: Callable[[], None],
+    ) -> None:
+        """Let the beliefs go on by a step, beside something else.
 
         They take in that searches have not found those still missing; the persons drift;
         then the matrices of all rows that have beliefs are written, and something to some
@@ -141,8 +142,9 @@ class Beliefs:
             cells: the cell of every search, y * N + x; in a row no two are alike.
             missing: the persons not found, bool, shape (persons, rows of the batch).
             shown: the persons over which a matrix is the mean, likewise.
-            laws: of the rows; until the block ends they stay at the step of the search.
+            laws: of the rows; `meanwhile` must leave them at the step of the search.
             out: float32, shape (rows of the batch, N, N); None: no matrices are written.
+            meanwhile: the rest of the step.
         """
         new = rows[~self.begun[rows]]
         if new.size:
@@ -152,7 +154,7 @@ class Beliefs:
             for person, still in enumerate(missing[:, rows])
         ]
 
-        def go_on(tile: int) -> None:
+        def go_on_in(tile: int) -> None:
             if not self.begun[self._rows[tile]].any():
                 return
             for person, searches in enumerate(by_person):
@@ -162,7 +164,7 @@ class Beliefs:
                 self._write(tile, shown, out)
 
         shares = len(self._tiles) > 1 and self._tiles[0][0].nbytes >= _LEAST_SHARED_BYTES
-        return Beside(go_on, range(len(self._tiles)), shares)
+        run_in_parts(go_on_in, range(len(self._tiles)), meanwhile, shares)
 
     def _begin(self, rows: Ints, laws: Laws) -> None:
         self.begun[rows] = True
@@ -213,8 +215,9 @@ class Beliefs:
         except IndexError:
             spare = np.empty(self._tiles[0][0].size), np.empty(self._tiles[0][0].size)
         higher, lower = (array[: beliefs[0].size].reshape(beliefs[0].shape) for array in spare)
-        usual = np.setbufsize(_BUFFERED)
+        usual = np.getbufsize()
         try:
+            np.setbufsize(_BUFFERED)
             for person, belief in enumerate(beliefs):
                 right, left, down, up = laws.moves(person, self._rows[tile])
                 drift(belief, (right, left), (down, up), (higher, lower), belief)

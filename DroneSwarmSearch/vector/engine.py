@@ -16,6 +16,7 @@ earlier if `restart` is called.
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.vector.collisions import Collisions
 from DroneSwarmSearch.vector.laws import Followed, Tables, choose_laws
@@ -81,11 +83,7 @@ class SearchBatch:
         wants_table: keep the matrices of all laws and steps in one table, however large.
 
     Attributes:
-        scenario: the parameters that all rows share (`vector`, `persons` and
-            `disperse_constant` are those of row 0).
         rewards: of the last step: float64, (E, n_drones).
-        endings: why the last step ended episodes, see `rules.ENDINGS`: int8, (E,).
-        over: rows that begin anew in place of the next step: bool, (E,).
         ready: whether every row has begun an episode.
 
     Raises:
@@ -126,7 +124,7 @@ class SearchBatch:
         self._now = self._usual.copy()  # of the episodes under way
         self._varies = sampler is not None  # whether these may differ from the usual
         self._sampler = sampler
-        self.scenario = scenario = self._usual.scenario
+        self._scenario = scenario = self._usual.scenario  # what all rows share in it counts
         self._wants_table = wants_table
         self._several = len(scenario.persons) > 1
         rows, n = self._usual.num_rows, scenario.n_drones
@@ -148,24 +146,73 @@ class SearchBatch:
         self._prepared = np.zeros(rows, np.bool_)
         self._seeded = np.zeros(rows, np.bool_)
         self.ready = False
-        self._seas = Seas(self._choose_laws(), scenario.detections, scenario.bayesian_update, rows)
-        self._seas.assign(self._rows, self._now.laws)
-        self._seas.begin(self._rows)
+        self._changing = False  # whether a step or reset has begun and not been completed
+        self._seas = self._new_seas()
         self._cells = np.zeros((rows, n), self._narrow)
         self._chosen = np.full((rows, n), _IDLE, self._narrow)
         self._beyond_step = np.zeros((rows, n))  # each drone's return less what `step` pays
         # Drones that have found one of several persons; to find a single one ends the episode.
         self._finders = np.zeros((rows, n), np.bool_)
         self.rewards: Floats = np.zeros((rows, n))
-        self.endings = np.zeros(rows, np.int8)
-        self.over = np.ones(rows, np.bool_)
+        self._endings = np.zeros(rows, np.int8)
+        self._over = np.ones(rows, np.bool_)
 
     @property
     def num_rows(self) -> int:
         """The number of searches, E."""
         return len(self._rows)
 
+    @property
+    def scenario(self) -> Scenario:
+        """The parameters of all searches in their present episodes.
+
+        Before the first `reset`, those of the constructor.
+
+        Raises:
+            ValueError: they differ between searches; see `scenario_of`.
+        """
+        start, drift, constant = self._now.laws
+        for name, values in (
+            ("vector", drift),
+            ("person_initial_position", start),
+            ("disperse_constant", constant),
+        ):
+            if (values != values[..., :1]).any():
+                raise ValueError(
+                    f"there is no scenario of all searches, because they differ in {name}; "
+                    "scenario_of(row) gives the scenario of one"
+                )
+        return self.scenario_of(0)
+
+    def scenario_of(self, row: int) -> Scenario:
+        """The parameters of one search in its present episode.
+
+        Args:
+            row: its number, from 0 to E - 1.
+
+        Raises:
+            TypeError: `row` is not an integer.
+            ValueError: there is no such search.
+        """
+        row = checks.integer("row", row, 0, self.num_rows - 1)
+        start, drift, constant = self._now.laws
+        x, y = drift[:, row].tolist()
+        return replace(
+            self._scenario,
+            vector=(x, y),
+            persons=tuple((x, y) for x, y in start[..., row].tolist()),
+            disperse_constant=float(constant[row]),
+        )
+
     # Beginning.
+
+    def _new_seas(self) -> Seas:
+        scenario = self._scenario
+        laws = self._choose_laws()
+        seas = Seas(laws, scenario.detections, scenario.bayesian_update, self.num_rows)
+        seas.assign(self._rows, self._now.laws)
+        seas.begin(self._rows)
+        return seas
 
     def reset(
         self,
@@ -185,6 +232,7 @@ class SearchBatch:
                 What is given wins over the sampler.
 
         Raises:
+            ResetNeeded: a step or reset was interrupted, and only some rows are to be reset.
             TypeError: a value is of the wrong type.
             ValueError: a value is out of its limits.
         """
@@ -197,6 +245,8 @@ class SearchBatch:
             for k, seed in enumerate([None] * len(rows) if seeds is None else seeds)
             if seed is not None or not self._seeded[rows[k]]
         }
+        if self._changing:
+            self._recover(rows)
         self._prepare(rows)
         counters = self._episode_counters[:, rows]
         for k, keys in grown.items():
@@ -204,6 +254,7 @@ class SearchBatch:
         values = self._sampled(counters[2], given or {})
 
         # Everything is checked: from here on the batch changes.
+        self._changing = True
         self._episode_counters[:, rows] = counters
         self._seas.prepare(rows, mixed(counters[:2]))
         self._seeded[rows] = True
@@ -215,20 +266,42 @@ class SearchBatch:
             if isinstance(self._seas.laws, Tables):
                 self._seas.change_laws(self._choose_laws(), self._now.laws)
         self._start(rows, values, wanted)
-        self.rewards, self.endings = self.rewards.copy(), self.endings.copy()
+        self.rewards = self.rewards.copy()  # a caller may have kept it
         self.rewards[rows] = 0.0
-        self.endings[rows] = 0
+        self._endings[rows] = 0
+        self._changing = False
 
     def restart(self, rows: Ints) -> None:
-        """Begin the next episodes of some rows; what the last step brought them stays."""
-        self._start(rows, self._next(rows), self._usual)
+        """Begin the next episodes of some rows; what the last step brought them stays.
+
+        Raises:
+            ResetNeeded: before the first `reset`, and after an interrupted step or reset.
+        """
+        self._check_ready("restart")
+        values = self._next(rows)
+        self._changing = True
+        self._start(rows, values, self._usual)
+        self._changing = False
+
+    def _recover(self, rows: Ints) -> None:
+        """Make whatever an interrupted step or reset has left half done anew."""
+        if np.unique(rows).size < self.num_rows:
+            raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
+        self._episode_counters[:, self._prepared] -= GOLDEN
+        self._prepared[...] = False
+        self._seas = self._new_seas()
+
+    def _check_ready(self, what: str) -> None:
+        if self._changing:
+            raise ResetNeeded(f"{what}: a step or reset was interrupted; reset all searches first")
+        if not self.ready:
+            raise ResetNeeded(f"{what}: no episode has begun; call reset() first")
 
     def _start(self, rows: Ints, values: Values, parameters: Parameters) -> None:
         """Begin episodes outside of a step."""
         drones = self._begin(rows, values, parameters)
         self._seas.begin(rows)
-        self.over = self.over.copy()  # a caller may have kept it
-        self.over[rows] = False
+        self._over[rows] = False
         self._chosen.reshape(-1)[drones] = _IDLE
 
     def _next(self, rows: Ints) -> Values:
@@ -240,11 +313,13 @@ class SearchBatch:
         """See to it that the next episodes of some rows, and perhaps of others, are prepared."""
         if np.count_nonzero(self._prepared.take(rows)) == len(rows):
             return
+        before, self._changing = self._changing, True
         rows = (~self._prepared).nonzero()[0]
         counters = self._episode_counters[:, rows] + GOLDEN
         self._episode_counters[:, rows] = counters
         self._seas.prepare(rows, mixed(counters[:2]))
         self._prepared[rows] = True
+        self._changing = before
 
     def _sampled(self, counters: Words, given: Container[str] = ()) -> Values:
         """What the sampler, if there is one, draws for some episodes, but for what is given."""
@@ -277,7 +352,7 @@ class SearchBatch:
         return drones
 
     def _choose_laws(self) -> Tables | Followed:
-        size, steps = self.scenario.grid_size, self.scenario.timestep_limit
+        size, steps = self._scenario.grid_size, self._scenario.timestep_limit
         if self._sampler is not None:
             return Followed(size, self._now.laws)
         laws = self._usual.laws, self._now.laws
@@ -285,16 +360,20 @@ class SearchBatch:
 
     # A step.
 
-    def step(self, actions: ArrayLike, matrices: Singles | None = None) -> None:
+    def step(
+        self, actions: ArrayLike, matrices: Singles | None = None, *, autoreset: bool = True
+    ) -> None:
         """Let every drone act once; rows that are over begin their next episodes instead.
 
         Args:
             actions: integers from 0 to 5, see `rules.Action`; shape (E, n_drones).
             matrices: receives every row's matrix after the step, as from `write_matrices`,
                 which is slower where matrices are many: here others write beside the step.
+            autoreset: False: rows that are over are an error.
 
         Raises:
-            ResetNeeded: before the first `reset`.
+            ResetNeeded: before the first `reset`, after an exception (Ctrl-C, for example)
+                interrupted a step or reset, and where rows are over that may not begin.
             TypeError: the actions are no integers, or what is to receive matrices no array.
             ValueError: they are out of range, or something is of another shape. As with
                 every error, the batch is as it was.
@@ -302,9 +381,18 @@ class SearchBatch:
         chosen = self._checked(actions)
         if matrices is not None:
             self._check_receiver(matrices)
-        beginning = self.over.nonzero()[0]
+        beginning = self._over.nonzero()[0]
+        if beginning.size and not autoreset:
+            raise ResetNeeded(
+                f"step: the episodes of searches {beginning.tolist()} are over; reset them first, "
+                "in a vector environment with options={'reset_mask': ...}"
+            )
+        values = self._next(beginning) if beginning.size else {}
+
+        # Everything is checked: from here on the batch changes.
+        self._changing = True
         if beginning.size:
-            idle = self._begin(beginning, self._next(beginning), self._usual)
+            idle = self._begin(beginning, values, self._usual)
             chosen.reshape(-1)[idle] = _IDLE
 
         # 1. Every drone moves or searches.
@@ -318,15 +406,19 @@ class SearchBatch:
         # 2. Outcomes, rewards and endings; the persons drift, and what is known.
         shown = self._seas.shown(rows, cells).astype(np.float64)
         finds = self._seas.search(rows, cells)
-        with self._seas.going_on(rows, cells, beginning, matrices):
+
+        def judge_and_walk() -> None:
             self._judge(targets, searches, shown, finds, rows)
             self._seas.walk()
+
+        self._seas.go_on(rows, cells, beginning, matrices, judge_and_walk)
         self._cells, self._chosen = targets, chosen
 
         # 3. The clock advances.
         self._seas.advance(beginning, matrices)
         if beginning.size:
             self.rewards.reshape(-1)[idle] = 0.0
+        self._changing = False
 
     def _judge(
         self, targets: Narrow, searches: Ints, shown: Floats, finds: Ints, rows: Ints
@@ -340,11 +432,11 @@ class SearchBatch:
             finds: the searches that have found somebody, by place in `searches`.
             rows: the row of every search.
         """
-        scheme, limit = self.scenario.reward_scheme, self.scenario.timestep_limit
+        scheme, limit = self._scenario.reward_scheme, self._scenario.timestep_limit
         wanted, steps = targets.reshape(-1), self._seas.step
         left_grid = (wanted == _OFF_GRID).nonzero()[0]
         collided = self._collided(targets)
-        last = np.greater(np.equal(steps, self._last_step), self.over).nonzero()[0]
+        last = np.greater(np.equal(steps, self._last_step), self._over).nonzero()[0]
         timed_out = finders = steps_before = all_found = _NOBODY
         so_far = _NOTHING
         if last.size:
@@ -371,14 +463,14 @@ class SearchBatch:
         )
         self.rewards = paid.reshape(targets.shape)
         self._beyond_step += self.rewards - scheme.step
-        self.endings = rules.endings(
+        self._endings = rules.endings(
             len(steps),
             all_found=all_found,
             any_collided=self._row_of.take(collided),
             any_left_grid=self._row_of.take(left_grid),
             time_up=last,
         )
-        self.over = self.endings != 0
+        self._over = self._endings != 0
         if left_grid.size:
             wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
 
@@ -393,8 +485,7 @@ class SearchBatch:
 
     def _checked(self, actions: ArrayLike) -> Narrow:
         """A copy of the actions in narrow integers, shape (E, n_drones)."""
-        if not self.ready:
-            raise ResetNeeded("step: no episode has begun; call reset() first")
+        self._check_ready("step")
         try:
             given = np.asarray(actions)
         except ValueError:  # rows of different lengths
@@ -419,6 +510,16 @@ class SearchBatch:
         return f"actions must have the shape {shape}, one for each drone of each search"
 
     # What can be seen.
+
+    @property
+    def endings(self) -> NDArray[np.int8]:
+        """Why the last step ended episodes, see `rules.ENDINGS`: int8, (E,); a new array."""
+        return self._endings.copy()
+
+    @property
+    def over(self) -> Flags:
+        """Rows that begin anew in place of the next step: bool, (E,); a new array."""
+        return self._over.copy()
 
     @property
     def steps(self) -> Ints:
@@ -461,7 +562,7 @@ class SearchBatch:
     @property
     def parameters(self) -> dict[str, NDArray[Any]]:
         """Every row's parameters in its present episode, as `reset` takes them."""
-        now, size = self._now, self.scenario.grid_size
+        now, size = self._now, self._scenario.grid_size
         return {
             "vector": now.laws.drift.T.copy(),
             "person_initial_position": now.laws.start.transpose(2, 0, 1).copy(),
@@ -470,8 +571,14 @@ class SearchBatch:
         }
 
     def frame(self, row: int) -> Frame:
-        """Everything a picture of a row's present state shows, the persons included."""
-        _, positions = grid_of(self.scenario.grid_size)
+        """Everything a picture of a row's present state shows, the persons included.
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+        """
+        if self._changing:
+            self._check_ready("frame")
+        _, positions = grid_of(self._scenario.grid_size)
         drones, persons = self._cells[row], self._seas.person_cells[:, row]
         x, y = self._now.laws.drift[:, row].tolist()
         return Frame(
@@ -481,9 +588,9 @@ class SearchBatch:
             persons=tuple(positions[cell] for cell in persons.tolist()),
             found=tuple((~self._seas.missing[:, row]).tolist()),
             step=int(self._seas.step[row]),
-            timestep_limit=self.scenario.timestep_limit,
+            timestep_limit=self._scenario.timestep_limit,
             vector=(x, y),
-            ending=rules.ENDINGS[self.endings[row]],
+            ending=rules.ENDINGS[self._endings[row]],
         )
 
     def write_matrices(self, out: Singles) -> None:
@@ -497,7 +604,7 @@ class SearchBatch:
         self._seas.write_matrices(out)
 
     def _check_receiver(self, matrices: Singles) -> None:
-        size = self.scenario.grid_size
+        size = self._scenario.grid_size
         checks.receiver("matrices", matrices, (self.num_rows, size, size), np.float32)
 
     def matrices_of(self, rows: Ints) -> Singles:
@@ -521,15 +628,14 @@ class SearchBatch:
     def table(self) -> Singles:
         """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
 
-        It fills up as episodes go on: entries that `table_index` has named stay as they
-        are. A reset with parameters given makes another table.
+        A copy of the one that the batch uses. It fills up as episodes go on: entries that
+        `table_index` has named stay as they are. A reset with parameters given makes
+        another table.
 
         Raises:
             ValueError: matrices depend on what happened, or do not fit into a table.
         """
-        view = self._table().matrices.view()
-        view.flags.writeable = False
-        return view
+        return self._table().matrices
 
     @property
     def table_index(self) -> Ints:
@@ -538,7 +644,7 @@ class SearchBatch:
         return place.copy()
 
     def _table(self) -> Tables:
-        laws, scenario = self._seas.laws, self.scenario
+        laws, scenario = self._seas.laws, self._scenario
         if scenario.bayesian_update or len(scenario.persons) > 1:
             raise ValueError(
                 "with bayesian_update or several persons there is no table of matrices"

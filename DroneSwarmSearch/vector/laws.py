@@ -12,7 +12,7 @@ one person of every row then lies side by side in memory.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from DroneSwarmSearch.probability_matrix import (
     tabulate,
 )
 from DroneSwarmSearch.streams import DENOMINATOR
-from DroneSwarmSearch.vector.threads import Beside, parts_of, worth_sharing
+from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
 __all__ = ["TABLE_BYTES", "Followed", "LawParameters", "Laws", "Tables", "choose_laws"]
 
@@ -130,16 +130,17 @@ class Laws:
         """Whether to write the matrices of the next step beside the present one.
 
         Args:
-            out: as for `writing_next`.
+            out: as for `write_next`.
         """
         return False
 
-    def writing_next(self, beginning: Ints, out: Singles) -> Beside[slice]:
-        """Matrices of the next step, to be written beside the present one.
+    def write_next(self, beginning: Ints, out: Singles, meanwhile: Callable[[], None]) -> None:
+        """Write the matrices of the next step beside the present one.
 
         Args:
             beginning: the rows that will be at step 0 then; their places have been told.
             out: for the matrices of every row, of its only person: float32, shape (rows, N, N).
+            meanwhile: the rest of the step.
         """
         raise NotImplementedError
 
@@ -185,6 +186,7 @@ class Tables(Laws):
         # What numbers drawn, as integers, are compared with where persons walk.
         self._higher, self._either = (np.zeros(shape, np.int64) for _ in range(2))
         self._matrices = np.zeros((count, steps + 1, grid_size, grid_size), np.float32)
+        self._handed: Singles | None = None
         self._cdf: Floats | None = None
         self._filled = 0
         self._latest = 0  # no row has come further
@@ -208,14 +210,14 @@ class Tables(Laws):
     def _see_flat(self) -> None:
         """Make the views of the tables."""
         self._flat_higher, self._flat_either = self._higher.reshape(-1), self._either.reshape(-1)
-        self.matrices = self._matrices.reshape(-1, self.grid_size, self.grid_size)
+        self._by_entry = self._matrices.reshape(-1, self.grid_size, self.grid_size)
         self._flat_moves = self._moves.reshape(2, 2, self.grid_size, -1)
         self._flat_probability = self._probability.reshape(-1, 2, self.grid_size)
         self._flat_matrices = self._matrices.reshape(-1)
 
     def __getstate__(self) -> dict[str, Any]:
         """Views would be arrays of their own in a copy; who has bound places binds them again."""
-        views = ("entries", "_axes", "_now", "_first", "matrices")
+        views = ("entries", "_axes", "_now", "_first", "_by_entry")
         return {
             name: value
             for name, value in self.__dict__.items()
@@ -224,7 +226,22 @@ class Tables(Laws):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._handed = None
         self._see_flat()
+
+    @property
+    def matrices(self) -> Singles:
+        """The matrices for users: float32, (entries, N, N), read-only, filled with the tables.
+
+        A copy, because rewards follow from the tables: the flag does not stop other
+        libraries from writing into memory that they are given.
+        """
+        if self._handed is None:
+            self._handed = np.zeros_like(self._matrices)
+            self._handed[:, : self._filled] = self._matrices[:, : self._filled]
+        matrices = self._handed.reshape(self._by_entry.shape)
+        matrices.flags.writeable = False
+        return matrices
 
     def _thresholds(self, at: Ints) -> tuple[Ints, Ints]:
         places = at + self._axes
@@ -257,14 +274,14 @@ class Tables(Laws):
     def writes_beside(self, out: Singles) -> bool:
         return worth_sharing(out)
 
-    def writing_next(self, beginning: Ints, out: Singles) -> Beside[slice]:
+    def write_next(self, beginning: Ints, out: Singles, meanwhile: Callable[[], None]) -> None:
         entries = self.entries[0] + 1
         entries[beginning] = self._first[0].take(beginning)
 
         def write(rows: slice) -> None:
-            self.matrices.take(entries[rows], 0, out=out[rows], mode="clip")
+            self._by_entry.take(entries[rows], 0, out=out[rows], mode="clip")
 
-        return Beside(write, parts_of(out))
+        run_in_parts(write, parts_of(out), meanwhile)
 
     def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
         both = self._flat_probability.take(self._at(person, rows), 0, mode="clip")
@@ -276,7 +293,7 @@ class Tables(Laws):
         return right, left, down, up
 
     def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
-        self.matrices.take(self._at(person, rows), 0, out=out, mode="clip")
+        self._by_entry.take(self._at(person, rows), 0, out=out, mode="clip")
 
     def shown(self, person: int | Ints, rows: Ints, cells: Ints) -> Singles:
         places = np.multiply(self._at(person, rows), self._cells)
@@ -329,6 +346,8 @@ class Tables(Laws):
         self._moves[..., first : first + count] = np.stack([right, left]).transpose(0, 3, 4, 1, 2)
         x, y = np.moveaxis(self._probability[here].astype(np.float32), 2, 0)
         np.multiply(y[..., :, None], x[..., None, :], out=self._matrices[here])
+        if self._handed is not None:
+            self._handed[here] = self._matrices[here]
         self._filled = first + count
 
 

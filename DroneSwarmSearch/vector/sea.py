@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
 
 _NOTHING: Ints = np.empty(0, np.int64)
-_NOTHING_BESIDE = nullcontext()
 
 
 class _State:
@@ -224,10 +222,15 @@ class Seas:
             self._choose_leaders(np.unique(rows[finds]))
         return finds
 
-    def going_on(
-        self, rows: Ints, cells: Ints, beginning: Ints, out: Singles | None
-    ) -> AbstractContextManager[None]:
-        """What is known goes on by a step, beside a block in which persons may walk.
+    def go_on(
+        self,
+        rows: Ints,
+        cells: Ints,
+        beginning: Ints,
+        out: Singles | None,
+        meanwhile: Callable[[], None],
+    ) -> None:
+        """Let what is known go on by a step, beside the rest of the step.
 
         Args:
             rows: the row of every search, in rising order.
@@ -235,13 +238,15 @@ class Seas:
             beginning: the rows in which the step does not pass: their episodes start.
             out: for the matrices after the step, float32, shape (rows, N, N), in part or
                 all of them; what is missing `advance` writes.
+            meanwhile: the rest of the step, in which persons may walk.
         """
         if self._beliefs is not None:
             shown = self._shown_persons(slice(None))
-            return self._beliefs.going_on(rows, cells, self.missing, shown, self._laws, out)
-        if out is not None and self._writes_beside(out):
-            return self._laws.writing_next(beginning, out)
-        return _NOTHING_BESIDE
+            self._beliefs.go_on(rows, cells, self.missing, shown, self._laws, out, meanwhile)
+        elif out is not None and self._writes_beside(out):
+            self._laws.write_next(beginning, out, meanwhile)
+        else:
+            meanwhile()
 
     def walk(self) -> None:
         """Let all persons walk by a step."""
@@ -255,7 +260,7 @@ class Seas:
 
         Args:
             beginning: the rows in which it does not pass: their episodes start.
-            out: as for `going_on`.
+            out: as for `go_on`.
         """
         self._now.growing += self._growth
         if beginning.size:
@@ -269,7 +274,7 @@ class Seas:
             self.write_matrices(out)
 
     def _writes_beside(self, out: Singles) -> bool:
-        """Whether `going_on` lets the laws write all matrices."""
+        """Whether `go_on` lets the laws write all matrices."""
         alone = self._beliefs is None and len(self._detections) == 1
         return alone and self._laws.writes_beside(out)
 

@@ -9,16 +9,16 @@ parts as well. What comes out does not depend on who has done what.
 from __future__ import annotations
 
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from queue import SimpleQueue
 from threading import Thread
-from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-__all__ = ["Beside", "parts_of", "processors", "usual_number", "worth_sharing"]
+__all__ = ["parts_of", "processors", "run_in_parts", "usual_number", "worth_sharing"]
 
 Part = TypeVar("Part")
 
@@ -27,6 +27,9 @@ _LEAST_BYTES = 2**23
 
 _PART_BYTES = 2**22
 """Of an array a thread writes so much at a time."""
+
+_PATIENCE = 0.001
+"""Seconds between two looks at helpers who are still at work after an error."""
 
 _MOST = 8
 """More threads than these would wait for the memory."""
@@ -102,62 +105,69 @@ def parts_of(written: NDArray[Any]) -> list[slice]:
     return [slice(first, first + count) for first in range(0, len(written), count)]
 
 
-class Beside(Generic[Part]):
-    """Work in parts, done beside what a `with` block does; at the block's end all is done.
+def _nothing() -> None:
+    pass
+
+
+def run_in_parts(
+    work: Callable[[Part], object],
+    parts: Iterable[Part],
+    meanwhile: Callable[[], None] = _nothing,
+    shares: bool = True,
+) -> None:
+    """Do work in parts, on other threads if there are any, while this thread does something else.
+
+    All work is done when this returns. When it raises, whether because of the work, of what is
+    done meanwhile or of an interrupt such as Ctrl-C, nobody is at work any more either.
 
     Args:
         work: called once with every part, from any thread; it must not touch what other
-            parts or the block touch.
+            parts or `meanwhile` touch.
         parts: in any order.
+        meanwhile: what this thread does before it takes parts as well.
         shares: False: nobody helps, for that would cost more than it saves.
     """
+    left = deque(parts)
+    number = len(left)
+    reports: SimpleQueue[BaseException | None] = SimpleQueue()  # on parts done by helpers
+    helping: list[None] = []  # an entry for each helper at work
 
-    def __init__(
-        self, work: Callable[[Part], object], parts: Iterable[Part], shares: bool = True
-    ) -> None:
-        self._work = work
-        self._left = deque(parts)
-        self._number = len(self._left)
-        self._shares = shares
-        self._reports: SimpleQueue[BaseException | None] = SimpleQueue()  # on parts helped with
-
-    def __enter__(self) -> None:
-        if self._shares:
-            _helpers.ask(self._number, self._help)
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        where: TracebackType | None,
-    ) -> None:
-        own, problem = 0, error
-        for part in self._taken():
-            own += 1
-            if problem is None:
-                problem = self._report_on(part)
-        for _ in range(self._number - own):  # helpers have taken them, and may be at work
-            problem = self._reports.get() or problem
-        if problem is not None and problem is not error:
-            raise problem
-
-    def _help(self) -> None:
-        for part in self._taken():
-            self._reports.put(self._report_on(part))
-
-    def _taken(self) -> Iterator[Part]:
+    def take() -> Iterator[Part]:
         """Parts that nobody else has taken."""
         while True:
             try:
-                part = self._left.popleft()
+                part = left.popleft()
             except IndexError:
                 return
             yield part
 
-    def _report_on(self, part: Part) -> BaseException | None:
-        """Do a part; what it raises is the caller's to see, whoever does it."""
-        try:
-            self._work(part)
-        except BaseException as problem:
-            return problem
-        return None
+    def help_out() -> None:
+        helping.append(None)  # before taking a part, which must not go unseen
+        for part in take():
+            try:
+                work(part)
+            except BaseException as problem:  # the caller's to see
+                reports.put(problem)
+            else:
+                reports.put(None)
+        helping.pop()
+
+    # Everything from the first helper on is in one block of one function: between two
+    # functions an interrupt could come unseen.
+    try:
+        if shares:
+            _helpers.ask(number, help_out)
+        meanwhile()
+        own = 0
+        for part in take():
+            work(part)
+            own += 1
+        for _ in range(number - own):  # helpers have taken them, and may be at work
+            problem = reports.get()
+            if problem is not None:
+                raise problem
+    except BaseException:
+        left.clear()
+        while helping:
+            time.sleep(_PATIENCE)
+        raise

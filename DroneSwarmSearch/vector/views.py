@@ -17,14 +17,13 @@ from gymnasium.vector.utils import batch_space, create_empty_array
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch import checks
-from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, StackedLayout, share_left
 from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS, Action, Ending
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import VARIABLE
-from DroneSwarmSearch.vector.threads import Beside, parts_of, worth_sharing
+from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
 __all__ = ["Buffers", "DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
 
@@ -132,8 +131,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if not self._writes:
             _ = self.batch.table  # ValueError where there is none
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        scenario = self.batch.scenario
-        self._size, self._drones = scenario.grid_size, scenario.n_drones
+        shared = self.batch.scenario_of(0)
+        self._size, self._drones = shared.grid_size, shared.n_drones
+        self._limit = shared.timestep_limit
         self._all_rows = np.arange(self.batch.num_rows)
         its_own = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
         self._layout = self._choose_layout(str(observation), its_own)
@@ -234,19 +234,14 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             ValueError: they are out of range or of another shape.
         """
         batch = self.batch
-        if self._mode is AutoresetMode.DISABLED and batch.ready and batch.over.any():
-            over = batch.over.nonzero()[0].tolist()
-            raise ResetNeeded(
-                f"step: the episodes of swarms {over} are over; reset them with "
-                "options={'reset_mask': ...}"
-            )
         observations = self._receiver()
         matrices = self._matrices_in(observations)
-        batch.step(self._by_swarm(actions), matrices)
+        # Restarted in the same step, no episode is over here, unless a step was interrupted.
+        autoreset = self._mode is AutoresetMode.NEXT_STEP
+        batch.step(self._by_swarm(actions), matrices, autoreset=autoreset)
         # What the step brought, rewards and endings, outlasts a restart; states do not.
         finals: Infos = {}
-        if self._mode is AutoresetMode.SAME_STEP and batch.over.any():
-            ended: Ints = batch.over.nonzero()[0]
+        if self._mode is AutoresetMode.SAME_STEP and (ended := batch.over.nonzero()[0]).size:
             finals = self._finals(ended, matrices)
             batch.restart(ended)
             if matrices is not None:
@@ -488,8 +483,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             return
         assert matrices is not None
         given, shown = matrices, self._by_row(out, rows)
-        steps, limit = self.batch.steps, self.batch.scenario.timestep_limit
-        left = share_left(self._of_rows(steps, rows), limit)
+        left = share_left(self._of_rows(self.batch.steps, rows), self._limit)
 
         def write(some: slice) -> None:
             self._layout.write(positions[some], given[some], left[some], shown[some])
@@ -538,8 +532,7 @@ def _write_in_parts(write: Callable[[slice], None], out: Slots) -> None:
         out: what is written: its first axis is for the swarms.
     """
     if worth_sharing(out):
-        with Beside(write, parts_of(out)):
-            pass
+        run_in_parts(write, parts_of(out))
     else:
         write(slice(None))
 

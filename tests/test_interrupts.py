@@ -1,0 +1,338 @@
+"""Ctrl-C at any moment: after a reset, an environment or a batch is as good as new.
+
+An interrupt is raised at every instruction of the package's code in turn, or at every few.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import random
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import observed, plain, play, play_on
+
+import DroneSwarmSearch as package
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, probability_matrix
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
+from DroneSwarmSearch.vector.threads import run_in_parts
+
+HOME = str(Path(package.__file__).parent)
+
+# Python itself never breaks off between a `with lock` block and the lock's release.
+LOCKING = {probability_matrix._Kept.get.__code__, probability_matrix._Kept.put.__code__}
+
+
+def interrupted(call: Callable[[], object], at: int) -> bool:
+    """Call something with Ctrl-C at an instruction of the package's; whether it came to that."""
+    instructions = itertools.count()
+
+    def trace(frame: FrameType, event: str, argument: object) -> Any:
+        if not frame.f_code.co_filename.startswith(HOME) or frame.f_code in LOCKING:
+            return None
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        if event == "opcode" and next(instructions) == at:
+            raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+def interruptions(
+    make: Callable[[], Any], call: Callable[[Any], object], stride: int
+) -> Iterator[Any]:
+    """What a call leaves behind that is interrupted, every few instructions until it is whole."""
+    for at in itertools.count(0, stride):
+        subject = make()
+        if not interrupted(lambda subject=subject: call(subject), at):
+            assert at > 20 * stride  # there was something to interrupt
+            return
+        yield subject
+
+
+# The single environment.
+
+SEVERAL: dict[str, Any] = {
+    "grid_size": 4,
+    "n_drones": 2,
+    "person_initial_position": [(1, 0), (2, 2)],
+    "probability_of_detection": 0.5,
+    "vector": (0.2, 0.3),
+    "timestep_limit": 12,
+}
+STEPS = {
+    "a search": (SEVERAL, [4, 5]),
+    "searches, posterior": ({**SEVERAL, "bayesian_update": True}, [4, 4]),
+    "a find": ({"grid_size": 5, "timestep_limit": 12}, [4]),
+    "a crash": (SEVERAL, [1, 5]),
+    "the time limit": ({**SEVERAL, "timestep_limit": 1}, [5, 4]),
+}
+
+
+def future(env: DroneSwarmSearch) -> list[Any]:
+    """What can be seen of the present state, and of what comes of it."""
+    now = [plain(env.state()), plain(env.frame().persons), env.agents, env.frame().ending]
+    return [*now, play_on(env, observed(env), random.Random(5))]
+
+
+@pytest.mark.parametrize(("parameters", "actions"), STEPS.values(), ids=STEPS)
+def test_an_interrupted_step_of_an_environment(parameters: Any, actions: list[int]) -> None:
+    env = DroneSwarmSearch(**parameters)
+    env.reset(seed=3)
+    acted = dict(zip(env.agents, actions, strict=True))
+    after = copy.deepcopy(env)
+    after.step(acted)
+    possible = [future(copy.deepcopy(env)), future(after)]
+    next_episode = play(copy.deepcopy(env))
+    expected = play(DroneSwarmSearch(**parameters), seed=8)
+    asked = 0
+    for left in interruptions(lambda: copy.deepcopy(env), lambda env: env.step(acted), stride=11):
+        if not left.agents:
+            with pytest.raises(ResetNeeded, match="interrupted"):
+                left.step(acted)
+        try:
+            assert future(copy.deepcopy(left)) in possible
+        except ResetNeeded:
+            asked += 1
+        assert play(left) == next_episode
+        assert play(left, seed=8) == expected
+    assert asked > 10
+
+
+def test_an_interrupted_reset_of_an_environment() -> None:
+    parameters = {**SEVERAL, "bayesian_update": True}
+    env = DroneSwarmSearch(**parameters)
+    env.reset(seed=3)
+    expected = play(DroneSwarmSearch(**parameters), seed=8, vector=(0.1, 0.1))
+    asked = 0
+    for left in interruptions(
+        lambda: copy.deepcopy(env), lambda env: env.reset(seed=2, vector=(-0.1, 0.4)), stride=17
+    ):
+        asked += not left.agents
+        if not left.agents:
+            with pytest.raises(ResetNeeded, match="interrupted"):
+                left.step(dict.fromkeys(left.possible_agents, 5))
+        assert play(left, seed=8, vector=(0.1, 0.1)) == expected
+    assert asked > 10
+
+
+# Batches.
+
+ROWS = 5
+BATCHES: dict[str, dict[str, Any]] = {
+    "the drift alone": {},
+    "one law for each search": {"vector": np.linspace(-0.4, 0.4, 2 * ROWS).reshape(ROWS, 2)},
+    "posterior, several persons": {
+        "bayesian_update": True,
+        "person_initial_position": [(1, 0), (2, 2)],
+        "probability_of_detection": 0.5,
+    },
+    "sampler": {
+        "bayesian_update": True,
+        "sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)},
+    },
+}
+
+
+def made_batch(parameters: dict[str, Any]) -> SearchBatch:
+    """A batch in mid-episode, with episodes that begin in the next step and that end in it."""
+    batch = SearchBatch(ROWS, grid_size=4, n_drones=2, timestep_limit=4, **parameters)
+    batch.reset(range(ROWS))
+    batch.step([[5, 5], [4, 5], [2, 5], [5, 5], [3, 3]])
+    batch.step([[4, 5], [4, 3], [5, 5], [5, 4], [3, 1]])
+    return batch
+
+
+def seen(batch: SearchBatch, steps: int = 7) -> list[Any]:
+    """What a batch comes to."""
+    rng = np.random.default_rng(6)
+    matrices = np.empty((batch.num_rows, 4, 4), np.float32)
+    log = []
+    for _ in range(steps):
+        batch.step(rng.choice([1, 2, 3, 4, 4, 4, 5], (batch.num_rows, 2)), matrices)
+        log.append(plain([matrices, batch.rewards, batch.endings, batch.person_cells, batch.steps]))
+    return log
+
+
+ACTIONS = [[4, 5], [1, 4], [4, 5], [4, 4], [2, 2]]
+
+
+@pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
+def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
+    batch, new = made_batch(parameters), made_batch(parameters)
+    new.reset(range(20, 20 + ROWS))
+    expected = seen(new)
+    after = copy.deepcopy(batch)
+    after.step(ACTIONS)
+    possible = [seen(copy.deepcopy(batch)), seen(after)]
+    asked = 0
+    for left in interruptions(
+        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS), stride=41
+    ):
+        try:
+            left.step(np.full((ROWS, 2), Action.IDLE))
+        except ResetNeeded:
+            asked += 1
+            for refused in (
+                lambda: left.step(ACTIONS),  # noqa: B023
+                lambda: left.reset(range(2), np.arange(2)),  # noqa: B023
+                lambda: left.restart(np.arange(2)),  # noqa: B023
+                lambda: left.frame(1),  # noqa: B023
+            ):
+                with pytest.raises(ResetNeeded, match="interrupted"):
+                    refused()
+            continued = copy.deepcopy(left)
+            continued.reset()
+            seen(continued, 1)
+        else:
+            assert seen(left, 1)
+        left.reset(range(20, 20 + ROWS))
+        assert seen(left) == expected
+    assert asked > 10
+    assert seen(batch) in possible
+
+
+@pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
+def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
+    batch, new = made_batch(parameters), made_batch(parameters)
+    given = {"vector": (0.3, 0.1)}
+    new.reset(range(20, 20 + ROWS), given=given)
+    expected = seen(new)
+    for rows in (None, np.arange(3)):
+        count = ROWS if rows is None else len(rows)
+        for left in interruptions(
+            lambda: copy.deepcopy(batch),
+            lambda batch, rows=rows, count=count: batch.reset(
+                range(count), rows, {"disperse_constant": 3}
+            ),
+            stride=61,
+        ):
+            left.reset(range(20, 20 + ROWS), given=given)
+            assert seen(left) == expected
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
+def test_an_interrupted_step_of_a_view(
+    view: type[SwarmVectorEnv] | type[DroneVectorEnv], mode: str
+) -> None:
+    """In the same step or later: episodes that are over are not played on."""
+
+    def made() -> Any:
+        env = view(3, autoreset_mode=mode, grid_size=3, n_drones=2, timestep_limit=2)
+        env.reset(seed=1)
+        return env
+
+    def log(env: Any) -> list[Any]:
+        env.reset(seed=8)
+        done = np.zeros(env.num_envs, bool)
+        shown = []
+        for _ in range(4):
+            if mode == "Disabled" and done.any():
+                env.reset(options={"reset_mask": done})
+            observations, rewards, done, *_ = env.step(
+                np.full(env.action_space.shape, Action.SEARCH)
+            )
+            shown.append(plain([observations, rewards, done]))
+        return shown
+
+    crash = np.full(made().action_space.shape, Action.RIGHT)
+    crash.reshape(3, 2)[0] = Action.RIGHT, Action.IDLE
+    expected = log(made())
+    for left in interruptions(made, lambda env: env.step(crash), stride=17):
+        if left.batch.over.any() and mode != "NextStep":
+            with pytest.raises(ResetNeeded):
+                left.step(np.full(left.action_space.shape, Action.IDLE))
+        assert log(left) == expected
+
+
+# Helpers.
+
+
+@pytest.fixture
+def two_helpers(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = threads._Helpers()
+    made.number = 2
+    monkeypatch.setattr(threads, "_helpers", made)
+
+
+def test_nobody_is_at_work_after_an_interrupt(two_helpers: None) -> None:
+    may_end = threading.Event()
+
+    for at in itertools.count():
+        begun: list[int] = []
+        done: list[int] = []
+        may_end.clear()
+        threading.Timer(0.005, may_end.set).start()
+
+        def work(part: int, begun: list[int] = begun, done: list[int] = done) -> None:
+            begun.append(part)
+            assert may_end.wait(60)
+            done.append(part)
+
+        whole = not interrupted(lambda work=work: run_in_parts(work, range(6)), at)
+        own = len(begun) - len(done)  # this thread's own part ends with the interrupt
+        assert own in (0, 1)
+        if whole:
+            assert sorted(done) == list(range(6))
+            break
+        finished = list(done)
+        may_end.set()
+        assert done == finished and len(begun) - len(done) == own
+    assert at > 50
+
+
+@pytest.mark.parametrize("bayesian", [False, True])
+def test_interrupted_batches_with_helpers(
+    bayesian: bool, two_helpers: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(threads, "_LEAST_BYTES", 1)
+    monkeypatch.setattr(threads, "_PART_BYTES", 1)
+    parameters = {"bayesian_update": bayesian}
+    batch, new = made_batch(parameters), made_batch(parameters)
+    new.reset(range(20, 20 + ROWS))
+    expected = seen(new)
+    matrices = np.empty((ROWS, 4, 4), np.float32)
+    for left in interruptions(
+        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS, matrices), stride=61
+    ):
+        left.reset(range(20, 20 + ROWS))
+        assert seen(left) == expected
+
+
+def test_an_episode_goes_on_after_an_error_of_the_sampler() -> None:
+    """A sampler's own error comes before anything changes: no reset is needed."""
+    wrong = False
+
+    def sampler(rng: Any) -> dict[str, Any]:
+        if wrong:
+            raise ArithmeticError("sampler")
+        return {"vector": rng.uniform(-0.5, 0.5, 2)}
+
+    batch = SearchBatch(3, grid_size=4, sampler=sampler)
+    batch.reset([1, 2, 3])
+    batch.step([[Action.LEFT], [Action.IDLE], [Action.IDLE]])
+    twin = copy.deepcopy(batch)
+    wrong = True
+    for _ in range(2):
+        with pytest.raises(ArithmeticError, match="sampler"):
+            batch.step([[Action.SEARCH]] * 3)
+    wrong = False
+    for one in (batch, twin):
+        one.step([[Action.SEARCH]] * 3)
+    assert plain([batch.person_cells, batch.rewards]) == plain([twin.person_cells, twin.rewards])
