@@ -13,9 +13,10 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 __all__ = [
+    "array",
     "boolean",
     "cell",
     "choice",
@@ -144,6 +145,14 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
         raise ValueError(f"{name} must be {what}, got {value!r}")
     x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
     return x, y
+
+
+def array(name: str, value: object, what: str) -> NDArray[Any]:
+    """Something as an array; ValueError where its rows are of different lengths."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name} must be {what}, got {value!r}") from None
 
 
 def receiver(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:
