@@ -28,6 +28,7 @@ __all__ = [
     "positive",
     "real",
     "receiver",
+    "seeds",
 ]
 
 
@@ -117,12 +118,21 @@ def finite(value: object) -> float | None:
 
 
 def items(name: str, value: object, what: str) -> list[object]:
-    """The items of a list, tuple or NumPy array."""
+    """The items of a list, a tuple, another sequence or a NumPy array."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if not isinstance(value, (list, tuple)):
+    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
         raise TypeError(f"{name} must be {what}, got {value!r}")
     return list(value)
+
+
+def seeds(name: str, value: object) -> list[int | None]:
+    """Seeds in a list, a tuple, another sequence or a NumPy array; None among them stays."""
+    entries = items(name, value, "an integer of at least 0, or several")
+    return [
+        None if entry is None else integer(f"{name}[{place}]", entry, 0)
+        for place, entry in enumerate(entries)
+    ]
 
 
 def pair(name: str, value: object) -> tuple[float, float]:

@@ -909,6 +909,22 @@ def test_row_numbers_go_on_and_do_not_depend_on_the_other_rows() -> None:
     assert not set(together.random(3).ravel()) & set(drawn[0].ravel())
 
 
+@pytest.mark.parametrize("size", [np.int64(3), np.uint8(3), (3,), [np.int32(3)], np.array([3])])
+def test_sizes_of_random_numbers_may_be_numpy_integers(size: Any) -> None:
+    keys = stream_keys(1)
+    assert RowNumbers(keys).random(size).tolist() == RowNumbers(keys).random(3).tolist()
+    assert RowNumbers(keys).integers(0, 9, size).shape == (3, 3)
+
+
+@pytest.mark.parametrize("size", [2.0, True, -1, "3", (2, None), [(1, 2), 3], None])
+def test_other_sizes_of_random_numbers_are_refused(size: Any) -> None:
+    rng = RowNumbers(stream_keys(1))
+    for draw in (rng.random, rng.uniform):
+        with pytest.raises((TypeError, ValueError), match="size must be an integer of at least 0"):
+            draw(size=size)
+    assert rng.random(2).tolist() == RowNumbers(stream_keys(1)).random(2).tolist()
+
+
 @pytest.mark.parametrize(("low", "high"), [(0, 1), (5, 6), (5, 15), (1000, 1001), (-3, 4)])
 def test_integers_stay_below_their_bound_whatever_is_drawn(
     low: int, high: int, monkeypatch: pytest.MonkeyPatch

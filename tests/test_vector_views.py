@@ -493,13 +493,28 @@ def persons(env: SearchVectorEnv, steps: int) -> np.ndarray:
     return np.array(cells)
 
 
-def test_an_integer_seeds_np_random_too() -> None:
+@both_views
+@pytest.mark.parametrize(
+    "seed", [5, np.int64(5), np.uint8(5), [5, 8], (5, None), np.array([5, 6]), range(5, 7)], ids=str
+)
+def test_the_first_seed_seeds_np_random_too(view: type[SearchVectorEnv], seed: Any) -> None:
     """As Gymnasium's environments do; nothing here draws from it."""
+    env = view(2, n_drones=2)
+    for _ in range(2):
+        env.reset(seed=seed)
+        assert env.np_random_seed == 5
+        assert env.np_random.random() == gymnasium.utils.seeding.np_random(5)[0].random()
+
+
+def test_without_a_first_seed_np_random_goes_on() -> None:
     env = SwarmVectorEnv(2)
     env.reset(seed=5)
-    wanted = gymnasium.utils.seeding.np_random(5)[0]
-    assert env.np_random_seed == 5
-    assert env.np_random.random() == wanted.random()
+    numbers = gymnasium.utils.seeding.np_random(5)[0].random(3).tolist()
+    drawn = [env.np_random.random()]
+    for seed in (None, [None, 3]):
+        env.reset(seed=seed)
+        drawn.append(env.np_random.random())
+    assert drawn == numbers
 
 
 @both_views

@@ -191,6 +191,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         Args:
             seed: an integer s >= 0, from which swarm i gets s + i; or one for each swarm,
                 None where its sequence of episodes shall go on. Without it all go on.
+                The first swarm's seed is that of `np_random` as well.
             options: may hold "reset_mask", bool, shape (num_envs,), which slots to reset
                 (all slots of a swarm or none); "vector", which stays for later episodes;
                 and "person_initial_position", "disperse_constant" and
@@ -207,8 +208,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         rows, given = self._wanted_rows(options)
         seeds = self._seeds(seed)
         self.batch.reset([seeds[row] for row in rows.tolist()] if seeds else None, rows, given)
-        if isinstance(seed, int):
-            super().reset(seed=seed)  # which numbers of Gymnasium's own follow from
+        if seeds and seeds[0] is not None:
+            super().reset(seed=seeds[0])  # `np_random` follows from it
         observations = self._receiver()
         matrices = self._matrices_in(observations)
         if matrices is not None:
@@ -364,14 +365,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if not isinstance(seed, (Sequence, np.ndarray)) or isinstance(seed, str):
             first = checks.integer("seed", seed, 0)
             return list(range(first, first + n))
-        if len(seed) != n:
+        seeds = checks.seeds("seed", seed)
+        if len(seeds) != n:
             raise ValueError(
-                f"seed must be an integer or {n} of them, one a swarm, got {len(seed)}"
+                f"seed must be an integer or {n} of them, one a swarm, got {len(seeds)}"
             )
-        return [
-            None if one is None else checks.integer(f"seed[{row}]", one, 0)
-            for row, one in enumerate(seed)
-        ]
+        return seeds
 
     def _by_swarm(self, actions: ArrayLike) -> NDArray[Any]:
         """The actions as (swarms, drones)."""
