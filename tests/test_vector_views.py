@@ -461,6 +461,20 @@ def test_swarms_are_seeded_one_by_one(view: type[SearchVectorEnv], seed: Any) ->
         first = [told(env.step(a)) for env, a in zip(alone, np.split(actions, 3), strict=True)]
 
 
+@pytest.mark.parametrize("form", [list, tuple, np.array])
+def test_drones_may_be_given_a_seed_each(form: Any) -> None:
+    """As whoever counts slots does: a swarm takes its first drone's."""
+    by_slot, by_swarm = (DroneVectorEnv(2, n_drones=3, grid_size=5) for _ in range(2))
+    for seeds, slots in ([7, 9], [7, 1, 2, 9, 3, 4]), ([5, 6], [5, 5, 5, 6, 6, 6]):
+        assert plain(by_slot.reset(seed=form(slots))) == plain(by_swarm.reset(seed=form(seeds)))
+        assert by_slot.np_random_seed == by_swarm.np_random_seed == seeds[0]
+        assert plain(rollout(by_slot, 20)) == plain(rollout(by_swarm, 20))
+    mask = np.repeat([False, True], 3)
+    by_slot.reset(seed=[None] * 3 + [8] * 3, options={"reset_mask": mask})
+    by_swarm.reset(seed=[None, 8], options={"reset_mask": mask})
+    assert plain(rollout(by_slot, 20)) == plain(rollout(by_swarm, 20))
+
+
 @both_views
 def test_without_a_seed_the_episodes_go_on(view: type[SearchVectorEnv]) -> None:
     env, other = view(2, **SMALL), view(2, **SMALL)
@@ -525,7 +539,13 @@ def test_without_a_first_seed_np_random_goes_on() -> None:
         ("a", TypeError, r"seed must be an integer of at least 0, got 'a'"),
         (1.0, TypeError, r"seed must be an integer"),
         (True, TypeError, r"seed must be an integer"),
-        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm, got 2"),
+        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 2"),
+        ([1, 2.0, 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 2.0"),
+        (np.array([1.0, 2.0, 3.0]), TypeError, r"seed\[0\] must be an integer"),
+        ([1, False, 3], TypeError, r"seed\[1\] must be an integer"),
+        ([[1], [2, 3]], TypeError, r"seed\[0\] must be an integer"),
+        (range(7), ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 7"),
+        ({1, 2, 3}, TypeError, r"seed must be an integer"),
         ([1, None, -3], ValueError, r"seed\[2\] must be an integer of at least 0, got -3"),
         ([1, "b", 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 'b'"),
     ],
@@ -1194,10 +1214,7 @@ def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
         ({"copy": None}, TypeError, "copy must be True or False"),
         ({"render_mode": "human"}, ValueError, "render_mode must be one of None, 'ansi', 'rgb_ar"),
         ({"observation": "flat", "write_matrices": False}, ValueError, "write_matrices=False need"),
-        ({"num_envs": 0}, ValueError, "num_envs must be an integer of at least 1, got 0"),
-        ({"num_envs": 2.0}, TypeError, "num_envs must be an integer"),
         ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
-        ({"grid_sise": 5}, TypeError, "grid_sise"),
     ],
 )
 def test_wrong_arguments_are_refused(
@@ -1205,6 +1222,35 @@ def test_wrong_arguments_are_refused(
 ) -> None:
     with pytest.raises(error, match=words):
         view(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("view", "count", "other"),
+    [(SwarmVectorEnv, "num_envs", "num_swarms"), (DroneVectorEnv, "num_swarms", "num_envs")],
+)
+def test_each_view_has_a_name_for_the_number_of_swarms(
+    view: type[SearchVectorEnv], count: str, other: str
+) -> None:
+    env = view(**{count: 4}, n_drones=3)
+    assert env.batch.num_rows == 4
+    slots = 4 if view is SwarmVectorEnv else 12
+    assert env.num_envs == slots == env.action_space.shape[0] == len(env.reset()[1]["Found"])
+    for wrong in (0, -1, 2.0, True, "4", None):
+        with pytest.raises((TypeError, ValueError), match=f"^{count} must be an integer of at lea"):
+            view(**{count: wrong})
+    for given in ({other: 4}, {count: 4, other: 4}):
+        with pytest.raises(TypeError, match=f"{view.__name__} has no parameter '{other}'.*{count}"):
+            view(**given)
+
+
+@both_views
+@pytest.mark.parametrize("name", ["grid_sise", "num_rows", "wants_table", "persons", "swarms"])
+def test_an_unknown_parameter_is_refused_by_the_view(
+    view: type[SearchVectorEnv], name: str
+) -> None:
+    words = rf"^{view.__name__} has no parameter '{name}'; it takes .*observation, .*grid_size, "
+    with pytest.raises(TypeError, match=words):
+        view(2, **{name: 3})
 
 
 @both_views

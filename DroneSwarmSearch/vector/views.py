@@ -6,6 +6,7 @@ infos follow Gymnasium's vector API (1.x).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -58,8 +59,10 @@ class Buffers:
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both views share.
 
+    Attributes follow Gymnasium: `num_envs` counts slots.
+
     Args:
-        num_envs: the number of swarms, E.
+        swarms: the number of swarms, E; each view has a name of its own for it.
         observation: "dict", or one float32 array: "flat", "planes", "top-cells" or
             "glimpses"; each view says what is in them.
         top_cells: how many cells the layout "top-cells" shows; from 1 to grid_size².
@@ -98,7 +101,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def __init__(
         self,
-        num_envs: int = 1,
+        swarms: int,
+        /,
         *,
         observation: str = "dict",
         top_cells: int = 8,
@@ -110,6 +114,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
+        for name in parameters:
+            if name not in _ENGINE_PARAMETERS:
+                known = self._count, *_VIEW_PARAMETERS, *_ENGINE_PARAMETERS
+                raise TypeError(
+                    f"{type(self).__name__} has no parameter {name!r}; it takes {', '.join(known)}"
+                )
         self.observation = checks.choice("observation", observation, tuple(LAYOUTS))
         self._writes = checks.boolean("write_matrices", write_matrices)
         self._separate = checks.boolean("separate_flags", separate_flags)
@@ -127,8 +137,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             raise ValueError(
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
-        swarms = checks.integer("num_envs", num_envs, 1)
-        self.batch = SearchBatch(swarms, wants_table=not self._writes, **parameters)
+        number = checks.integer(self._count, swarms, 1)
+        self.batch = SearchBatch(number, wants_table=not self._writes, **parameters)
         if not self._writes:
             _ = self.batch.table  # ValueError where there is none
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
@@ -150,6 +160,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     # What a slot is; each view says.
 
+    _count: str  # what the number of swarms is called
     _positions_name: str  # in the dict layout
 
     @property
@@ -190,8 +201,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
         Args:
             seed: an integer s >= 0, from which swarm i gets s + i; or one for each swarm,
-                None where its sequence of episodes shall go on. Without it all go on.
-                The first swarm's seed is that of `np_random` as well.
+                None where its sequence of episodes shall go on. Of one for each slot a
+                swarm takes its first drone's. Without it all go on. The first swarm's
+                seed is that of `np_random` as well.
             options: may hold "reset_mask", bool, shape (num_envs,), which slots to reset
                 (all slots of a swarm or none); "vector", which stays for later episodes;
                 and "person_initial_position", "disperse_constant" and
@@ -366,9 +378,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             first = checks.integer("seed", seed, 0)
             return list(range(first, first + n))
         seeds = checks.seeds("seed", seed)
+        if len(seeds) == self.num_envs:
+            return seeds[:: self._per_swarm]
         if len(seeds) != n:
+            slots = f", or {self.num_envs}, one a slot" if self._per_swarm > 1 else ""
             raise ValueError(
-                f"seed must be an integer or {n} of them, one a swarm, got {len(seeds)}"
+                f"seed must be an integer or {n} of them, one a swarm{slots}; got {len(seeds)}"
             )
         return seeds
 
@@ -557,6 +572,16 @@ def _check_buffer(name: str, given: Any, wanted: Slots, exact: bool = True) -> N
         raise ValueError(f"buffers.{name} must be writeable, got a read-only array")
 
 
+def _keywords(function: Callable[..., Any]) -> tuple[str, ...]:
+    """The names of a function's keyword-only parameters."""
+    parameters = inspect.signature(function).parameters.values()
+    return tuple(each.name for each in parameters if each.kind is each.KEYWORD_ONLY)
+
+
+_VIEW_PARAMETERS = _keywords(SearchVectorEnv)
+_ENGINE_PARAMETERS = tuple(name for name in _keywords(SearchBatch) if name != "wants_table")
+
+
 class SwarmVectorEnv(SearchVectorEnv):
     """Many searches, each slot a swarm: joint actions, team reward.
 
@@ -579,10 +604,16 @@ class SwarmVectorEnv(SearchVectorEnv):
     `ending`, why the last step ended the episode (`rules.ENDINGS`); `step`, completed
     steps. Each comes with a mask of the same name behind an underscore.
 
-    Arguments: those of `SearchVectorEnv`.
+    Args:
+        num_envs: the number of swarms, E.
+        arguments: those of `SearchVectorEnv`.
     """
 
+    _count = "num_envs"
     _positions_name = "positions"
+
+    def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
+        super().__init__(num_envs, **arguments)
 
     @property
     def _per_swarm(self) -> int:
@@ -624,7 +655,7 @@ class DroneVectorEnv(SearchVectorEnv):
     """Many searches, each slot a drone: the form that parameter sharing wants.
 
     The drones of a swarm are adjacent: slot i * n_drones + k is drone k of swarm i, and
-    `env.num_envs` is the number of slots, num_envs * n_drones.
+    `env.num_envs` is the number of slots, num_swarms * n_drones.
 
     Actions: `Discrete(6)` for each drone, see `rules.Action`.
 
@@ -647,10 +678,16 @@ class DroneVectorEnv(SearchVectorEnv):
     step ended the episode (`rules.ENDINGS`); `step`, completed steps. Each comes with a
     mask of the same name behind an underscore.
 
-    Arguments: those of `SearchVectorEnv`.
+    Args:
+        num_swarms: the number of swarms, E.
+        arguments: those of `SearchVectorEnv`.
     """
 
+    _count = "num_swarms"
     _positions_name = "position"
+
+    def __init__(self, num_swarms: int = 1, **arguments: Any) -> None:
+        super().__init__(num_swarms, **arguments)
 
     @property
     def _per_swarm(self) -> int:
