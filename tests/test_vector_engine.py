@@ -1154,7 +1154,7 @@ BAD_VALUES: list[tuple[Any, ...]] = [
     (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got 1e\+300"),
     (PERSON, (NAN, 0), ValueError, "nan"),
     (PERSON, (7, 0), ValueError, "7"),
-    (PERSON, (1, 2, 3), ValueError, r"\(1, 2, 3\)"),
+    (PERSON, (1, 2, 3), ValueError, r"got shape \(3,\)"),
     (PERSON, [("0", "0")], TypeError, "'0'"),
     (PERSON, [], ValueError, "cell"),
     (PERSON, [[]], ValueError, "cell"),
@@ -1226,24 +1226,69 @@ def test_a_batch_has_a_whole_number_of_rows(rows: Any, error: type[Exception]) -
         SearchBatch(rows)
 
 
-def test_as_many_start_cells_as_rows_are_rows_in_an_array_and_persons_in_a_list() -> None:
-    cells = np.array([(0, 0), (1, 1), (2, 2)])
-    one_each, several = cells[:, None], np.broadcast_to(cells, (3, 3, 2))
+FORMS: dict[str, Callable[[np.ndarray], Any]] = {
+    "array": np.array,
+    "floats": lambda cells: np.array(cells, float),
+    "list": np.ndarray.tolist,
+    "tuple": lambda cells: tuple(cells.tolist()),
+    "list of arrays": list,
+}
+each_form = pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+
+
+@each_form
+@pytest.mark.parametrize(("rows", "persons"), [(1, 1), (1, 3), (2, 2), (3, 3), (2, 1), (4, 2)])
+def test_the_shape_of_start_cells_says_whose_they_are(
+    form: Callable[[np.ndarray], Any], rows: int, persons: int
+) -> None:
+    """In whatever form they come, and wherever they are given."""
+    cells = np.random.default_rng(0).integers(0, 7, (rows, persons, 2))
     for value, expected in (
-        (cells, one_each),
-        (cells.tolist(), several),
-        (tuple(map(tuple, cells.tolist())), several),
-        (cells.reshape(3, 1, 2).tolist(), one_each),
-        (cells.reshape(1, 3, 2), several),
+        (form(cells[0]), np.broadcast_to(cells[0], cells.shape)),
+        (form(cells), cells),
     ):
-        batch = SearchBatch(3, person_initial_position=value)
-        assert batch.parameters[PERSON].tolist() == expected.tolist()
-    # Where the persons' number is settled, that decides.
-    batch = SearchBatch(3, person_initial_position=cells)
-    batch.reset(range(3), given={PERSON: cells[::-1].tolist()})
-    assert batch.parameters[PERSON].tolist() == cells[::-1, None].tolist()
-    assert SearchBatch(1, person_initial_position=cells[:1]).missing.shape == (1, 1)
-    assert SearchBatch(2, person_initial_position=cells).missing.shape == (2, 3)
+        made = SearchBatch(rows, person_initial_position=value)
+        assert made.parameters[PERSON].tolist() == expected.tolist()
+        usual = np.zeros((persons, 2), int)
+        given = SearchBatch(rows, person_initial_position=usual)
+        given.reset(range(rows), given={PERSON: value})
+        assert given.parameters[PERSON].tolist() == expected.tolist()
+        sampled = SearchBatch(
+            rows, person_initial_position=usual, sampler=lambda rng, value=value: {PERSON: value}
+        )
+        sampled.reset(range(rows))
+        assert sampled.parameters[PERSON].tolist() == expected.tolist()
+
+
+@each_form
+def test_a_cell_alone_is_one_persons_in_every_row(form: Callable[[np.ndarray], Any]) -> None:
+    batch = SearchBatch(3, person_initial_position=form(np.array([4, 5])))
+    assert batch.parameters[PERSON].tolist() == [[[4, 5]]] * 3
+
+
+@each_form
+@pytest.mark.parametrize(
+    "shape",
+    [(0,), (1,), (3,), (0, 2), (2, 3), (1, 2, 2), (5, 1, 2), (3, 0, 2), (3, 2, 1), (3, 1, 1, 2)],
+)
+def test_start_cells_of_other_shapes_are_refused(
+    form: Callable[[np.ndarray], Any], shape: tuple[int, ...]
+) -> None:
+    cells = form(np.ones(shape, int))
+    with pytest.raises((TypeError, ValueError), match=f"{PERSON} must be"):
+        SearchBatch(3, person_initial_position=cells)
+
+
+def test_cells_as_many_as_rows_are_not_taken_for_one_persons() -> None:
+    """Who means one for each row writes (rows, 1, 2)."""
+    cells = np.array([(0, 0), (1, 1), (2, 2)])
+    batch = SearchBatch(3)
+    batch.reset(range(3), given={PERSON: cells[:, None]})
+    assert batch.parameters[PERSON].tolist() == cells[:, None].tolist()
+    words = rf"{PERSON} must be .*for each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
+    for value in (cells, cells.tolist()):
+        with pytest.raises(ValueError, match=words):
+            batch.reset(range(3), given={PERSON: value})
 
 
 @pytest.mark.parametrize("name", ["timestep_limit", "speed", "n_drones", ""])
@@ -1259,7 +1304,7 @@ def test_reset_refuses_names_that_it_does_not_know(name: str) -> None:
 def test_a_reset_cannot_change_the_number_of_persons() -> None:
     batch = SearchBatch(3, person_initial_position=[(0, 0), (1, 1)])
     for cells in ([(0, 0)], (0, 0), [(0, 0)] * 3, np.zeros((3, 1, 2), int)):
-        with pytest.raises(ValueError, match=f"{PERSON} must hold 2 cells"):
+        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or these"):
             batch.reset([1, 2, 3], given={PERSON: cells})
 
 

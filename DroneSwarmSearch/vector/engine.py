@@ -66,9 +66,8 @@ class SearchBatch:
         grid_size: cells along each side, N; this and what follows as in `DroneSwarmSearch`.
         n_drones: drones in each search, n.
         vector: drift in cells per step, (x, y); or one for each row, shape (E, 2).
-        person_initial_position: a cell (x, y), or several, one person each, for every row;
-            or for each row, an array of shape (E, persons, 2), or (E, 2) for one person.
-            Cells in a list are persons of every row, be they as many as rows.
+        person_initial_position: a cell (x, y), or one for each person, shape (persons, 2),
+            for every row; or these for each row, shape (E, persons, 2).
         disperse_constant: how quickly the persons may stray; or one for each row, (E,).
         timestep_limit: the steps in an episode.
         probability_of_detection: one number, or one for each person.

@@ -47,9 +47,10 @@ class Sampler(Protocol):
                 others begin at the same time.
 
         Returns:
-            Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2), or
-            (n, 2) for one person; "disperse_constant", (n,); "drones_positions",
-            (n, n_drones, 2). What is not among them is as the batch was given it.
+            Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2);
+            "disperse_constant", (n,); "drones_positions", (n, n_drones, 2). Without the
+            first axis a value holds for all of these episodes. What is not among them is
+            as the batch was given it.
         """
 
 
@@ -213,35 +214,40 @@ def _persons(value: object, rows: int, grid_size: int, persons: int | None = Non
     """Persons' cells: int64, shape (rows, persons, 2), x first.
 
     Args:
-        value: a cell; several, one for each person; or for each row, shape
-            (rows, persons, 2) or, for one person, (rows, 2). As many cells as rows are
-            persons in a list or tuple, as in `DroneSwarmSearch`, and rows in an array.
+        value: a cell; or a cell for each person, shape (persons, 2); or these for each
+            row, shape (rows, persons, 2).
         rows: the number of rows.
         grid_size: cells along each side.
         persons: how many there are, if that is settled.
     """
     name = "person_initial_position"
     cells = _numbers(name, value, "a cell (x, y), several of them, or cells for each search")
-    one_each = isinstance(value, np.ndarray) if persons is None else persons == 1
-    if cells.shape == (rows, 2) and one_each:
-        cells = cells[:, None]
-    if cells.ndim < 3:
-        last = cells.shape[-1] if cells.ndim else 0
-        cells = cells.reshape(1, cells.size // last if last else 0, last)
-    count = persons or cells.shape[1]
-    if cells.shape[1:] != (count, 2) or count == 0:
-        number = "a cell (x, y)" if count < 2 else f"{count} cells (x, y)"
-        raise ValueError(f"{name} must hold {number} for each search, got {value!r}")
-    return _cells(name, cells, rows, (count, 2), grid_size)
+    by_row = cells[None] if cells.ndim == 1 else cells  # a single person's cell
+    by_row = np.broadcast_to(by_row, (rows, *by_row.shape)) if by_row.ndim == 2 else by_row
+    count = persons or (by_row.shape[1] if by_row.ndim == 3 else 0)
+    if by_row.shape != (rows, count, 2) or count == 0:
+        number = "persons" if persons is None else persons
+        alone = "a cell (x, y), or " if persons in (None, 1) else ""
+        raise ValueError(
+            f"{name} must be {alone}a cell for each person, of shape ({number}, 2), or these "
+            f"for each search, of shape ({rows}, {number}, 2); got shape {cells.shape}"
+        )
+    return _cells(name, by_row, grid_size)
 
 
 def _drones(value: object, rows: int, scenario: Scenario) -> Ints:
     """Drones' cells, y * N + x: int64, shape (rows, n_drones)."""
     name, n, size = "drones_positions", scenario.n_drones, scenario.grid_size
     positions = _numbers(name, value, f"{n} cells (x, y), one for each drone")
-    if positions.ndim == 2:
-        positions = positions[None]
-    x, y = np.moveaxis(_cells(name, positions, rows, (n, 2), size), -1, 0)
+    by_row = positions
+    if positions.shape == (n, 2):
+        by_row = np.broadcast_to(positions, (rows, n, 2))
+    if by_row.shape != (rows, n, 2):
+        raise ValueError(
+            f"{name} must have the shape {(n, 2)}, or {(rows, n, 2)} with values for each search; "
+            f"got {positions.shape}"
+        )
+    x, y = np.moveaxis(_cells(name, by_row, size), -1, 0)
     cells: Ints = y * size + x
     ordered = np.sort(cells, axis=1)
     twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
@@ -285,17 +291,8 @@ def _for_each(
     return floats
 
 
-def _cells(
-    name: str, cells: NDArray[Any], rows: int, shape: tuple[int, ...], grid_size: int
-) -> Ints:
-    """Cells of the grid for each row, from those for each or, with a first axis of 1, for all."""
-    if cells.shape == (1, *shape):
-        cells = np.broadcast_to(cells, (rows, *shape))
-    if cells.shape != (rows, *shape):
-        raise ValueError(
-            f"{name} must have the shape {shape}, or {(rows, *shape)} with values for each search; "
-            f"got {cells.shape}"
-        )
+def _cells(name: str, cells: NDArray[Any], grid_size: int) -> Ints:
+    """Cells of the grid as int64, of the same shape."""
     with np.errstate(invalid="ignore"):  # what is no integer differs from what it becomes
         whole = cells.astype(np.int64)
     wrong = (whole != cells) | (whole < 0) | (whole >= grid_size)
