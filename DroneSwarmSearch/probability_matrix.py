@@ -294,6 +294,7 @@ class ProbabilityMatrix:
         disperse_constant: float,
     ) -> None:
         size = checks.integer("grid_size", grid_size, 2)
+        checks.fits("a matrix", 4 * size**2, grid_size=size)
         cell = checks.cell("start", start, size)
         drift = checks.pair("vector", vector)
         constant = checks.real("disperse_constant", disperse_constant, 0)
@@ -326,8 +327,11 @@ class ProbabilityMatrix:
             float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; read-only.
 
         Raises:
+            TypeError: the step is no integer.
             ValueError: the step is negative.
         """
+        if type(step) is not int:
+            step = checks.integer("step", step, 0)
         block = self._block
         index = step - block.first
         if not 0 <= index < self.block_steps:
@@ -343,6 +347,8 @@ class ProbabilityMatrix:
 
     def block(self, step: int) -> Block:
         """The tables that hold a step; going on from step to step is cheap."""
+        if type(step) is not int:
+            step = checks.integer("step", step, 0)
         block = self._block
         if step < block.first:
             checks.integer("step", step, 0)

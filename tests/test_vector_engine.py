@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import gc
 import math
+import os
 import pickle
 import random
 import tracemalloc
@@ -1113,6 +1114,172 @@ def test_bad_seeds_are_refused_and_change_nothing(seed: Any, error: type[Excepti
     before = pickle.dumps(batch)
     with pytest.raises(error):
         batch.reset([7, seed], given={"vector": (1, 1)})
+    assert pickle.dumps(batch) == before
+
+
+BAD_ROWS: list[tuple[Any, type[Exception], str]] = [
+    ([3], ValueError, "got 3"),
+    ([-1], ValueError, "got -1"),
+    (np.array([0, 2**64 - 1], np.uint64), ValueError, "got -1"),
+    ([1, 1], ValueError, r"got \[1, 1\]"),
+    ([0.0, 1.0], TypeError, "got float64"),
+    ([True, False], TypeError, "got bool"),
+    (["0"], TypeError, "got <U1"),
+    ("0", TypeError, "got <U1"),
+    (1, ValueError, r"got shape \(\)"),
+    ([[0], [1]], ValueError, r"got shape \(2, 1\)"),
+    ([[0], [1, 2]], ValueError, "list or an array of integers, got"),
+]
+
+
+@pytest.mark.parametrize(("rows", "error", "match"), BAD_ROWS)
+def test_rows_that_there_are_not_are_refused_and_change_nothing(
+    rows: Any, error: type[Exception], match: str
+) -> None:
+    batch = SearchBatch(3, bayesian_update=True)
+    batch.reset([1, 2, 3])
+    batch.step([[4], [5], [1]])
+    before = pickle.dumps(batch)
+    calls: list[Callable[[], Any]] = [
+        lambda: batch.reset(None, rows),
+        lambda: batch.reset([1, 2], rows),
+        lambda: batch.restart(rows),
+        lambda: batch.matrices_of(rows),
+    ]
+    if match != r"got \[1, 1\]":  # two cells of a row may be asked for
+        calls.append(lambda: batch.probabilities(rows, [0, 0]))
+    for call in calls:
+        with pytest.raises(error, match=f"rows must be .*{match}"):
+            call()
+        assert pickle.dumps(batch) == before
+
+
+def test_rows_have_to_rise_where_they_are_read_together() -> None:
+    batch = SearchBatch(3)
+    batch.reset([1, 2, 3])
+    for read in (batch.matrices_of, lambda rows: batch.probabilities(rows, [0, 0])):
+        with pytest.raises(ValueError, match=r"rows must be .*rising order; got \[2, 1\]"):
+            read([2, 1])
+    assert batch.probabilities([1, 1, 2], [0, 5, 0]).shape == (3,)
+    assert batch.matrices_of([]).shape == (0, 7, 7)
+
+
+@pytest.mark.parametrize(
+    ("cells", "error", "match"),
+    [
+        ([49, 0], ValueError, "got 49"),
+        ([0, -1], ValueError, "got -1"),
+        ([0], ValueError, r"got shape \(1,\)"),
+        (0, ValueError, r"got shape \(\)"),
+        ([0.0, 1.0], TypeError, "got float64"),
+        ([True, False], TypeError, "got bool"),
+        ([[0], [1, 2]], ValueError, "got"),
+    ],
+)
+def test_cells_that_there_are_not_have_no_probability(
+    cells: Any, error: type[Exception], match: str
+) -> None:
+    batch = SearchBatch(3)
+    batch.reset([1, 2, 3])
+    with pytest.raises(error, match=f"cells must be integers from 0 to 48.*{match}"):
+        batch.probabilities([0, 2], cells)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "error", "match"),
+    [
+        (5, TypeError, "seeds must be a list or an array of integers of at least 0, got 5"),
+        ("12", TypeError, "seeds must be a list or an array"),
+        ([1, True], TypeError, r"seeds\[1\] must be an integer of at least 0, got True"),
+        ([-1, 2], ValueError, r"seeds\[0\] must be an integer of at least 0, got -1"),
+        (np.array([1.0, 2.0]), TypeError, r"seeds\[0\] must be an integer"),
+        ([[1], [2]], TypeError, r"seeds\[0\] must be an integer"),
+        ([1, 2, 3], ValueError, "seeds must be 2, one for each row, got 3"),
+    ],
+)
+def test_other_seeds_are_refused_by_name(seeds: Any, error: type[Exception], match: str) -> None:
+    batch = SearchBatch(2)
+    batch.reset(np.array([1, 2]))
+    before = pickle.dumps(batch)
+    with pytest.raises(error, match=match):
+        batch.reset(seeds)
+    assert pickle.dumps(batch) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        ({"sampler": 5}, TypeError, "sampler must be callable, or None, got 5"),
+        ({"sampler": {"vector": (0, 0)}}, TypeError, "sampler must be callable"),
+        ({"wants_table": 1}, TypeError, "wants_table must be True or False, got 1"),
+        ({"timestep_limit": 2**63}, ValueError, "timestep_limit must be an integer from 1 to"),
+    ],
+)
+def test_other_arguments_are_refused_by_name(
+    arguments: dict[str, Any], error: type[Exception], match: str
+) -> None:
+    with pytest.raises(error, match=match):
+        SearchBatch(2, **arguments)
+
+
+def test_other_calls_are_refused_by_name() -> None:
+    batch = SearchBatch(2)
+    with pytest.raises(ResetNeeded, match="restart"):
+        batch.restart(np.array([0]))
+    batch.reset([1, 2], given={})
+    for row in (2, -1):
+        with pytest.raises(ValueError, match=f"row must be an integer from 0 to 1, got {row}"):
+            batch.frame(row)
+    with pytest.raises(TypeError, match="row must be an integer from 0 to 1"):
+        batch.frame(0.0)  # type: ignore[arg-type]
+    for wrong in (5, 0, [("vector", (0, 0))], "vector"):
+        with pytest.raises(TypeError, match="given must be a mapping, got"):
+            batch.reset([1, 2], given=wrong)  # type: ignore[arg-type]
+
+
+def test_the_longest_episode_there_may_be_begins_like_others() -> None:
+    batches = [SearchBatch(2, timestep_limit=limit) for limit in (1000, 2**53)]
+    for batch in batches:
+        batch.reset([1, 2])
+        for _ in range(5):
+            batch.step([[4], [5]])
+    assert batches[0].person_cells.tolist() == batches[1].person_cells.tolist()
+    assert batches[0].rewards.tolist() == batches[1].rewards.tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("num_rows", lambda: SearchBatch(10**13)),
+        ("num_rows", lambda: SearchBatch(2**63, n_drones=2)),
+        ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
+        ("grid_size", lambda: SearchBatch(1, grid_size=150_000)),
+        ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, bayesian_update=True)),
+        ("num_rows", lambda: SearchBatch(10**8, grid_size=10**4, sampler=Switched())),
+        ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
+    ],
+)
+def test_a_batch_that_does_not_fit_in_memory_is_refused_by_name(
+    name: str, make: Callable[[], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(  # a machine of 1 TiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**28}.get, raising=False
+    )
+    with pytest.raises(ValueError, match=rf"{name}.* must be smaller: with .*{name}=.* GiB"):
+        make()
+
+
+def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    batch = SearchBatch(8, grid_size=40, wants_table=True)
+    batch.reset(range(8))
+    before = pickle.dumps(batch)
+    monkeypatch.setattr(  # 4 MiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**10}.get, raising=False
+    )
+    with pytest.raises(ValueError, match=r"timestep_limit must be smaller: .* 8 different laws"):
+        batch.reset(range(8), given={"vector": np.linspace(0, 1, 16).reshape(8, 2)})
     assert pickle.dumps(batch) == before
 
 

@@ -28,8 +28,8 @@ from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.vector.collisions import Collisions
-from DroneSwarmSearch.vector.laws import Followed, Tables, choose_laws
-from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values
+from DroneSwarmSearch.vector.laws import Followed, Tables, check_table, choose_laws
+from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values, checked_rows
 from DroneSwarmSearch.vector.sea import Seas
 
 __all__ = ["SearchBatch"]
@@ -78,6 +78,7 @@ class SearchBatch:
             to right from (0, 0), row by row.
         sampler: draws parameters anew for every episode, see `parameters.Sampler`.
         wants_table: keep the matrices of all laws and steps in one table, however large.
+        rows_name: what `num_rows` is called in errors.
 
     Attributes:
         scenario: the parameters that all rows share (`vector`, `persons` and
@@ -108,9 +109,15 @@ class SearchBatch:
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
         wants_table: bool = False,
+        rows_name: str = "num_rows",
     ) -> None:
+        if sampler is not None and not callable(sampler):
+            raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
+        wants_table = checks.boolean("wants_table", wants_table)
         self._usual = Parameters.checked(
             num_rows,
+            rows_name=rows_name,
+            follows=sampler is not None,
             grid_size=grid_size,
             n_drones=n_drones,
             vector=vector,
@@ -127,6 +134,8 @@ class SearchBatch:
         self._sampler = sampler
         self.scenario = scenario = self._usual.scenario
         self._wants_table = wants_table
+        if wants_table:
+            self._check_table(self._usual)
         self._several = len(scenario.persons) > 1
         rows, n = self._usual.num_rows, scenario.n_drones
         self._rows = np.arange(rows)
@@ -134,7 +143,9 @@ class SearchBatch:
         self._drones_of = np.arange(rows * n).reshape(rows, n)
         self._row_of = self._rows.repeat(n)
         # Cells and actions lie in narrow integers, of which many are worked on at once.
-        self._narrow = np.int16 if scenario.grid_size**2 * len(Action) < 2**15 else np.int32
+        largest = scenario.grid_size**2 * len(Action)
+        kinds = (np.int16, np.int32, np.int64)
+        self._narrow: Any = next(kind for kind in kinds if largest <= np.iinfo(kind).max)
         neighbours = rules.neighbours_of_all(scenario.grid_size)
         self._neighbours = neighbours.reshape(-1).astype(self._narrow)
         self._positions = _positions(scenario.grid_size)
@@ -187,8 +198,11 @@ class SearchBatch:
             TypeError: a value is of the wrong type.
             ValueError: a value is out of its limits.
         """
-        rows = self._rows if rows is None else rows
-        wanted = self._usual.changed(given) if given else self._usual
+        rows = self._rows if rows is None else checked_rows(rows, self.num_rows)
+        wanted = self._usual if given is None else self._usual.changed(given)
+        if given and self._wants_table:
+            self._check_table(wanted)
+        seeds = None if seeds is None else checks.seeds("seeds", seeds)
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
         grown = {
@@ -220,6 +234,9 @@ class SearchBatch:
 
     def restart(self, rows: Ints) -> None:
         """Begin the next episodes of some rows; what the last step brought them stays."""
+        rows = checked_rows(rows, self.num_rows)
+        if not (self.ready or self._seeded[rows].all()):
+            raise ResetNeeded("restart: not all rows have begun; call reset() first")
         self._start(rows, self._next(rows), self._usual)
 
     def _start(self, rows: Ints, values: Values, parameters: Parameters) -> None:
@@ -274,6 +291,10 @@ class SearchBatch:
         if self._several:
             self._finders.reshape(-1)[drones] = False
         return drones
+
+    def _check_table(self, parameters: Parameters) -> None:
+        size, steps = self.scenario.grid_size, self.scenario.timestep_limit
+        check_table(size, steps, parameters.laws)
 
     def _choose_laws(self) -> Tables | Followed:
         size, steps = self.scenario.grid_size, self.scenario.timestep_limit
@@ -470,6 +491,7 @@ class SearchBatch:
 
     def frame(self, row: int) -> Frame:
         """Everything a picture of a row's present state shows, the persons included."""
+        row = checks.integer("row", row, 0, self.num_rows - 1)
         _, positions = grid_of(self.scenario.grid_size)
         drones, persons = self._cells[row], self._seas.person_cells[:, row]
         x, y = self._now.laws.drift[:, row].tolist()
@@ -505,7 +527,7 @@ class SearchBatch:
         Args:
             rows: their numbers, in rising order.
         """
-        return self._seas.matrices(rows)
+        return self._seas.matrices(checked_rows(rows, self.num_rows, rising=True))
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each: float32, (n,).
@@ -514,7 +536,17 @@ class SearchBatch:
             rows: their numbers, in rising order; a row may come several times.
             cells: y * N + x, shape (n,).
         """
-        return self._seas.shown(rows, cells)
+        rows = checked_rows(rows, self.num_rows, rising=True, repeated=True)
+        what = f"integers from 0 to {self.scenario.grid_size**2 - 1}, one for each of the rows"
+        places = checks.array("cells", cells, what)
+        if places.dtype.kind not in "iu" and places.size:
+            raise TypeError(f"cells must be {what}, got {places.dtype}")
+        if places.shape != rows.shape:
+            raise ValueError(f"cells must be {what}, got shape {places.shape}")
+        wrong = places[(places < 0) | (places >= self.scenario.grid_size**2)]
+        if wrong.size:
+            raise ValueError(f"cells must be {what}, got {wrong[0]}")
+        return self._seas.shown(rows, places.astype(np.int64))
 
     @property
     def table(self) -> Singles:

@@ -18,13 +18,22 @@ from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.streams import RowNumbers
 from DroneSwarmSearch.vector.laws import LawParameters
 
-__all__ = ["Parameters", "Sampler"]
+__all__ = ["Parameters", "Sampler", "checked_rows", "checked_sizes"]
 
 Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 
 VARIABLE = ("vector", "person_initial_position", "disperse_constant", "drones_positions")
 """What may differ from row to row."""
+
+_ROW_BYTES = 64
+"""Rounded down, what a batch keeps for each drone of each row."""
+
+_CELL_BYTES = 96
+"""What it takes to make the table of a cell's neighbours, six integers, twice over."""
+
+_FOLLOWED_BYTES = 64
+"""What following a person's law takes, for each cell along a side."""
 
 
 class Sampler(Protocol):
@@ -74,6 +83,8 @@ class Parameters:
         cls,
         num_rows: object,
         *,
+        rows_name: str = "num_rows",
+        follows: bool = False,
         vector: object,
         person_initial_position: object,
         disperse_constant: object,
@@ -82,12 +93,21 @@ class Parameters:
     ) -> Parameters:
         """Check the arguments of `engine.SearchBatch`.
 
+        Args:
+            num_rows: the number of rows.
+            rows_name: what `num_rows` is called in errors.
+            follows: whether each row follows laws of its own.
+            vector: as in `SearchBatch`, like all others.
+            person_initial_position: likewise.
+            disperse_constant: likewise.
+            drones_positions: likewise.
+            shared: likewise.
+
         Raises:
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        rows = checks.integer("num_rows", num_rows, 1)
-        size = checks.integer("grid_size", shared["grid_size"], 2)
+        rows, size, _ = checked_sizes(rows_name, num_rows, shared["grid_size"], shared["n_drones"])
         vectors = _vectors(vector, rows)
         persons = _persons(person_initial_position, rows, size)
         constants = _constants(disperse_constant, rows)
@@ -96,6 +116,13 @@ class Parameters:
             person_initial_position=persons[0],
             disperse_constant=constants[0],
             **shared,
+        )
+        number = len(scenario.persons)
+        known = 8 * size**2 * scenario.bayesian_update + _FOLLOWED_BYTES * size * follows
+        checks.fits(
+            "what is known of the persons",
+            number * rows * known,
+            **{rows_name: rows, "grid_size": size},
         )
         cells = np.arange(scenario.n_drones)
         if drones_positions is not None:
@@ -154,6 +181,8 @@ class Parameters:
 
     def checked_values(self, rows: int, values: Mapping[str, Any]) -> Values:
         """Some of `VARIABLE` checked, from one value for all rows or one for each."""
+        if not isinstance(values, Mapping):
+            raise TypeError(f"given must be a mapping, got {values!r}")
         unknown = [name for name in values if name not in VARIABLE]
         if unknown:
             raise ValueError(f"parameters of rows are {', '.join(VARIABLE)}, got {unknown[0]!r}")
@@ -184,6 +213,63 @@ class Parameters:
 
 Values = dict[str, NDArray[Any]]
 """Some of `VARIABLE`, checked, with the rows as their last axis."""
+
+
+def checked_sizes(
+    rows_name: str, num_rows: object, grid_size: object, n_drones: object
+) -> tuple[int, int, int]:
+    """The sizes on which all arrays of a batch depend, in this order.
+
+    Raises:
+        TypeError: one is no integer.
+        ValueError: it is out of its limits, or the batch would not fit in memory.
+    """
+    rows = checks.integer(rows_name, num_rows, 1)
+    size = checks.integer("grid_size", grid_size, 2)
+    drones = checks.integer("n_drones", n_drones, 1, size**2)
+    checks.fits("the table of the cells' neighbours", _CELL_BYTES * size**2, grid_size=size)
+    given = {rows_name: rows, "n_drones": drones}
+    checks.fits("the drones", _ROW_BYTES * rows * drones, **given)
+    return rows, size, drones
+
+
+def checked_rows(
+    value: object, count: int, *, rising: bool = False, repeated: bool = False
+) -> Ints:
+    """Numbers of rows as int64, shape (n,).
+
+    Args:
+        value: integers from 0 to count - 1.
+        count: the number of rows.
+        rising: they must be in rising order.
+        repeated: a row may come several times, one after another.
+
+    Raises:
+        TypeError: they are no integers.
+        ValueError: there is no such row, or they are out of order.
+    """
+    if isinstance(value, np.ndarray) and value.dtype == np.int64 and value.ndim == 1:
+        # The usual case is part of many steps, and looked at quickly.
+        in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
+        if in_order and value[0] >= 0 and value[-1] < count:
+            return value
+    order = "in rising order" if rising else "no two alike"
+    what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
+    given = checks.array("rows", value, "a list or an array of integers")
+    if given.ndim == 1 and not given.size:
+        return np.empty(0, np.int64)
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"{what}; got {given.dtype}")
+    if given.ndim != 1:
+        raise ValueError(f"{what}; got shape {given.shape}")
+    rows = given.astype(np.int64)
+    wrong = rows[(rows < 0) | (rows >= count)]
+    if wrong.size:
+        raise ValueError(f"{what}; got {wrong[0]}")
+    steps = np.diff(rows if rising else np.sort(rows))
+    if (steps < (not repeated)).any():
+        raise ValueError(f"{what}; got {value!r}")
+    return rows
 
 
 # Each of these takes one value for all rows or one for each, and returns one for each.

@@ -7,6 +7,7 @@ infos follow Gymnasium's vector API (1.x).
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +25,7 @@ from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS, Action, Ending
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.parameters import VARIABLE
+from DroneSwarmSearch.vector.parameters import VARIABLE, checked_rows, checked_sizes
 from DroneSwarmSearch.vector.threads import Beside, parts_of, worth_sharing
 
 __all__ = ["Buffers", "DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
@@ -37,6 +38,9 @@ Slots = Any  # an array with a first axis for the slots
 Infos = dict[str, Any]
 
 _TIME_UP = ENDINGS.index(Ending.TIME_UP)
+
+_SHOWN_BYTES = 14
+"""For each number shown: itself, and its limits in the batched space."""
 
 
 @dataclass(eq=False)
@@ -121,6 +125,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                     f"{type(self).__name__} has no parameter {name!r}; it takes {', '.join(known)}"
                 )
         self.observation = checks.choice("observation", observation, tuple(LAYOUTS))
+        if observation != "top-cells":  # whose layout knows how many there are
+            checks.integer("top_cells", top_cells, 1)
         self._writes = checks.boolean("write_matrices", write_matrices)
         self._separate = checks.boolean("separate_flags", separate_flags)
         self._reward_scale = checks.positive("reward_scale", reward_scale)
@@ -137,19 +143,36 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             raise ValueError(
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
-        number = checks.integer(self._count, swarms, 1)
-        self.batch = SearchBatch(number, wants_table=not self._writes, **parameters)
-        if not self._writes:
-            _ = self.batch.table  # ValueError where there is none
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        scenario = self.batch.scenario
-        self._size, self._drones = scenario.grid_size, scenario.n_drones
-        self._all_rows = np.arange(self.batch.num_rows)
+        given = {**_ENGINE_PARAMETERS, **parameters}
+        number, self._size, self._drones = checked_sizes(
+            self._count, swarms, given["grid_size"], given["n_drones"]
+        )
+        self.num_envs = number * self._per_swarm
         its_own = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
         self._layout = self._choose_layout(str(observation), its_own)
-        self.num_envs = self.batch.num_rows * self._per_swarm
-        self._every_slot = np.ones(self.num_envs, np.bool_)
         self.single_observation_space = self._space()
+        checks.fits(
+            "the observations",
+            _SHOWN_BYTES * spaces.flatdim(self.single_observation_space) * self.num_envs,
+            **{self._count: number, "grid_size": self._size, "n_drones": self._drones},
+        )
+        self.batch = SearchBatch(
+            number, wants_table=not self._writes, rows_name=self._count, **parameters
+        )
+        if not self._writes:
+            try:
+                _ = self.batch.table
+            except ValueError as error:
+                raise ValueError(f"write_matrices=False needs a table: {error}") from None
+        largest = self._largest_reward()
+        if math.isinf(largest * self._reward_scale) and math.isfinite(largest):
+            raise ValueError(
+                f"reward_scale must leave rewards finite, which are up to {largest:g}, "
+                f"got {reward_scale!r}"
+            )
+        self._all_rows = np.arange(number)
+        self._every_slot = np.ones(self.num_envs, np.bool_)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.single_action_space = self._action_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -219,7 +242,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         rows, given = self._wanted_rows(options)
         seeds = self._seeds(seed)
-        self.batch.reset([seeds[row] for row in rows.tolist()] if seeds else None, rows, given)
+        chosen = [seeds[row] for row in rows.tolist()] if seeds else None
+        self.batch.reset(chosen, rows, given or None)
         if seeds and seeds[0] is not None:
             super().reset(seed=seeds[0])  # `np_random` follows from it
         observations = self._receiver()
@@ -303,6 +327,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         Args:
             rows: the swarms' numbers, in rising order; int64, shape (n,).
         """
+        rows = checked_rows(rows, self.batch.num_rows, rising=True)
         return self._observed(rows, self.batch.matrices_of(rows) if self._writes else None)
 
     def action_masks(self, right_of_way: bool = False) -> Flags:
@@ -327,8 +352,11 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
         Raises:
             TypeError: something is no array, or the observations are of another form.
-            ValueError: an array is read-only, or has the wrong shape or dtype.
+            ValueError: an array is read-only, or has the wrong shape or dtype, or cannot
+                hold rewards as large as those of this search.
         """
+        if not isinstance(buffers, Buffers):
+            raise TypeError(f"buffers must be Buffers, got {buffers!r}")
         wanted = self._new_buffers()
         for name in ("rewards", "terminations", "truncations"):
             _check_buffer(name, getattr(buffers, name), getattr(wanted, name), exact=False)
@@ -343,6 +371,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 _check_buffer(f"observations[{key!r}]", buffers.observations[key], array)
         else:
             _check_buffer("observations", buffers.observations, wanted.observations)
+        dtype, largest = buffers.rewards.dtype, self._largest_reward() * self._reward_scale
+        if dtype.kind != "f" or (dtype.itemsize < 8 and largest > float(np.finfo(dtype).max)):
+            raise ValueError(
+                f"buffers.rewards must hold real numbers up to {largest:g} (see reward_scale), "
+                f"got {dtype}"
+            )
         self._buffers = buffers
 
     # The parts of `reset` and `step`.
@@ -352,7 +386,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if options is None:
             return self._all_rows, {}
         options = checks.known_options(options, ("reset_mask", *VARIABLE), stacklevel=3)
-        given = {key: options[key] for key in VARIABLE if key in options}
+        given = {key: options[key] for key in VARIABLE if options.get(key) is not None}
         mask = options.get("reset_mask")
         if mask is None:
             return self._all_rows, given
@@ -389,7 +423,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def _by_swarm(self, actions: ArrayLike) -> NDArray[Any]:
         """The actions as (swarms, drones)."""
-        chosen = np.asarray(actions)
+        chosen = checks.array("actions", actions, "an array of the shape of action_space")
         if chosen.shape != self.action_space.shape:
             raise ValueError(
                 f"actions must have the shape {self.action_space.shape}, got {chosen.shape}"
@@ -400,6 +434,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """Every drone's reward for the last step: (swarms, drones); perhaps the batch's own."""
         rewards = self.batch.rewards
         return rewards if self._reward_scale == 1.0 else rewards * self._reward_scale
+
+    def _largest_reward(self) -> float:
+        """No reward of a slot is further from 0 than this, times the scale of rewards."""
+        scenario = self.batch.scenario
+        largest = scenario.reward_scheme.largest(scenario.timestep_limit)
+        return largest * (self._drones // self._per_swarm)
 
     def _flags(self) -> tuple[Flags, Flags]:
         """Terminations and truncations of every slot."""
@@ -572,14 +612,15 @@ def _check_buffer(name: str, given: Any, wanted: Slots, exact: bool = True) -> N
         raise ValueError(f"buffers.{name} must be writeable, got a read-only array")
 
 
-def _keywords(function: Callable[..., Any]) -> tuple[str, ...]:
-    """The names of a function's keyword-only parameters."""
+def _keywords(function: Callable[..., Any], *without: str) -> dict[str, Any]:
+    """The defaults of a function's keyword-only parameters."""
     parameters = inspect.signature(function).parameters.values()
-    return tuple(each.name for each in parameters if each.kind is each.KEYWORD_ONLY)
+    named = (each for each in parameters if each.kind is each.KEYWORD_ONLY)
+    return {each.name: each.default for each in named if each.name not in without}
 
 
 _VIEW_PARAMETERS = _keywords(SearchVectorEnv)
-_ENGINE_PARAMETERS = tuple(name for name in _keywords(SearchBatch) if name != "wants_table")
+_ENGINE_PARAMETERS = _keywords(SearchBatch, "wants_table", "rows_name")
 
 
 class SwarmVectorEnv(SearchVectorEnv):
