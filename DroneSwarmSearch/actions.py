@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping
 from operator import getitem, index, itemgetter
 from typing import Any, NoReturn
 
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+
 from DroneSwarmSearch import checks
 from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["Reader", "names_in_words", "reader"]
+__all__ = ["Reader", "TurnBased", "names_in_words", "reader"]
 
 Reader = Callable[[Mapping[str, int], Neighbours, list[int]], tuple[bytes, list[int]]]
 """Reads a step's actions.
@@ -79,6 +81,32 @@ class _One:
             return chosen, [neighbours[cells[0]][action]]
         except Exception:
             return _refuse(actions, self._names)
+
+
+class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
+    """PettingZoo's conversion to the AEC form, which checks each action as it comes.
+
+    PettingZoo's own passes actions on when the last drone has chosen; one that is refused
+    then stays in the way of every further step.
+    """
+
+    def step(self, action: int | None) -> None:
+        """Let the drone whose turn it is choose.
+
+        Args:
+            action: an integer from 0 to 5; None once the drone's episode is over.
+
+        Raises:
+            TypeError: the action is no integer.
+            ValueError: it is out of range, or not None though the drone's episode is over.
+                It is still the same drone's turn.
+        """
+        agent = self.agent_selection
+        if not (self.terminations[agent] or self.truncations[agent]):
+            action = checks.integer("action", action, 0, len(Action) - 1)
+        elif action is not None:
+            raise ValueError(f"action must be None once the episode is over, got {action!r}")
+        super().step(action)
 
 
 def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:

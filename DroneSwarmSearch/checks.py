@@ -7,19 +7,23 @@ from __future__ import annotations
 
 import math
 import operator
+import os
+import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 __all__ = [
+    "array",
     "boolean",
     "cell",
     "choice",
     "finite",
+    "fits",
     "integer",
     "is_number",
     "items",
@@ -27,6 +31,7 @@ __all__ = [
     "positive",
     "real",
     "receiver",
+    "seeds",
 ]
 
 
@@ -116,12 +121,21 @@ def finite(value: object) -> float | None:
 
 
 def items(name: str, value: object, what: str) -> list[object]:
-    """The items of a list, tuple or NumPy array."""
+    """The items of a list, a tuple, another sequence or a NumPy array."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if not isinstance(value, (list, tuple)):
+    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
         raise TypeError(f"{name} must be {what}, got {value!r}")
     return list(value)
+
+
+def seeds(name: str, value: object) -> list[int | None]:
+    """Seeds in a list, a tuple, another sequence or a NumPy array; None among them stays."""
+    entries = items(name, value, "a list or an array of integers of at least 0")
+    return [
+        None if entry is None else integer(f"{name}[{place}]", entry, 0)
+        for place, entry in enumerate(entries)
+    ]
 
 
 def pair(name: str, value: object) -> tuple[float, float]:
@@ -144,6 +158,43 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
         raise ValueError(f"{name} must be {what}, got {value!r}")
     x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
     return x, y
+
+
+def fits(what: str, size: int, **parameters: object) -> None:
+    """Refuse parameters with which something is larger than the machine's memory.
+
+    Args:
+        what: the thing, in words.
+        size: the least that it takes, in bytes.
+        parameters: what its size follows from, by name.
+
+    Raises:
+        ValueError: it is larger.
+    """
+    memory = _memory()
+    if size <= memory:
+        return
+    given = ", ".join(f"{name}={value!r}" for name, value in parameters.items())
+    raise ValueError(
+        f"{' or '.join(parameters)} must be smaller: with {given}, {what} would take at "
+        f"least {-(-size // 2**30):,} GiB, and this machine has {memory // 2**30:,}"
+    )
+
+
+def _memory() -> int:
+    """The machine's memory in bytes; where it does not say, what can be addressed."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # Windows, for one
+        return sys.maxsize
+
+
+def array(name: str, value: object, what: str) -> NDArray[Any]:
+    """Something as an array; ValueError where its rows are of different lengths."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name} must be {what}, got {value!r}") from None
 
 
 def receiver(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:

@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import Any
 
 from pettingzoo import AECEnv
-from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 
+from DroneSwarmSearch.actions import TurnBased
 from DroneSwarmSearch.env import env, parallel_env
 from DroneSwarmSearch.observations import Observation
 
@@ -27,5 +27,4 @@ __all__ = ["env", "parallel_env", "raw_env"]
 
 def raw_env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
     """The environment in PettingZoo's AEC form, without the wrapper that checks the order."""
-    raw: AECEnv[str, Observation, int | None] = parallel_to_aec_wrapper(parallel_env(**kwargs))
-    return raw
+    return TurnBased(parallel_env(**kwargs))

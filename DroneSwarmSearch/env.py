@@ -18,10 +18,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils import parallel_to_aec
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from DroneSwarmSearch import checks, rules
-from DroneSwarmSearch.actions import names_in_words, reader
+from DroneSwarmSearch.actions import TurnBased, names_in_words, reader
 from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.mappings import Infos, Rewards, Start
@@ -56,7 +56,7 @@ def parallel_env(**kwargs: Any) -> DroneSwarmSearch:
 
 def env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
     """The environment in PettingZoo's AEC form; takes `DroneSwarmSearch`'s arguments."""
-    return parallel_to_aec(DroneSwarmSearch(**kwargs))
+    return OrderEnforcingWrapper(TurnBased(DroneSwarmSearch(**kwargs)))
 
 
 class DroneSwarmSearch(ParallelEnv[str, Observation, int]):

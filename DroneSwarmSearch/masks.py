@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
 __all__ = ["action_masks", "choose_in_turn"]
@@ -32,8 +33,13 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
 
     Returns:
         bool, shape (..., n, 6), indexed by `Action`: True where allowed.
+
+    Raises:
+        TypeError: the cells or the grid's size are no integers.
+        ValueError: they are out of their limits, or of another shape.
     """
-    places = np.asarray(cells)
+    places = _checked_cells(cells, grid_size)
+    right_of_way = checks.boolean("right_of_way", right_of_way)
     n = places.shape[-1]
     by_swarm = places.reshape(-1, n)
     swarms = np.arange(len(by_swarm))[:, None]
@@ -42,7 +48,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     masks[..., :4] = ~_closed(by_swarm, grid_size)[swarms[..., None], ahead]
     if right_of_way:
         # In every cell, the first of the drones that may be there next.
-        first = np.full((len(by_swarm), grid_size**2 + 1), n, np.int16)
+        first = np.full((len(by_swarm), grid_size**2 + 1), n, np.min_scalar_type(n))
         for drone in reversed(range(n)):
             first[swarms[:, 0], by_swarm[:, drone]] = drone
             first[swarms, ahead[:, drone]] = drone
@@ -72,7 +78,17 @@ def choose_in_turn(
     Returns:
         The actions, int64, shape (swarms, n); and which were open to each drone when its
         turn came, bool, of the scores' shape.
+
+    Raises:
+        TypeError: the cells or the grid's size are no integers.
+        ValueError: they are out of their limits, or of another shape than the scores.
     """
+    cells = _checked_cells(cells, grid_size)
+    if cells.ndim != 2 or scores.shape not in ((*cells.shape, 5), (*cells.shape, 6)):
+        raise ValueError(
+            "scores must have the shape (swarms, n, 6) or (swarms, n, 5) for cells of shape "
+            f"(swarms, n), got {scores.shape} for {cells.shape}"
+        )
     swarms = np.arange(len(cells))
     targets = _targets(grid_size)
     closed = _closed(cells, grid_size)
@@ -85,6 +101,21 @@ def choose_in_turn(
         actions[:, drone] = chosen
         closed[swarms, ahead[swarms, chosen]] = True
     return actions, masks
+
+
+def _checked_cells(cells: ArrayLike, grid_size: int) -> NDArray[np.integer]:
+    """The drones' cells as an array of integers, shape (..., n)."""
+    size = checks.integer("grid_size", grid_size, 2)
+    what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
+    places = checks.array("cells", cells, what)
+    if places.dtype.kind not in "iu":
+        raise TypeError(f"cells must be {what}, got {places.dtype}")
+    if not places.ndim:
+        raise ValueError(f"cells must be {what}, got {cells!r}")
+    wrong = places[(places < 0) | (places >= size**2)]
+    if wrong.size:
+        raise ValueError(f"cells must be {what}, got {wrong[0]}")
+    return places
 
 
 def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:

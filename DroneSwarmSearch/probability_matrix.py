@@ -328,6 +328,7 @@ class ProbabilityMatrix:
         disperse_constant: float,
     ) -> None:
         size = checks.integer("grid_size", grid_size, 2)
+        checks.fits("a matrix", 4 * size**2, grid_size=size)
         cell = checks.cell("start", start, size)
         drift = checks.pair("vector", vector)
         constant = checks.real("disperse_constant", disperse_constant, 0)
@@ -360,6 +361,7 @@ class ProbabilityMatrix:
             float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; a new array.
 
         Raises:
+            TypeError: the step is no integer.
             ValueError: the step is negative.
         """
         matrices = self.block(step).matrices_from(step)
@@ -371,6 +373,8 @@ class ProbabilityMatrix:
 
         Going on from step to step is cheap.
         """
+        if type(step) is not int:
+            step = checks.integer("step", step, 0)
         block = self._block
         if step < block.first:
             checks.integer("step", step, 0)

@@ -124,6 +124,21 @@ class RewardScheme:
                 raise ValueError(f"RewardScheme.{field.name} must be finite, got {value!r}")
             object.__setattr__(self, field.name, number)
 
+    def largest(self, timestep_limit: int) -> float:
+        """No drone is paid, or has to pay, more than this in one step.
+
+        Args:
+            timestep_limit: the number of steps in an episode.
+        """
+        usual = max(
+            abs(self.step),
+            abs(self.search),
+            abs(self.search_unlikely),
+            abs(self.find) + abs(self.find_early),
+        )
+        timeout = abs(self.timeout) + usual * timestep_limit
+        return max(timeout, abs(self.leave_grid), abs(self.collision))
+
     @classmethod
     def sparse(cls) -> RewardScheme:
         """1 to a drone in the step in which it finds a person, 0 in every other case."""

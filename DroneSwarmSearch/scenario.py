@@ -12,6 +12,12 @@ from DroneSwarmSearch.rules import RewardScheme
 
 __all__ = ["Cell", "Scenario"]
 
+_MOST_STEPS = 2**53
+"""Up to here every number of steps is a float, too."""
+
+_DRONE_BYTES = 200
+"""About what the environment keeps of a drone: its name, and where that is a key."""
+
 Cell = tuple[int, int]
 """(x, y): column and row; y grows downward."""
 
@@ -28,7 +34,7 @@ class Scenario:
         persons: each person's cell at step 0; at least one.
         disperse_constant: how quickly the persons may stray; finite, at least 0
             (`probability_matrix.dispersion_rate`).
-        timestep_limit: steps in an episode; at least 1.
+        timestep_limit: steps in an episode; from 1 to 2**53.
         detection: each person's chance to be found by a search of the right cell; from 0
             to 1. A single number holds for however many persons there are.
         bayesian_update: whether the matrix is the posterior given the searches made, or
@@ -67,18 +73,24 @@ class Scenario:
             ValueError: an argument is out of its limits.
         """
         side = checks.integer("grid_size", grid_size, 2)
+        drones = checks.integer("n_drones", n_drones, 1, side**2)
+        updates = checks.boolean("bayesian_update", bayesian_update)
         persons = _persons(person_initial_position, side)
+        # The matrices before and after a step; of each person what is believed, in double.
+        cell_bytes = 8 + 16 * len(persons) * updates
+        checks.fits("what is known of the cells", cell_bytes * side**2, grid_size=side)
+        checks.fits("the drones' names", _DRONE_BYTES * drones, n_drones=drones)
         if not isinstance(reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {reward_scheme!r}")
         return cls(
             grid_size=side,
-            n_drones=checks.integer("n_drones", n_drones, 1, side**2),
+            n_drones=drones,
             vector=checks.pair("vector", vector),
             persons=persons,
             disperse_constant=checks.real("disperse_constant", disperse_constant, 0),
-            timestep_limit=checks.integer("timestep_limit", timestep_limit, 1),
+            timestep_limit=checks.integer("timestep_limit", timestep_limit, 1, _MOST_STEPS),
             detection=_detection(probability_of_detection, len(persons)),
-            bayesian_update=checks.boolean("bayesian_update", bayesian_update),
+            bayesian_update=updates,
             reward_scheme=reward_scheme,
         )
 

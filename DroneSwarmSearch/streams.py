@@ -18,6 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from DroneSwarmSearch import checks
+
 __all__ = [
     "DENOMINATOR",
     "EpisodeStream",
@@ -231,7 +233,8 @@ class RowNumbers:
 
     def random(self, size: int | tuple[int, ...] = ()) -> NDArray[np.float64]:
         """Numbers in [0, 1), float64, shape ``(n, *size)``."""
-        shape = (size,) if isinstance(size, int) else tuple(size)
+        entries = size if isinstance(size, (tuple, list, np.ndarray)) else (size,)
+        shape = tuple(checks.integer("size", entry, 0) for entry in entries)
         count = math.prod(shape)
         places = np.arange(self._drawn, self._drawn + count, dtype=np.uint64)
         self._drawn += count

@@ -45,10 +45,10 @@ from DroneSwarmSearch.vector import DroneVectorEnv, Sampler
 Parameters = dict[str, Any]
 
 FAMILY: tuple[tuple[Parameters, Parameters], ...] = (
-    ({"grid_size": 40, "n_drones": 4}, {"num_envs": 144}),
-    ({"grid_size": 30, "n_drones": 8}, {"num_envs": 40, "timestep_limit": 80}),
-    ({"grid_size": 20, "n_drones": 2}, {"num_envs": 192, "probability_of_detection": 0.6}),
-    ({"grid_size": 20, "n_drones": 1}, {"num_envs": 192, "timestep_limit": 80}),
+    ({"grid_size": 40, "n_drones": 4}, {"num_swarms": 144}),
+    ({"grid_size": 30, "n_drones": 8}, {"num_swarms": 40, "timestep_limit": 80}),
+    ({"grid_size": 20, "n_drones": 2}, {"num_swarms": 192, "probability_of_detection": 0.6}),
+    ({"grid_size": 20, "n_drones": 1}, {"num_swarms": 192, "timestep_limit": 80}),
 )
 """The batches of searches trained on together: their sizes, and what else is not as usual."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import random
 import types
 from collections.abc import Callable
@@ -15,7 +16,22 @@ import numpy as np
 import pytest
 from helpers import observed, plain, play, play_on, whole_state
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, RewardScheme
+from DroneSwarmSearch import (
+    Action,
+    DroneSwarmSearch,
+    ProbabilityMatrix,
+    ResetNeeded,
+    RewardScheme,
+)
+from DroneSwarmSearch.vector import SwarmVectorEnv
+from DroneSwarmSearch.wrappers import (
+    DictObservation,
+    FlatObservation,
+    GlimpsesObservation,
+    OtherDrones,
+    PlanesObservation,
+    ScaledRewards,
+)
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -94,6 +110,9 @@ CONSTRUCTOR: list[tuple[Any, ...]] = [
     (POD, "1", TypeError),
     (POD, True, TypeError),
     (POD, None, TypeError),
+    ("timestep_limit", 2**53 + 1, ValueError, str(2**53)),
+    ("timestep_limit", 2**63, ValueError, str(2**53)),
+    ("timestep_limit", 10**40, ValueError, str(2**53)),
     ("render_mode", "Human", ValueError),
     ("render_mode", "", ValueError),
     ("render_mode", 1, TypeError),
@@ -481,3 +500,96 @@ def test_step_takes_any_mapping_in_any_order():
     env, usual = in_mid_episode(), in_mid_episode()
     backwards = types.MappingProxyType(dict(reversed(GOOD.items())))
     assert plain(env.step(backwards)) == plain(usual.step(GOOD))
+
+
+# What does not fit in memory.
+
+
+@pytest.fixture
+def small_machine(monkeypatch):
+    """A machine of 64 MiB, by what the system says of it."""
+    monkeypatch.setattr(
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**14}.get, raising=False
+    )
+
+
+@pytest.mark.parametrize("grid_size", [10**6, 10**7 + 1, 2**63, 10**30])
+@pytest.mark.parametrize("make", [DroneSwarmSearch, lambda grid_size: law_of(grid_size)])
+def test_a_grid_beyond_every_memory_is_refused_at_once(make, grid_size):
+    refused(lambda: make(grid_size), ValueError, "grid_size", f"grid_size={grid_size}", "GiB")
+
+
+def law_of(grid_size):
+    return ProbabilityMatrix(grid_size, (0, 0), (0, 0), 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("grid_size", lambda: DroneSwarmSearch(3000)),
+        ("grid_size", lambda: DroneSwarmSearch(1700, bayesian_update=True)),
+        (
+            "grid_size",
+            lambda: DroneSwarmSearch(
+                800, bayesian_update=True, person_initial_position=[(0, 0)] * 9
+            ),
+        ),
+        ("grid_size", lambda: law_of(4100)),
+        ("n_drones", lambda: DroneSwarmSearch(1000, n_drones=10**6)),
+        ("grid_size", lambda: FlatObservation(DroneSwarmSearch(2800))),
+        ("grid_size", lambda: PlanesObservation(DroneSwarmSearch(1400))),
+        ("grid_size", lambda: DictObservation(DroneSwarmSearch(700, n_drones=30))),
+        ("n_drones", lambda: FlatObservation(DroneSwarmSearch(200, n_drones=4000))),
+        ("n_drones", lambda: OtherDrones(DroneSwarmSearch(200, n_drones=4000))),
+        ("n_drones", lambda: GlimpsesObservation(DroneSwarmSearch(200, n_drones=10**4))),
+    ],
+)
+def test_what_does_not_fit_in_memory_is_refused_by_name(small_machine, name, make):
+    with pytest.raises(ValueError, match=rf"^(grid_size or )?{name}.* must be smaller: with .*GiB"):
+        make()
+
+
+def test_what_fits_in_memory_is_taken(small_machine):
+    for env in (DroneSwarmSearch(1000), FlatObservation(DroneSwarmSearch(500, n_drones=5))):
+        env.reset(seed=1)
+
+
+@pytest.mark.parametrize("error", [AttributeError, ValueError, OSError])
+def test_where_the_system_does_not_say_its_memory_much_is_taken(monkeypatch, error):
+    """Windows has no sysconf, for example."""
+
+    def silent(name):
+        raise error(name)
+
+    monkeypatch.setattr(os, "sysconf", silent, raising=False)
+    DroneSwarmSearch(1000).reset(seed=1)
+    refused(lambda: DroneSwarmSearch(2**32), ValueError, "grid_size", "GiB")
+
+
+@pytest.mark.parametrize("ask", ["at", "block", "marginals", "exact", "moves"])
+@pytest.mark.parametrize(
+    ("step", "error"),
+    [
+        ("x", TypeError),
+        (2.0, TypeError),
+        (np.float64(2), TypeError),
+        (True, TypeError),
+        (np.True_, TypeError),
+        (None, TypeError),
+        ([1], TypeError),
+        (-1, ValueError),
+        (np.int64(-1), ValueError),
+    ],
+)
+def test_a_law_refuses_what_is_no_step(ask, step, error):
+    law = law_of(7)
+    law.at(40)
+    refused(lambda: getattr(law, ask)(step), error, "step must be an integer of at least 0", "got")
+    for same in (np.int64(3), np.uint8(3), np.array(3)):
+        assert law.at(same).tolist() == law.at(3).tolist()
+
+
+@pytest.mark.parametrize("scale", [1e304, 1.7e308])
+def test_a_scale_that_makes_rewards_infinite_is_refused(scale):
+    refused(lambda: ScaledRewards(DroneSwarmSearch(), scale), ValueError, "scale must", "got")
+    refused(lambda: SwarmVectorEnv(reward_scale=scale), ValueError, "reward_scale must", "got")

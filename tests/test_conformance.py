@@ -16,11 +16,13 @@ import numpy as np
 import pettingzoo
 import pytest
 from gymnasium import spaces
-from helpers import careful_actions
-from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
+from helpers import careful_actions, plain
+from pettingzoo.utils import BaseParallelWrapper, aec_to_parallel, parallel_to_aec
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 import DroneSwarmSearch.env as env_module
-from DroneSwarmSearch import DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, drone_swarm_search_v0
+from DroneSwarmSearch.actions import TurnBased
 from DroneSwarmSearch.mappings import Infos, Rewards
 
 with warnings.catch_warnings():
@@ -113,7 +115,8 @@ def test_parallel_seed(parameters):
 @other_names_are_recommended
 @each_parameters
 def test_aec_api(parameters):
-    api_test(parallel_to_aec(FlatObservations(DroneSwarmSearch(**parameters))), num_cycles=100)
+    for convert in (parallel_to_aec, lambda env: OrderEnforcingWrapper(TurnBased(env))):
+        api_test(convert(FlatObservations(DroneSwarmSearch(**parameters))), num_cycles=100)
 
 
 @each_parameters
@@ -126,6 +129,61 @@ def test_aec_render(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setitem(DroneSwarmSearch.metadata, "render_fps", 1000)
     render_test(lambda **mode: env_module.env(grid_size=10, n_drones=2, **mode))
+
+
+def seen_in_turn(aec):
+    """What a user of the AEC form can see."""
+    told = (aec.agent_selection, aec.agents, aec.rewards, aec.terminations, aec.infos)
+    return copy.deepcopy((*told, aec.last(), aec.state().tolist()))
+
+
+@pytest.mark.parametrize("make", [drone_swarm_search_v0.env, drone_swarm_search_v0.raw_env])
+@pytest.mark.parametrize("n_drones", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("action", "error"),
+    [
+        (6, ValueError),
+        (-1, ValueError),
+        (np.int64(99), ValueError),
+        (10**30, ValueError),
+        (1.0, TypeError),
+        (np.float32(1), TypeError),
+        (True, TypeError),
+        (np.False_, TypeError),
+        ("4", TypeError),
+        (None, TypeError),
+        ([4], TypeError),
+        ({"drone0": 4}, TypeError),
+    ],
+    ids=str,
+)
+def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, action, error):
+    aec, twin = (make(n_drones=n_drones, grid_size=5, timestep_limit=4) for _ in range(2))
+    for each in (aec, twin):
+        each.reset(seed=1)
+    while aec.agents:
+        over = any(aec.last()[2:4])
+        if not over or action is not None:
+            before = plain(seen_in_turn(aec))
+            refused = (
+                pytest.raises(ValueError, match="action must be None once the episode is over, got")
+                if over
+                else pytest.raises(error, match="action must be an integer from 0 to 5, got")
+            )
+            for _ in range(2):
+                with refused:
+                    aec.step(action)
+            assert plain(seen_in_turn(aec)) == before
+        for each in (aec, twin):
+            each.step(None if over else np.int64(Action.SEARCH))
+        assert aec.agents == twin.agents
+        if aec.agents:
+            assert plain(seen_in_turn(aec)) == plain(seen_in_turn(twin))
+
+
+def test_the_aec_form_converts_back():
+    aec = env_module.env(n_drones=2)
+    assert aec_to_parallel(aec) is aec.unwrapped
 
 
 # The spaces.

@@ -217,7 +217,7 @@ class TestOptions:
             ("--vector", ["nan", "0"], "must be a finite number, got nan"),
             ("--vector", ["1"], "expected 2 arguments"),
             ("--disperse-constant", ["-1"], "must be a finite number of at least 0, got -1.0"),
-            ("--timestep-limit", ["0"], "must be an integer of at least 1, got 0"),
+            ("--timestep-limit", ["0"], "must be an integer from 1 to 9007199254740992, got 0"),
             (
                 "--probability-of-detection",
                 ["1.5"],

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch.masks import action_masks, choose_in_turn
 
 Cell = tuple[int, int]
 
@@ -79,3 +79,49 @@ def test_a_lone_drone_is_kept_on_the_grid_alone(right_of_way: bool) -> None:
     corner, middle = action_masks([[0], [4]], 3, right_of_way)
     assert [Action(action) for action in np.flatnonzero(~corner[0])] == [Action.LEFT, Action.UP]
     assert middle.all()
+
+
+def test_swarms_may_be_larger_than_short_integers_count() -> None:
+    """Every cell but one is taken: what is open leads into that one."""
+    size = 182
+    free = size**2 - 2
+    cells = np.delete(np.arange(size**2), free)
+    assert len(cells) > 2**15
+    for right_of_way in (False, True):
+        masks = action_masks(cells, size, right_of_way)
+        assert masks[:, 4:].all()
+        drones, moves = masks[:, :4].nonzero()
+        neighbours = {free - size: Action.DOWN, free - 1: Action.RIGHT, free + 1: Action.LEFT}
+        first = min(neighbours)
+        wanted = {first: neighbours[first]} if right_of_way else neighbours
+        assert dict(zip(cells[drones].tolist(), moves.tolist(), strict=True)) == wanted
+
+
+BAD_CELLS = [
+    ([25], ValueError, "got 25"),
+    ([[0, 1], [-1, 2]], ValueError, "got -1"),
+    (3, ValueError, "got 3"),
+    ([1.0], TypeError, "got float64"),
+    ([True], TypeError, "got bool"),
+    (["a"], TypeError, "got <U1"),
+    ([[0], [1, 2]], ValueError, r"got \[\[0\], \[1, 2\]\]"),
+]
+
+
+@pytest.mark.parametrize(("cells", "error", "came"), BAD_CELLS)
+def test_cells_off_the_grid_are_refused(cells: object, error: type[Exception], came: str) -> None:
+    words = rf"cells must be integers from 0 to 24, of shape \(\.\.\., n\), {came}"
+    with pytest.raises(error, match=words):
+        action_masks(cells, 5)  # type: ignore[arg-type]
+    with pytest.raises(error, match=words):
+        choose_in_turn(np.zeros((1, 1, 6)), cells, 5)  # type: ignore[arg-type]
+
+
+def test_other_wrong_arguments_of_masks_are_refused() -> None:
+    with pytest.raises(TypeError, match=r"grid_size must be an integer of at least 2, got 5\.0"):
+        action_masks([1], 5.0)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
+        action_masks([1], 5, 1)  # type: ignore[arg-type]
+    for shape in ((1, 2, 6), (1, 1, 4), (1, 6), (2, 1, 6)):
+        with pytest.raises(ValueError, match="scores must have the shape"):
+            choose_in_turn(np.zeros(shape), np.array([[3]]), 5)

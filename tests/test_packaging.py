@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import json
 import os
@@ -11,6 +12,7 @@ import sys
 import tarfile
 import venv
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 import pytest
@@ -106,6 +108,36 @@ def tracked(*folders: str) -> set[str]:
     return {file for file in files if (CHECKOUT / file).exists()}
 
 
+def imported(nodes: Iterable[ast.AST]) -> set[str]:
+    """The packages of others that some imports name."""
+    names = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module)
+    return {name.split(".")[0] for name in names} - {*PACKAGES, *sys.stdlib_module_names}
+
+
+def test_what_is_imported_is_declared():
+    """In the core what every module imports at once; in an extra what the others want."""
+    text = (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
+    core, extras = (
+        {
+            name.replace("pillow", "PIL").replace("-", "_")
+            for name in re.findall(r'"([a-zA-Z][\w-]*)[^"\n]*>=', part)
+        }
+        for part in re.search(
+            r"\ndependencies = \[(.*?)\n\].*?optional-dependencies\](.*?)\n\[tool", text, re.S
+        ).groups()
+    )
+    for path in (CHECKOUT / "DroneSwarmSearch").rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for_all = path.name != "sb3.py"  # which its extra alone can import
+        assert imported(tree.body) <= (core if for_all else core | extras), path
+        assert imported(ast.walk(tree)) <= core | extras, path
+
+
 def test_the_wheel_holds_the_packages_and_nothing_else(built):
     path = built / f"{NAME}-py3-none-any.whl"
     assert path.stat().st_size < MEGABYTE
@@ -124,7 +156,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
         for line in core
         if "extra ==" not in line
     ) == [
-        *("gymnasium", "numpy", "pettingzoo"),
+        *("cloudpickle", "gymnasium", "numpy", "pettingzoo"),
         "pygame-ce; python_version >= '3.14'",
         "pygame; python_version < '3.14'",
     ]

@@ -29,7 +29,7 @@ def example() -> ModuleType:
 @pytest.mark.slow
 def test_it_trains_resumes_and_compares(tmp_path: Path, example: ModuleType) -> None:
     options = ("--short", "--out", tmp_path, "--episodes", 20)
-    a_round = example.ROLLOUT * sum(others["num_envs"] for _, others in example.FAMILY)
+    a_round = example.ROLLOUT * sum(others["num_swarms"] for _, others in example.FAMILY)
     output = run("train_ppo", *options)
     check_table(output, "ppo", 20)
     steps = check_folder(tmp_path, "checkpoint.pt", "ppo")
@@ -43,12 +43,12 @@ def test_it_trains_resumes_and_compares(tmp_path: Path, example: ModuleType) -> 
 
 
 def swarms_of(example: ModuleType, **changes: Any) -> Any:
-    return example.Swarms(5, **{**SEARCH, "num_envs": 6, **changes})
+    return example.Swarms(5, **{**SEARCH, "num_swarms": 6, **changes})
 
 
 def test_rewards_are_the_chances_of_the_searches(example: ModuleType) -> None:
     """Over many steps as many persons are found as the chances say, within five deviations."""
-    swarms = swarms_of(example, num_envs=400, probability_of_detection=0.7)
+    swarms = swarms_of(example, num_swarms=400, probability_of_detection=0.7)
     rng, tally = np.random.default_rng(0), example.Tally()
     chances, spread, found = 0.0, 0.0, 0
     for _ in range(40):
@@ -153,7 +153,7 @@ def test_updates_make_rewarded_actions_likelier(example: ModuleType) -> None:
 
 def test_the_sampler_draws_searches_within_the_limits(example: ModuleType) -> None:
     for size, others in example.FAMILY:
-        parameters = {**size, **others, "num_envs": 200}
+        parameters = {**size, **others, "num_swarms": 200}
         swarms = example.Swarms(0, sampler=example.sampler(**size), **parameters)
         drawn = swarms.batch.parameters
         assert len(np.unique(drawn["vector"], axis=0)) == 200

@@ -18,7 +18,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.evaluation import progress
 from DroneSwarmSearch.training import curve as curves
 from DroneSwarmSearch.training import run as runs
-from DroneSwarmSearch.vector import DroneVectorEnv
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
 BY_DEFAULT = {"steps": 5000, "seed": 0, "resume": False, "short": False, "episodes": 1000}
 
@@ -427,13 +427,74 @@ def test_the_policy_may_be_shown_other_layouts(capsys: pytest.CaptureFixture[str
     assert set(shapes) <= {(6, 2)}
 
 
+# Masks of flat observations.
+
+
 @pytest.mark.parametrize("right_of_way", [False, True])
-def test_masks_told_by_flat_observations_are_those_of_the_view(right_of_way: bool) -> None:
-    parameters = {**training.EXERCISE, "n_drones": 3, "grid_size": 5, "timestep_limit": 30}
-    parameters["person_initial_position"] = (2, 2)
-    env = DroneVectorEnv(7, observation="flat", **parameters)
+@pytest.mark.parametrize(("grid_size", "n_drones"), [(2, 1), (2, 4), (5, 3), (13, 16), (41, 2)])
+def test_masks_told_by_flat_observations_are_those_of_the_view(
+    grid_size: int, n_drones: int, right_of_way: bool
+) -> None:
+    parameters = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 20}
+    env = DroneVectorEnv(7, observation="flat", bayesian_update=True, **parameters)
     seen, _ = env.reset(seed=1)
-    for _ in range(60):
+    for _ in range(40):
         masks = training.masks_of_flat(seen, parameters, right_of_way)
         assert masks.tolist() == env.action_masks(right_of_way).tolist()
         seen, *_ = env.step(env.action_space.sample())
+
+
+@pytest.mark.parametrize(
+    ("view", "shown"),
+    [
+        (DroneVectorEnv, {"observation": "glimpses", "grid_size": 5, "n_drones": 3}),
+        # As many numbers as "flat" shows: 202, 3 k + 2 n + 1 for k = N² / 3, and n swarms.
+        (DroneVectorEnv, {"observation": "glimpses", "grid_size": 13, "n_drones": 16}),
+        (DroneVectorEnv, {"observation": "glimpses", "grid_size": 9, "n_drones": 60}),
+        (
+            DroneVectorEnv,
+            {"observation": "top-cells", "top_cells": 12, "grid_size": 6, "n_drones": 2},
+        ),
+        (
+            DroneVectorEnv,
+            {"observation": "top-cells", "top_cells": 3, "grid_size": 3, "n_drones": 4},
+        ),
+        (DroneVectorEnv, {"observation": "top-cells", "grid_size": 8, "n_drones": 2}),
+        (DroneVectorEnv, {"observation": "planes", "grid_size": 4, "n_drones": 2}),
+        (SwarmVectorEnv, {"observation": "flat", "grid_size": 5, "n_drones": 2}),
+        (SwarmVectorEnv, {"observation": "flat", "grid_size": 4, "n_drones": 3}),
+    ],
+)
+def test_masks_are_told_by_flat_observations_of_drones_alone(
+    view: type[DroneVectorEnv], shown: dict[str, Any]
+) -> None:
+    parameters = {key: shown[key] for key in ("grid_size", "n_drones")}
+    env = view(2 * parameters["n_drones"], person_initial_position=(2, 1), **shown)
+    seen, _ = env.reset(seed=0)
+    for _ in range(5):
+        with pytest.raises(ValueError, match="seen must be observations in the layout 'flat'"):
+            training.masks_of_flat(seen, parameters)
+        seen, *_ = env.step(env.action_space.sample())
+
+
+def test_masks_are_told_by_whole_swarms_of_the_same_search() -> None:
+    parameters = {"grid_size": 5, "n_drones": 3}
+    env = DroneVectorEnv(4, observation="flat", **parameters)
+    seen, _ = env.reset(seed=0)
+    assert training.masks_of_flat(seen[:0], parameters).shape == (0, 6)
+    for wrong in (seen[:-1], seen[0], seen[::-1], seen[[0, 3, 6]], seen * 0.9, seen * np.nan):
+        with pytest.raises(ValueError, match="seen must be observations in the layout 'flat'"):
+            training.masks_of_flat(wrong, parameters)
+    for other in ({"grid_size": 6, "n_drones": 3}, {"grid_size": 5, "n_drones": 4}):
+        with pytest.raises(ValueError, match=r"seen must be .* for grid_size="):
+            training.masks_of_flat(seen, other)
+    with pytest.raises(TypeError, match="seen must be an array of floats, got int64"):
+        training.masks_of_flat(seen.astype(np.int64), parameters)
+    with pytest.raises(ValueError, match="seen must be one array of observations"):
+        training.masks_of_flat([[0.0], [0.0, 1.0]], parameters)
+    with pytest.raises(ValueError, match="parameters must hold 'n_drones'"):
+        training.masks_of_flat(seen, {"grid_size": 5})
+    with pytest.raises(TypeError, match="parameters must be a mapping, got 5"):
+        training.masks_of_flat(seen, 5)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
+        training.masks_of_flat(seen, parameters, 1)  # type: ignore[arg-type]

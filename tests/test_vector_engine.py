@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import gc
 import math
+import os
 import pickle
 import random
 import tracemalloc
@@ -908,6 +909,22 @@ def test_row_numbers_go_on_and_do_not_depend_on_the_other_rows() -> None:
     assert not set(together.random(3).ravel()) & set(drawn[0].ravel())
 
 
+@pytest.mark.parametrize("size", [np.int64(3), np.uint8(3), (3,), [np.int32(3)], np.array([3])])
+def test_sizes_of_random_numbers_may_be_numpy_integers(size: Any) -> None:
+    keys = stream_keys(1)
+    assert RowNumbers(keys).random(size).tolist() == RowNumbers(keys).random(3).tolist()
+    assert RowNumbers(keys).integers(0, 9, size).shape == (3, 3)
+
+
+@pytest.mark.parametrize("size", [2.0, True, -1, "3", (2, None), [(1, 2), 3], None])
+def test_other_sizes_of_random_numbers_are_refused(size: Any) -> None:
+    rng = RowNumbers(stream_keys(1))
+    for draw in (rng.random, rng.uniform):
+        with pytest.raises((TypeError, ValueError), match="size must be an integer of at least 0"):
+            draw(size=size)
+    assert rng.random(2).tolist() == RowNumbers(stream_keys(1)).random(2).tolist()
+
+
 @pytest.mark.parametrize(("low", "high"), [(0, 1), (5, 6), (5, 15), (1000, 1001), (-3, 4)])
 def test_integers_stay_below_their_bound_whatever_is_drawn(
     low: int, high: int, monkeypatch: pytest.MonkeyPatch
@@ -1099,6 +1116,172 @@ def test_bad_seeds_are_refused_and_change_nothing(seed: Any, error: type[Excepti
     assert pickle.dumps(batch) == before
 
 
+BAD_ROWS: list[tuple[Any, type[Exception], str]] = [
+    ([3], ValueError, "got 3"),
+    ([-1], ValueError, "got -1"),
+    (np.array([0, 2**64 - 1], np.uint64), ValueError, "got -1"),
+    ([1, 1], ValueError, r"got \[1, 1\]"),
+    ([0.0, 1.0], TypeError, "got float64"),
+    ([True, False], TypeError, "got bool"),
+    (["0"], TypeError, "got <U1"),
+    ("0", TypeError, "got <U1"),
+    (1, ValueError, r"got shape \(\)"),
+    ([[0], [1]], ValueError, r"got shape \(2, 1\)"),
+    ([[0], [1, 2]], ValueError, "list or an array of integers, got"),
+]
+
+
+@pytest.mark.parametrize(("rows", "error", "match"), BAD_ROWS)
+def test_rows_that_there_are_not_are_refused_and_change_nothing(
+    rows: Any, error: type[Exception], match: str
+) -> None:
+    batch = SearchBatch(3, bayesian_update=True)
+    batch.reset([1, 2, 3])
+    batch.step([[4], [5], [1]])
+    before = pickle.dumps(batch)
+    calls: list[Callable[[], Any]] = [
+        lambda: batch.reset(None, rows),
+        lambda: batch.reset([1, 2], rows),
+        lambda: batch.restart(rows),
+        lambda: batch.matrices_of(rows),
+    ]
+    if match != r"got \[1, 1\]":  # two cells of a row may be asked for
+        calls.append(lambda: batch.probabilities(rows, [0, 0]))
+    for call in calls:
+        with pytest.raises(error, match=f"rows must be .*{match}"):
+            call()
+        assert pickle.dumps(batch) == before
+
+
+def test_rows_have_to_rise_where_they_are_read_together() -> None:
+    batch = SearchBatch(3)
+    batch.reset([1, 2, 3])
+    for read in (batch.matrices_of, lambda rows: batch.probabilities(rows, [0, 0])):
+        with pytest.raises(ValueError, match=r"rows must be .*rising order; got \[2, 1\]"):
+            read([2, 1])
+    assert batch.probabilities([1, 1, 2], [0, 5, 0]).shape == (3,)
+    assert batch.matrices_of([]).shape == (0, 7, 7)
+
+
+@pytest.mark.parametrize(
+    ("cells", "error", "match"),
+    [
+        ([49, 0], ValueError, "got 49"),
+        ([0, -1], ValueError, "got -1"),
+        ([0], ValueError, r"got shape \(1,\)"),
+        (0, ValueError, r"got shape \(\)"),
+        ([0.0, 1.0], TypeError, "got float64"),
+        ([True, False], TypeError, "got bool"),
+        ([[0], [1, 2]], ValueError, "got"),
+    ],
+)
+def test_cells_that_there_are_not_have_no_probability(
+    cells: Any, error: type[Exception], match: str
+) -> None:
+    batch = SearchBatch(3)
+    batch.reset([1, 2, 3])
+    with pytest.raises(error, match=f"cells must be integers from 0 to 48.*{match}"):
+        batch.probabilities([0, 2], cells)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "error", "match"),
+    [
+        (5, TypeError, "seeds must be a list or an array of integers of at least 0, got 5"),
+        ("12", TypeError, "seeds must be a list or an array"),
+        ([1, True], TypeError, r"seeds\[1\] must be an integer of at least 0, got True"),
+        ([-1, 2], ValueError, r"seeds\[0\] must be an integer of at least 0, got -1"),
+        (np.array([1.0, 2.0]), TypeError, r"seeds\[0\] must be an integer"),
+        ([[1], [2]], TypeError, r"seeds\[0\] must be an integer"),
+        ([1, 2, 3], ValueError, "seeds must be 2, one for each row, got 3"),
+    ],
+)
+def test_other_seeds_are_refused_by_name(seeds: Any, error: type[Exception], match: str) -> None:
+    batch = SearchBatch(2)
+    batch.reset(np.array([1, 2]))
+    before = pickle.dumps(batch)
+    with pytest.raises(error, match=match):
+        batch.reset(seeds)
+    assert pickle.dumps(batch) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        ({"sampler": 5}, TypeError, "sampler must be callable, or None, got 5"),
+        ({"sampler": {"vector": (0, 0)}}, TypeError, "sampler must be callable"),
+        ({"wants_table": 1}, TypeError, "wants_table must be True or False, got 1"),
+        ({"timestep_limit": 2**63}, ValueError, "timestep_limit must be an integer from 1 to"),
+    ],
+)
+def test_other_arguments_are_refused_by_name(
+    arguments: dict[str, Any], error: type[Exception], match: str
+) -> None:
+    with pytest.raises(error, match=match):
+        SearchBatch(2, **arguments)
+
+
+def test_other_calls_are_refused_by_name() -> None:
+    batch = SearchBatch(2)
+    with pytest.raises(ResetNeeded, match="restart"):
+        batch.restart(np.array([0]))
+    batch.reset([1, 2], given={})
+    for row in (2, -1):
+        with pytest.raises(ValueError, match=f"row must be an integer from 0 to 1, got {row}"):
+            batch.frame(row)
+    with pytest.raises(TypeError, match="row must be an integer from 0 to 1"):
+        batch.frame(0.0)  # type: ignore[arg-type]
+    for wrong in (5, 0, [("vector", (0, 0))], "vector"):
+        with pytest.raises(TypeError, match="given must be a mapping, got"):
+            batch.reset([1, 2], given=wrong)  # type: ignore[arg-type]
+
+
+def test_the_longest_episode_there_may_be_begins_like_others() -> None:
+    batches = [SearchBatch(2, timestep_limit=limit) for limit in (1000, 2**53)]
+    for batch in batches:
+        batch.reset([1, 2])
+        for _ in range(5):
+            batch.step([[4], [5]])
+    assert batches[0].person_cells.tolist() == batches[1].person_cells.tolist()
+    assert batches[0].rewards.tolist() == batches[1].rewards.tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("num_rows", lambda: SearchBatch(10**13)),
+        ("num_rows", lambda: SearchBatch(2**63, n_drones=2)),
+        ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
+        ("grid_size", lambda: SearchBatch(1, grid_size=150_000)),
+        ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, bayesian_update=True)),
+        ("num_rows", lambda: SearchBatch(10**8, grid_size=10**4, sampler=Switched())),
+        ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
+    ],
+)
+def test_a_batch_that_does_not_fit_in_memory_is_refused_by_name(
+    name: str, make: Callable[[], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(  # a machine of 1 TiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**28}.get, raising=False
+    )
+    with pytest.raises(ValueError, match=rf"{name}.* must be smaller: with .*{name}=.* GiB"):
+        make()
+
+
+def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    batch = SearchBatch(8, grid_size=40, wants_table=True)
+    batch.reset(range(8))
+    before = pickle.dumps(batch)
+    monkeypatch.setattr(  # 4 MiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**10}.get, raising=False
+    )
+    with pytest.raises(ValueError, match=r"timestep_limit must be smaller: .* 8 different laws"):
+        batch.reset(range(8), given={"vector": np.linspace(0, 1, 16).reshape(8, 2)})
+    assert pickle.dumps(batch) == before
+
+
 # For three rows of two drones and one person on 7 x 7 cells; the constructor and `reset`.
 BAD_VALUES: list[tuple[Any, ...]] = [
     ("vector", np.zeros((2, 2)), ValueError, r"array of shape \(3, 2\); got one of shape \(2, 2\)"),
@@ -1137,7 +1320,7 @@ BAD_VALUES: list[tuple[Any, ...]] = [
     (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got 1e\+300"),
     (PERSON, (NAN, 0), ValueError, "nan"),
     (PERSON, (7, 0), ValueError, "7"),
-    (PERSON, (1, 2, 3), ValueError, r"\(1, 2, 3\)"),
+    (PERSON, (1, 2, 3), ValueError, r"got shape \(3,\)"),
     (PERSON, [("0", "0")], TypeError, "'0'"),
     (PERSON, [], ValueError, "cell"),
     (PERSON, [[]], ValueError, "cell"),
@@ -1209,24 +1392,69 @@ def test_a_batch_has_a_whole_number_of_rows(rows: Any, error: type[Exception]) -
         SearchBatch(rows)
 
 
-def test_as_many_start_cells_as_rows_are_rows_in_an_array_and_persons_in_a_list() -> None:
-    cells = np.array([(0, 0), (1, 1), (2, 2)])
-    one_each, several = cells[:, None], np.broadcast_to(cells, (3, 3, 2))
+FORMS: dict[str, Callable[[np.ndarray], Any]] = {
+    "array": np.array,
+    "floats": lambda cells: np.array(cells, float),
+    "list": np.ndarray.tolist,
+    "tuple": lambda cells: tuple(cells.tolist()),
+    "list of arrays": list,
+}
+each_form = pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+
+
+@each_form
+@pytest.mark.parametrize(("rows", "persons"), [(1, 1), (1, 3), (2, 2), (3, 3), (2, 1), (4, 2)])
+def test_the_shape_of_start_cells_says_whose_they_are(
+    form: Callable[[np.ndarray], Any], rows: int, persons: int
+) -> None:
+    """In whatever form they come, and wherever they are given."""
+    cells = np.random.default_rng(0).integers(0, 7, (rows, persons, 2))
     for value, expected in (
-        (cells, one_each),
-        (cells.tolist(), several),
-        (tuple(map(tuple, cells.tolist())), several),
-        (cells.reshape(3, 1, 2).tolist(), one_each),
-        (cells.reshape(1, 3, 2), several),
+        (form(cells[0]), np.broadcast_to(cells[0], cells.shape)),
+        (form(cells), cells),
     ):
-        batch = SearchBatch(3, person_initial_position=value)
-        assert batch.parameters[PERSON].tolist() == expected.tolist()
-    # Where the persons' number is settled, that decides.
-    batch = SearchBatch(3, person_initial_position=cells)
-    batch.reset(range(3), given={PERSON: cells[::-1].tolist()})
-    assert batch.parameters[PERSON].tolist() == cells[::-1, None].tolist()
-    assert SearchBatch(1, person_initial_position=cells[:1]).missing.shape == (1, 1)
-    assert SearchBatch(2, person_initial_position=cells).missing.shape == (2, 3)
+        made = SearchBatch(rows, person_initial_position=value)
+        assert made.parameters[PERSON].tolist() == expected.tolist()
+        usual = np.zeros((persons, 2), int)
+        given = SearchBatch(rows, person_initial_position=usual)
+        given.reset(range(rows), given={PERSON: value})
+        assert given.parameters[PERSON].tolist() == expected.tolist()
+        sampled = SearchBatch(
+            rows, person_initial_position=usual, sampler=lambda rng, value=value: {PERSON: value}
+        )
+        sampled.reset(range(rows))
+        assert sampled.parameters[PERSON].tolist() == expected.tolist()
+
+
+@each_form
+def test_a_cell_alone_is_one_persons_in_every_row(form: Callable[[np.ndarray], Any]) -> None:
+    batch = SearchBatch(3, person_initial_position=form(np.array([4, 5])))
+    assert batch.parameters[PERSON].tolist() == [[[4, 5]]] * 3
+
+
+@each_form
+@pytest.mark.parametrize(
+    "shape",
+    [(0,), (1,), (3,), (0, 2), (2, 3), (1, 2, 2), (5, 1, 2), (3, 0, 2), (3, 2, 1), (3, 1, 1, 2)],
+)
+def test_start_cells_of_other_shapes_are_refused(
+    form: Callable[[np.ndarray], Any], shape: tuple[int, ...]
+) -> None:
+    cells = form(np.ones(shape, int))
+    with pytest.raises((TypeError, ValueError), match=f"{PERSON} must be"):
+        SearchBatch(3, person_initial_position=cells)
+
+
+def test_cells_as_many_as_rows_are_not_taken_for_one_persons() -> None:
+    """Who means one for each row writes (rows, 1, 2)."""
+    cells = np.array([(0, 0), (1, 1), (2, 2)])
+    batch = SearchBatch(3)
+    batch.reset(range(3), given={PERSON: cells[:, None]})
+    assert batch.parameters[PERSON].tolist() == cells[:, None].tolist()
+    words = rf"{PERSON} must be .*for each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
+    for value in (cells, cells.tolist()):
+        with pytest.raises(ValueError, match=words):
+            batch.reset(range(3), given={PERSON: value})
 
 
 @pytest.mark.parametrize("name", ["timestep_limit", "speed", "n_drones", ""])
@@ -1242,7 +1470,7 @@ def test_reset_refuses_names_that_it_does_not_know(name: str) -> None:
 def test_a_reset_cannot_change_the_number_of_persons() -> None:
     batch = SearchBatch(3, person_initial_position=[(0, 0), (1, 1)])
     for cells in ([(0, 0)], (0, 0), [(0, 0)] * 3, np.zeros((3, 1, 2), int)):
-        with pytest.raises(ValueError, match=f"{PERSON} must hold 2 cells"):
+        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or these"):
             batch.reset([1, 2, 3], given={PERSON: cells})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import pickle
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from gymnasium.wrappers import vector as wrappers
 from helpers import overwrite, plain
 from layouts_by_hand import drone_by_hand, swarm_by_hand
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
 from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rules import ENDINGS
@@ -462,14 +463,15 @@ def test_another_drift_leaves_the_table_held_before_as_it_was(view: type[SearchV
     "parameters",
     [
         {"bayesian_update": True},
-        {"person_initial_position": [[(0, 0), (1, 1)]]},
+        {"person_initial_position": [(0, 0), (1, 1)]},
         {"sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)}},
     ],
 )
 def test_indices_need_a_table(parameters: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match="table of matrices"):
+    words = "there is no table of matrices"
+    with pytest.raises(ValueError, match=rf"^write_matrices=False needs a table: .*{words}"):
         SwarmVectorEnv(2, write_matrices=False, **parameters)
-    with pytest.raises(ValueError, match="table of matrices"):
+    with pytest.raises(ValueError, match=words):
         _ = SwarmVectorEnv(2, **parameters).matrices
 
 
@@ -495,6 +497,20 @@ def test_swarms_are_seeded_one_by_one(view: type[SearchVectorEnv], seed: Any) ->
         actions = random_actions(rng, together)
         observations, *_, infos = together.step(actions)
         first = [told(env.step(a)) for env, a in zip(alone, np.split(actions, 3), strict=True)]
+
+
+@pytest.mark.parametrize("form", [list, tuple, np.array])
+def test_drones_may_be_given_a_seed_each(form: Any) -> None:
+    """As whoever counts slots does: a swarm takes its first drone's."""
+    by_slot, by_swarm = (DroneVectorEnv(2, n_drones=3, grid_size=5) for _ in range(2))
+    for seeds, slots in ([7, 9], [7, 1, 2, 9, 3, 4]), ([5, 6], [5, 5, 5, 6, 6, 6]):
+        assert plain(by_slot.reset(seed=form(slots))) == plain(by_swarm.reset(seed=form(seeds)))
+        assert by_slot.np_random_seed == by_swarm.np_random_seed == seeds[0]
+        assert plain(rollout(by_slot, 20)) == plain(rollout(by_swarm, 20))
+    mask = np.repeat([False, True], 3)
+    by_slot.reset(seed=[None] * 3 + [8] * 3, options={"reset_mask": mask})
+    by_swarm.reset(seed=[None, 8], options={"reset_mask": mask})
+    assert plain(rollout(by_slot, 20)) == plain(rollout(by_swarm, 20))
 
 
 @both_views
@@ -529,13 +545,28 @@ def persons(env: SearchVectorEnv, steps: int) -> np.ndarray:
     return np.array(cells)
 
 
-def test_an_integer_seeds_np_random_too() -> None:
+@both_views
+@pytest.mark.parametrize(
+    "seed", [5, np.int64(5), np.uint8(5), [5, 8], (5, None), np.array([5, 6]), range(5, 7)], ids=str
+)
+def test_the_first_seed_seeds_np_random_too(view: type[SearchVectorEnv], seed: Any) -> None:
     """As Gymnasium's environments do; nothing here draws from it."""
+    env = view(2, n_drones=2)
+    for _ in range(2):
+        env.reset(seed=seed)
+        assert env.np_random_seed == 5
+        assert env.np_random.random() == gymnasium.utils.seeding.np_random(5)[0].random()
+
+
+def test_without_a_first_seed_np_random_goes_on() -> None:
     env = SwarmVectorEnv(2)
     env.reset(seed=5)
-    wanted = gymnasium.utils.seeding.np_random(5)[0]
-    assert env.np_random_seed == 5
-    assert env.np_random.random() == wanted.random()
+    numbers = gymnasium.utils.seeding.np_random(5)[0].random(3).tolist()
+    drawn = [env.np_random.random()]
+    for seed in (None, [None, 3]):
+        env.reset(seed=seed)
+        drawn.append(env.np_random.random())
+    assert drawn == numbers
 
 
 @both_views
@@ -546,7 +577,13 @@ def test_an_integer_seeds_np_random_too() -> None:
         ("a", TypeError, r"seed must be an integer of at least 0, got 'a'"),
         (1.0, TypeError, r"seed must be an integer"),
         (True, TypeError, r"seed must be an integer"),
-        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm, got 2"),
+        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 2"),
+        ([1, 2.0, 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 2.0"),
+        (np.array([1.0, 2.0, 3.0]), TypeError, r"seed\[0\] must be an integer"),
+        ([1, False, 3], TypeError, r"seed\[1\] must be an integer"),
+        ([[1], [2, 3]], TypeError, r"seed\[0\] must be an integer"),
+        (range(7), ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 7"),
+        ({1, 2, 3}, TypeError, r"seed must be an integer"),
         ([1, None, -3], ValueError, r"seed\[2\] must be an integer of at least 0, got -3"),
         ([1, "b", 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 'b'"),
     ],
@@ -1070,6 +1107,49 @@ def test_buffers_may_lie_in_memory_as_they_like(
         wanted = plainly.step(actions)[0]
 
 
+@both_views
+@pytest.mark.parametrize(
+    ("dtype", "arguments"),
+    [
+        (np.float16, {}),
+        (np.float16, {"reward_scale": 0.5}),
+        (np.float16, {"reward_scheme": RewardScheme.sparse(), "reward_scale": 2.0**17}),
+        (np.float32, {"reward_scheme": RewardScheme(find=1e300)}),
+        (np.float32, {"reward_scale": 1e36}),
+        (np.complex64, {}),
+        (np.int64, {}),
+    ],
+)
+def test_buffers_that_cannot_hold_the_rewards_are_refused(
+    view: type[SearchVectorEnv], dtype: type, arguments: dict[str, Any]
+) -> None:
+    env = view(3, **SMALL, **arguments)
+    with pytest.raises(ValueError, match=r"buffers\.rewards must .*got .*" + dtype.__name__):
+        env.use_buffers(collected(env, dtype)(0))
+    assert not env.reuses_arrays
+    with pytest.raises(TypeError, match="buffers must be Buffers, got None"):
+        env.use_buffers(None)  # type: ignore[arg-type]
+
+
+@both_views
+@pytest.mark.parametrize(
+    "arguments", [{"reward_scale": 2**-17}, {"reward_scheme": RewardScheme.sparse()}]
+)
+def test_small_rewards_may_be_kept_in_half_precision(
+    view: type[SearchVectorEnv], arguments: dict[str, Any]
+) -> None:
+    env, plainly = view(3, **SMALL, **arguments), view(3, **SMALL, **arguments)
+    env.use_buffers(collected(env, np.float16)(0))
+    rng = np.random.default_rng(0)
+    for each in (env, plainly):
+        each.reset(seed=1)
+    for _ in range(30):
+        actions = random_actions(rng, env)
+        rewards = plainly.step(actions)[1]
+        assert np.isfinite(rewards).all()
+        assert env.step(actions)[1].tolist() == rewards.astype(np.float16).tolist()
+
+
 def spaces_in(space: spaces.Space) -> dict[str, spaces.Box]:
     """The parts of a space by their keys; of an array's, the key is empty."""
     return dict(space.items()) if isinstance(space, spaces.Dict) else {"": space}
@@ -1215,10 +1295,9 @@ def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
         ({"copy": None}, TypeError, "copy must be True or False"),
         ({"render_mode": "human"}, ValueError, "render_mode must be one of None, 'ansi', 'rgb_ar"),
         ({"observation": "flat", "write_matrices": False}, ValueError, "write_matrices=False need"),
-        ({"num_envs": 0}, ValueError, "num_envs must be an integer of at least 1, got 0"),
-        ({"num_envs": 2.0}, TypeError, "num_envs must be an integer"),
         ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
-        ({"grid_sise": 5}, TypeError, "grid_sise"),
+        ({"top_cells": -1}, ValueError, "top_cells must be an integer of at least 1, got -1"),
+        ({"top_cells": 2.5}, TypeError, "top_cells must be an integer of at least 1, got 2.5"),
     ],
 )
 def test_wrong_arguments_are_refused(
@@ -1226,6 +1305,80 @@ def test_wrong_arguments_are_refused(
 ) -> None:
     with pytest.raises(error, match=words):
         view(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("view", "count", "other"),
+    [(SwarmVectorEnv, "num_envs", "num_swarms"), (DroneVectorEnv, "num_swarms", "num_envs")],
+)
+def test_each_view_has_a_name_for_the_number_of_swarms(
+    view: type[SearchVectorEnv], count: str, other: str
+) -> None:
+    env = view(**{count: 4}, n_drones=3)
+    assert env.batch.num_rows == 4
+    slots = 4 if view is SwarmVectorEnv else 12
+    assert env.num_envs == slots == env.action_space.shape[0] == len(env.reset()[1]["Found"])
+    for wrong in (0, -1, 2.0, True, "4", None):
+        with pytest.raises((TypeError, ValueError), match=f"^{count} must be an integer of at lea"):
+            view(**{count: wrong})
+    for given in ({other: 4}, {count: 4, other: 4}):
+        with pytest.raises(TypeError, match=f"{view.__name__} has no parameter '{other}'.*{count}"):
+            view(**given)
+
+
+@both_views
+@pytest.mark.parametrize("name", ["grid_sise", "num_rows", "wants_table", "persons", "swarms"])
+def test_an_unknown_parameter_is_refused_by_the_view(
+    view: type[SearchVectorEnv], name: str
+) -> None:
+    words = rf"^{view.__name__} has no parameter '{name}'; it takes .*observation, .*grid_size, "
+    with pytest.raises(TypeError, match=words):
+        view(2, **{name: 3})
+
+
+@both_views
+@pytest.mark.parametrize("observation", ["dict", "flat", "planes", "top-cells", "glimpses"])
+def test_observations_that_do_not_fit_in_memory_are_refused_at_once(
+    view: type[SearchVectorEnv], observation: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(  # a machine of 16 MiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**12}.get, raising=False
+    )
+    count = "num_envs" if view is SwarmVectorEnv else "num_swarms"
+    parameters = {"observation": observation, "grid_size": 20, "n_drones": 3, "top_cells": 100}
+    view(2, **parameters).reset(seed=1)
+    for number in (5000, 10**12, 2**63):
+        with pytest.raises(ValueError, match=rf"^{count}.* must be smaller: with {count}={number}"):
+            view(number, **parameters)
+
+
+@both_views
+def test_a_table_that_does_not_fit_in_memory_is_refused(view: type[SearchVectorEnv]) -> None:
+    for limit in (10**12, 2**53):
+        with pytest.raises(ValueError, match=f"timestep_limit must be .*timestep_limit={limit}"):
+            view(2, write_matrices=False, timestep_limit=limit)
+
+
+@both_views
+@pytest.mark.parametrize(
+    ("rows", "error"),
+    [([0, 0], ValueError), ([1, 0], ValueError), ([2], ValueError), ("a", TypeError)],
+)
+def test_swarms_that_there_are_not_are_not_shown(
+    view: type[SearchVectorEnv], rows: Any, error: type[Exception]
+) -> None:
+    env = view(2)
+    env.reset(seed=1)
+    with pytest.raises(error, match=r"rows must be .* from 0 to 1, in rising order"):
+        env.observe(rows)
+
+
+@both_views
+def test_options_of_none_are_as_good_as_none(view: type[SearchVectorEnv]) -> None:
+    names = ("reset_mask", "vector", "person_initial_position", "drones_positions")
+    plainly, env = view(2), view(2)
+    told = env.reset(seed=1, options=dict.fromkeys(names))
+    assert plain(told) == plain(plainly.reset(seed=1))
 
 
 @both_views
@@ -1266,6 +1419,8 @@ def test_wrong_actions_are_refused(view: type[SearchVectorEnv]) -> None:
         (right + 1, ValueError, "actions must be integers from 0 to 5, got 6"),
         (right - 6, ValueError, "actions must be integers from 0 to 5, got -1"),
         (right.astype(bool), TypeError, "actions must be integers from 0 to 5, got bool"),
+        ([[1, 2], [3]], ValueError, r"actions must be .*shape .*got \[\[1, 2\], \[3\]\]"),
+        (None, ValueError, "actions must have the shape"),
     ):
         with pytest.raises(error, match=words):
             env.step(actions)

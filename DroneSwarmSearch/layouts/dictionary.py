@@ -22,9 +22,8 @@ class DictLayout(Layout):
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
         position = spaces.Box(0, grid_size - 1, (2,), np.int32)
-        self.space = spaces.Dict(
-            {"position": position, "probability_matrix": _matrix_space(grid_size)}
-        )
+        matrix = self._fractions(grid_size, grid_size)
+        self.space = spaces.Dict({"position": position, "probability_matrix": matrix})
 
     def write(
         self,
@@ -46,9 +45,8 @@ class JointDictLayout(Layout):
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
         positions = spaces.Box(0, grid_size - 1, (n_drones, 2), np.int32)
-        self.space = spaces.Dict(
-            {"positions": positions, "probability_matrix": _matrix_space(grid_size)}
-        )
+        matrix = self._fractions(grid_size, grid_size)
+        self.space = spaces.Dict({"positions": positions, "probability_matrix": matrix})
 
     def write(
         self,
@@ -59,7 +57,3 @@ class JointDictLayout(Layout):
     ) -> None:
         out["positions"][...] = positions
         out["probability_matrix"][...] = matrices
-
-
-def _matrix_space(grid_size: int) -> spaces.Box:
-    return spaces.Box(0.0, 1.0, (grid_size, grid_size), np.float32)

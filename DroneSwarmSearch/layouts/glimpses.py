@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from gymnasium import spaces
 
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.layouts.layout import Layout, Positions, Singles
 
 __all__ = ["LENGTH", "SCALES", "WINDOW", "GlimpsesLayout"]
@@ -46,6 +47,7 @@ class GlimpsesLayout(Layout):
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
+        checks.fits("which drones are others", n_drones**2, n_drones=n_drones)
         # [scale, probabilities or drones, box]: how the windows lie in what a drone is shown.
         self._windows = (len(SCALES), 2, WINDOW**2)
         high = np.ones(LENGTH, np.float32)

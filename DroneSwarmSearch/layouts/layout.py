@@ -6,6 +6,7 @@ which networks learn from badly, and it is their shape that says where to look.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any
 
@@ -13,6 +14,8 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
+
+from DroneSwarmSearch import checks
 
 __all__ = [
     "Layout",
@@ -38,13 +41,27 @@ class Layout(ABC):
 
     Attributes:
         space: what one drone is shown; of a joint layout, what one swarm is shown.
+
+    Raises:
+        TypeError: an argument is no integer.
+        ValueError: it is out of its limits, or what is shown would not fit in memory.
     """
 
     space: spaces.Space[Any]
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
-        self.grid_size = grid_size
-        self.n_drones = n_drones
+        self.grid_size = checks.integer("grid_size", grid_size, 2)
+        self.n_drones = checks.integer("n_drones", n_drones, 1, self.grid_size**2)
+
+    def _check_memory(self, numbers: int) -> None:
+        """Refuse a search of which drones would be shown too many numbers for the memory."""
+        size = 10 * numbers  # the limits of a Box
+        checks.fits("an observation", size, grid_size=self.grid_size, n_drones=self.n_drones)
+
+    def _fractions(self, *shape: int) -> spaces.Box:
+        """The space of numbers from 0 to 1, float32."""
+        self._check_memory(math.prod(shape))
+        return spaces.Box(0.0, 1.0, shape, np.float32)
 
     @abstractmethod
     def write(
@@ -72,8 +89,11 @@ class StackedLayout(Layout):
     """
 
     def __init__(self, layout: Layout) -> None:
+        if not isinstance(layout, Layout):
+            raise TypeError(f"layout must be a Layout, got {layout!r}")
         super().__init__(layout.grid_size, layout.n_drones)
         self.layout = layout
+        self._check_memory(layout.n_drones * spaces.flatdim(layout.space))
         self.space = batch_space(layout.space, layout.n_drones)
 
     def write(
@@ -102,6 +122,7 @@ def own_first(n_drones: int) -> NDArray[np.int64]:
     Returns:
         int64, shape (n_drones, n_drones): row k is the order for drone k.
     """
+    checks.fits("the order of the drones", 8 * n_drones**2, n_drones=n_drones)
     return np.array([[k, *(i for i in range(n_drones) if i != k)] for k in range(n_drones)])
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-from gymnasium import spaces
-
 from DroneSwarmSearch.layouts.layout import (
     Layout,
     Positions,
@@ -26,7 +23,7 @@ class PlanesLayout(Layout):
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
-        self.space = spaces.Box(0.0, 1.0, (4, grid_size, grid_size), np.float32)
+        self.space = self._fractions(4, grid_size, grid_size)
         self._own_first = own_first(n_drones)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
@@ -47,7 +44,7 @@ class JointPlanesLayout(Layout):
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
-        self.space = spaces.Box(0.0, 1.0, (2 + n_drones, grid_size, grid_size), np.float32)
+        self.space = self._fractions(2 + n_drones, grid_size, grid_size)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
         scaled_matrices(matrices, matrices)

@@ -43,7 +43,8 @@ class TopCellsLayout(Layout):
 
     def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
         super().__init__(grid_size, n_drones)
-        self.k = checks.integer(name, k, 1, grid_size**2)
+        self.k = checks.integer(name, k, 1, self.grid_size**2)
+        self._check_memory(3 * self.k + 2 * n_drones + 1)
         low = np.concatenate(
             [
                 np.tile([-1.0, -1.0, 0.0], self.k),

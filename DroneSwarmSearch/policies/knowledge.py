@@ -2,8 +2,9 @@
 
 The environment shows one matrix, the mean over the persons still missing, and perhaps
 without what the searches have taught. Who knows the scenario, the searches made and what
-was shown can tell more: each person's own posterior, and in most cases who was found. The
-arithmetic is that of the environment (`belief`), in the same order and to the last bit.
+was shown can tell more: each person's own posterior, and in most cases who was found, which
+observations do not say. The arithmetic is that of the environment (`belief`), in the same
+order and to the last bit.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ class Knowledge:
 
     In every step, `observe` what is shown, choose, and tell by `acted` what was chosen.
 
-    With several persons, who was found is read from the matrix shown: no observation tells
-    it. Persons of whom all the same is known and shown cannot be told apart, and one of
+    Neither observations nor a drone's infos say which of several persons was found (a batch's
+    infos do, but policies are not shown them): it is inferred from how the matrix shown
+    changes. Persons of whom all the same is known and shown cannot be told apart, and one of
     them that was found is still held to be missing; the mean over the missing is the same.
 
     Copies share the laws and the arrays, which are never changed, so that they cost little.

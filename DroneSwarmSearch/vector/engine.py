@@ -30,8 +30,8 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.vector.collisions import Collisions
-from DroneSwarmSearch.vector.laws import Followed, Tables, choose_laws
-from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values
+from DroneSwarmSearch.vector.laws import Followed, Tables, check_table, choose_laws
+from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values, checked_rows
 from DroneSwarmSearch.vector.sea import Seas
 
 __all__ = ["SearchBatch"]
@@ -68,9 +68,8 @@ class SearchBatch:
         grid_size: cells along each side, N; this and what follows as in `DroneSwarmSearch`.
         n_drones: drones in each search, n.
         vector: drift in cells per step, (x, y); or one for each row, shape (E, 2).
-        person_initial_position: a cell (x, y), or several, one person each, for every row;
-            or for each row, an array of shape (E, persons, 2), or (E, 2) for one person.
-            Cells in a list are persons of every row, be they as many as rows.
+        person_initial_position: a cell (x, y), or one for each person, shape (persons, 2),
+            for every row; or these for each row, shape (E, persons, 2).
         disperse_constant: how quickly the persons may stray; or one for each row, (E,).
         timestep_limit: the steps in an episode.
         probability_of_detection: one number, or one for each person.
@@ -81,6 +80,7 @@ class SearchBatch:
             to right from (0, 0), row by row.
         sampler: draws parameters anew for every episode, see `parameters.Sampler`.
         wants_table: keep the matrices of all laws and steps in one table, however large.
+        rows_name: what `num_rows` is called in errors.
 
     Attributes:
         rewards: of the last step: float64, (E, n_drones).
@@ -107,9 +107,15 @@ class SearchBatch:
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
         wants_table: bool = False,
+        rows_name: str = "num_rows",
     ) -> None:
+        if sampler is not None and not callable(sampler):
+            raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
+        wants_table = checks.boolean("wants_table", wants_table)
         self._usual = Parameters.checked(
             num_rows,
+            rows_name=rows_name,
+            follows=sampler is not None,
             grid_size=grid_size,
             n_drones=n_drones,
             vector=vector,
@@ -126,6 +132,8 @@ class SearchBatch:
         self._sampler = sampler
         self._scenario = scenario = self._usual.scenario  # what all rows share in it counts
         self._wants_table = wants_table
+        if wants_table:
+            self._check_table(self._usual)
         self._several = len(scenario.persons) > 1
         rows, n = self._usual.num_rows, scenario.n_drones
         self._rows = np.arange(rows)
@@ -133,7 +141,9 @@ class SearchBatch:
         self._drones_of = np.arange(rows * n).reshape(rows, n)
         self._row_of = self._rows.repeat(n)
         # Cells and actions lie in narrow integers, of which many are worked on at once.
-        self._narrow = np.int16 if scenario.grid_size**2 * len(Action) < 2**15 else np.int32
+        largest = scenario.grid_size**2 * len(Action)
+        kinds = (np.int16, np.int32, np.int64)
+        self._narrow: Any = next(kind for kind in kinds if largest <= np.iinfo(kind).max)
         neighbours = rules.neighbours_of_all(scenario.grid_size)
         self._neighbours = neighbours.reshape(-1).astype(self._narrow)
         self._positions = _positions(scenario.grid_size)
@@ -236,8 +246,11 @@ class SearchBatch:
             TypeError: a value is of the wrong type.
             ValueError: a value is out of its limits.
         """
-        rows = self._rows if rows is None else rows
-        wanted = self._usual.changed(given) if given else self._usual
+        rows = self._rows if rows is None else checked_rows(rows, self.num_rows)
+        wanted = self._usual if given is None else self._usual.changed(given)
+        if given and self._wants_table:
+            self._check_table(wanted)
+        seeds = None if seeds is None else checks.seeds("seeds", seeds)
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
         grown = {
@@ -276,8 +289,12 @@ class SearchBatch:
 
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
+            TypeError, ValueError: the rows are no numbers of searches.
         """
-        self._check_ready("restart")
+        rows = checked_rows(rows, self.num_rows)
+        self._check_whole("restart")
+        if not (self.ready or self._seeded[rows].all()):
+            raise ResetNeeded("restart: not all rows have begun; call reset() first")
         values = self._next(rows)
         self._changing = True
         self._start(rows, values, self._usual)
@@ -291,11 +308,9 @@ class SearchBatch:
         self._prepared[...] = False
         self._seas = self._new_seas()
 
-    def _check_ready(self, what: str) -> None:
+    def _check_whole(self, what: str) -> None:
         if self._changing:
             raise ResetNeeded(f"{what}: a step or reset was interrupted; reset all searches first")
-        if not self.ready:
-            raise ResetNeeded(f"{what}: no episode has begun; call reset() first")
 
     def _start(self, rows: Ints, values: Values, parameters: Parameters) -> None:
         """Begin episodes outside of a step."""
@@ -350,6 +365,10 @@ class SearchBatch:
         if self._several:
             self._finders.reshape(-1)[drones] = False
         return drones
+
+    def _check_table(self, parameters: Parameters) -> None:
+        size, steps = self._scenario.grid_size, self._scenario.timestep_limit
+        check_table(size, steps, parameters.laws)
 
     def _choose_laws(self) -> Tables | Followed:
         size, steps = self._scenario.grid_size, self._scenario.timestep_limit
@@ -485,7 +504,9 @@ class SearchBatch:
 
     def _checked(self, actions: ArrayLike) -> Narrow:
         """A copy of the actions in narrow integers, shape (E, n_drones)."""
-        self._check_ready("step")
+        self._check_whole("step")
+        if not self.ready:
+            raise ResetNeeded("step: no episode has begun; call reset() first")
         try:
             given = np.asarray(actions)
         except ValueError:  # rows of different lengths
@@ -576,8 +597,8 @@ class SearchBatch:
         Raises:
             ResetNeeded: after an interrupted step or reset.
         """
-        if self._changing:
-            self._check_ready("frame")
+        row = checks.integer("row", row, 0, self.num_rows - 1)
+        self._check_whole("frame")
         _, positions = grid_of(self._scenario.grid_size)
         drones, persons = self._cells[row], self._seas.person_cells[:, row]
         x, y = self._now.laws.drift[:, row].tolist()
@@ -613,7 +634,7 @@ class SearchBatch:
         Args:
             rows: their numbers, in rising order.
         """
-        return self._seas.matrices(rows)
+        return self._seas.matrices(checked_rows(rows, self.num_rows, rising=True))
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each: float32, (n,).
@@ -622,7 +643,17 @@ class SearchBatch:
             rows: their numbers, in rising order; a row may come several times.
             cells: y * N + x, shape (n,).
         """
-        return self._seas.shown(rows, cells)
+        rows = checked_rows(rows, self.num_rows, rising=True, repeated=True)
+        what = f"integers from 0 to {self._scenario.grid_size**2 - 1}, one for each of the rows"
+        places = checks.array("cells", cells, what)
+        if places.dtype.kind not in "iu" and places.size:
+            raise TypeError(f"cells must be {what}, got {places.dtype}")
+        if places.shape != rows.shape:
+            raise ValueError(f"cells must be {what}, got shape {places.shape}")
+        wrong = places[(places < 0) | (places >= self._scenario.grid_size**2)]
+        if wrong.size:
+            raise ValueError(f"cells must be {what}, got {wrong[0]}")
+        return self._seas.shown(rows, places.astype(np.int64))
 
     @property
     def table(self) -> Singles:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.probability_matrix import (
     gaussian_cdf,
     moves_between,
@@ -28,7 +29,15 @@ from DroneSwarmSearch.probability_matrix import (
 from DroneSwarmSearch.streams import DENOMINATOR
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
-__all__ = ["TABLE_BYTES", "Followed", "LawParameters", "Laws", "Tables", "choose_laws"]
+__all__ = [
+    "TABLE_BYTES",
+    "Followed",
+    "LawParameters",
+    "Laws",
+    "Tables",
+    "check_table",
+    "choose_laws",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -473,11 +482,26 @@ def choose_laws(
         parameters: see `Tables`; the rows have the last ones now.
         wants_table: take tables, however large.
     """
-    step_bytes = 4 * grid_size**2 + 5 * 8 * 2 * grid_size
-    affordable = TABLE_BYTES // (step_bytes * (steps + 1))
+    affordable = TABLE_BYTES // _law_bytes(grid_size, steps)
     if wants_table or len(_different_laws(parameters)) <= affordable:
         return Tables(grid_size, steps, *parameters)
     return Followed(grid_size, parameters[-1])
+
+
+def check_table(grid_size: int, steps: int, parameters: LawParameters) -> None:
+    """Refuse tables that do not fit in memory; arguments as for `Tables`."""
+    laws = len(_different_laws([parameters]))
+    checks.fits(
+        f"the table of matrices for {laws} different laws",
+        _law_bytes(grid_size, steps) * laws,
+        grid_size=grid_size,
+        timestep_limit=steps,
+    )
+
+
+def _law_bytes(grid_size: int, steps: int) -> int:
+    """What the tables of a law take."""
+    return (4 * grid_size**2 + 5 * 8 * 2 * grid_size) * (steps + 1)
 
 
 def _different_laws(parameters: Sequence[LawParameters]) -> Floats:

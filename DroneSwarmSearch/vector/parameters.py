@@ -18,13 +18,22 @@ from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.streams import RowNumbers
 from DroneSwarmSearch.vector.laws import LawParameters
 
-__all__ = ["Parameters", "Sampler"]
+__all__ = ["Parameters", "Sampler", "checked_rows", "checked_sizes"]
 
 Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 
 VARIABLE = ("vector", "person_initial_position", "disperse_constant", "drones_positions")
 """What may differ from row to row."""
+
+_ROW_BYTES = 64
+"""Rounded down, what a batch keeps for each drone of each row."""
+
+_CELL_BYTES = 96
+"""What it takes to make the table of a cell's neighbours, six integers, twice over."""
+
+_FOLLOWED_BYTES = 64
+"""What following a person's law takes, for each cell along a side."""
 
 
 class Sampler(Protocol):
@@ -47,9 +56,10 @@ class Sampler(Protocol):
                 others begin at the same time.
 
         Returns:
-            Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2), or
-            (n, 2) for one person; "disperse_constant", (n,); "drones_positions",
-            (n, n_drones, 2). What is not among them is as the batch was given it.
+            Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2);
+            "disperse_constant", (n,); "drones_positions", (n, n_drones, 2). Without the
+            first axis a value holds for all of these episodes. What is not among them is
+            as the batch was given it.
         """
 
 
@@ -73,6 +83,8 @@ class Parameters:
         cls,
         num_rows: object,
         *,
+        rows_name: str = "num_rows",
+        follows: bool = False,
         vector: object,
         person_initial_position: object,
         disperse_constant: object,
@@ -81,12 +93,21 @@ class Parameters:
     ) -> Parameters:
         """Check the arguments of `engine.SearchBatch`.
 
+        Args:
+            num_rows: the number of rows.
+            rows_name: what `num_rows` is called in errors.
+            follows: whether each row follows laws of its own.
+            vector: as in `SearchBatch`, like all others.
+            person_initial_position: likewise.
+            disperse_constant: likewise.
+            drones_positions: likewise.
+            shared: likewise.
+
         Raises:
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        rows = checks.integer("num_rows", num_rows, 1)
-        size = checks.integer("grid_size", shared["grid_size"], 2)
+        rows, size, _ = checked_sizes(rows_name, num_rows, shared["grid_size"], shared["n_drones"])
         vectors = _vectors(vector, rows)
         persons = _persons(person_initial_position, rows, size)
         constants = _constants(disperse_constant, rows)
@@ -95,6 +116,13 @@ class Parameters:
             person_initial_position=persons[0],
             disperse_constant=constants[0],
             **shared,
+        )
+        number = len(scenario.persons)
+        known = 8 * size**2 * scenario.bayesian_update + _FOLLOWED_BYTES * size * follows
+        checks.fits(
+            "what is known of the persons",
+            number * rows * known,
+            **{rows_name: rows, "grid_size": size},
         )
         cells = np.arange(scenario.n_drones)
         if drones_positions is not None:
@@ -153,6 +181,8 @@ class Parameters:
 
     def checked_values(self, rows: int, values: Mapping[str, Any]) -> Values:
         """Some of `VARIABLE` checked, from one value for all rows or one for each."""
+        if not isinstance(values, Mapping):
+            raise TypeError(f"given must be a mapping, got {values!r}")
         unknown = [name for name in values if name not in VARIABLE]
         if unknown:
             raise ValueError(f"parameters of rows are {', '.join(VARIABLE)}, got {unknown[0]!r}")
@@ -185,6 +215,63 @@ Values = dict[str, NDArray[Any]]
 """Some of `VARIABLE`, checked, with the rows as their last axis."""
 
 
+def checked_sizes(
+    rows_name: str, num_rows: object, grid_size: object, n_drones: object
+) -> tuple[int, int, int]:
+    """The sizes on which all arrays of a batch depend, in this order.
+
+    Raises:
+        TypeError: one is no integer.
+        ValueError: it is out of its limits, or the batch would not fit in memory.
+    """
+    rows = checks.integer(rows_name, num_rows, 1)
+    size = checks.integer("grid_size", grid_size, 2)
+    drones = checks.integer("n_drones", n_drones, 1, size**2)
+    checks.fits("the table of the cells' neighbours", _CELL_BYTES * size**2, grid_size=size)
+    given = {rows_name: rows, "n_drones": drones}
+    checks.fits("the drones", _ROW_BYTES * rows * drones, **given)
+    return rows, size, drones
+
+
+def checked_rows(
+    value: object, count: int, *, rising: bool = False, repeated: bool = False
+) -> Ints:
+    """Numbers of rows as int64, shape (n,).
+
+    Args:
+        value: integers from 0 to count - 1.
+        count: the number of rows.
+        rising: they must be in rising order.
+        repeated: a row may come several times, one after another.
+
+    Raises:
+        TypeError: they are no integers.
+        ValueError: there is no such row, or they are out of order.
+    """
+    if isinstance(value, np.ndarray) and value.dtype == np.int64 and value.ndim == 1:
+        # The usual case is part of many steps, and looked at quickly.
+        in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
+        if in_order and value[0] >= 0 and value[-1] < count:
+            return value
+    order = "in rising order" if rising else "no two alike"
+    what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
+    given = checks.array("rows", value, "a list or an array of integers")
+    if given.ndim == 1 and not given.size:
+        return np.empty(0, np.int64)
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"{what}; got {given.dtype}")
+    if given.ndim != 1:
+        raise ValueError(f"{what}; got shape {given.shape}")
+    rows = given.astype(np.int64)
+    wrong = rows[(rows < 0) | (rows >= count)]
+    if wrong.size:
+        raise ValueError(f"{what}; got {wrong[0]}")
+    steps = np.diff(rows if rising else np.sort(rows))
+    if (steps < (not repeated)).any():
+        raise ValueError(f"{what}; got {value!r}")
+    return rows
+
+
 # Each of these takes one value for all rows or one for each, and returns one for each.
 
 
@@ -213,35 +300,40 @@ def _persons(value: object, rows: int, grid_size: int, persons: int | None = Non
     """Persons' cells: int64, shape (rows, persons, 2), x first.
 
     Args:
-        value: a cell; several, one for each person; or for each row, shape
-            (rows, persons, 2) or, for one person, (rows, 2). As many cells as rows are
-            persons in a list or tuple, as in `DroneSwarmSearch`, and rows in an array.
+        value: a cell; or a cell for each person, shape (persons, 2); or these for each
+            row, shape (rows, persons, 2).
         rows: the number of rows.
         grid_size: cells along each side.
         persons: how many there are, if that is settled.
     """
     name = "person_initial_position"
     cells = _numbers(name, value, "a cell (x, y), several of them, or cells for each search")
-    one_each = isinstance(value, np.ndarray) if persons is None else persons == 1
-    if cells.shape == (rows, 2) and one_each:
-        cells = cells[:, None]
-    if cells.ndim < 3:
-        last = cells.shape[-1] if cells.ndim else 0
-        cells = cells.reshape(1, cells.size // last if last else 0, last)
-    count = persons or cells.shape[1]
-    if cells.shape[1:] != (count, 2) or count == 0:
-        number = "a cell (x, y)" if count < 2 else f"{count} cells (x, y)"
-        raise ValueError(f"{name} must hold {number} for each search, got {value!r}")
-    return _cells(name, cells, rows, (count, 2), grid_size)
+    by_row = cells[None] if cells.ndim == 1 else cells  # a single person's cell
+    by_row = np.broadcast_to(by_row, (rows, *by_row.shape)) if by_row.ndim == 2 else by_row
+    count = persons or (by_row.shape[1] if by_row.ndim == 3 else 0)
+    if by_row.shape != (rows, count, 2) or count == 0:
+        number = "persons" if persons is None else persons
+        alone = "a cell (x, y), or " if persons in (None, 1) else ""
+        raise ValueError(
+            f"{name} must be {alone}a cell for each person, of shape ({number}, 2), or these "
+            f"for each search, of shape ({rows}, {number}, 2); got shape {cells.shape}"
+        )
+    return _cells(name, by_row, grid_size)
 
 
 def _drones(value: object, rows: int, scenario: Scenario) -> Ints:
     """Drones' cells, y * N + x: int64, shape (rows, n_drones)."""
     name, n, size = "drones_positions", scenario.n_drones, scenario.grid_size
     positions = _numbers(name, value, f"{n} cells (x, y), one for each drone")
-    if positions.ndim == 2:
-        positions = positions[None]
-    x, y = np.moveaxis(_cells(name, positions, rows, (n, 2), size), -1, 0)
+    by_row = positions
+    if positions.shape == (n, 2):
+        by_row = np.broadcast_to(positions, (rows, n, 2))
+    if by_row.shape != (rows, n, 2):
+        raise ValueError(
+            f"{name} must have the shape {(n, 2)}, or {(rows, n, 2)} with values for each search; "
+            f"got {positions.shape}"
+        )
+    x, y = np.moveaxis(_cells(name, by_row, size), -1, 0)
     cells: Ints = y * size + x
     ordered = np.sort(cells, axis=1)
     twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
@@ -285,17 +377,8 @@ def _for_each(
     return floats
 
 
-def _cells(
-    name: str, cells: NDArray[Any], rows: int, shape: tuple[int, ...], grid_size: int
-) -> Ints:
-    """Cells of the grid for each row, from those for each or, with a first axis of 1, for all."""
-    if cells.shape == (1, *shape):
-        cells = np.broadcast_to(cells, (rows, *shape))
-    if cells.shape != (rows, *shape):
-        raise ValueError(
-            f"{name} must have the shape {shape}, or {(rows, *shape)} with values for each search; "
-            f"got {cells.shape}"
-        )
+def _cells(name: str, cells: NDArray[Any], grid_size: int) -> Ints:
+    """Cells of the grid as int64, of the same shape."""
     with np.errstate(invalid="ignore"):  # what is no integer differs from what it becomes
         whole = cells.astype(np.int64)
     wrong = (whole != cells) | (whole < 0) | (whole >= grid_size)

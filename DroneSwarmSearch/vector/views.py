@@ -6,6 +6,8 @@ infos follow Gymnasium's vector API (1.x).
 
 from __future__ import annotations
 
+import inspect
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +24,7 @@ from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS, Action, Ending
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.parameters import VARIABLE
+from DroneSwarmSearch.vector.parameters import VARIABLE, checked_rows, checked_sizes
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
 __all__ = ["Buffers", "DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
@@ -35,6 +37,9 @@ Slots = Any  # an array with a first axis for the slots
 Infos = dict[str, Any]
 
 _TIME_UP = ENDINGS.index(Ending.TIME_UP)
+
+_SHOWN_BYTES = 14
+"""For each number shown: itself, and its limits in the batched space."""
 
 
 @dataclass(eq=False)
@@ -57,8 +62,10 @@ class Buffers:
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both views share.
 
+    Attributes follow Gymnasium: `num_envs` counts slots.
+
     Args:
-        num_envs: the number of swarms, E.
+        swarms: the number of swarms, E; each view has a name of its own for it.
         observation: "dict", or one float32 array: "flat", "planes", "top-cells" or
             "glimpses"; each view says what is in them.
         top_cells: how many cells the layout "top-cells" shows; from 1 to grid_size².
@@ -97,7 +104,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def __init__(
         self,
-        num_envs: int = 1,
+        swarms: int,
+        /,
         *,
         observation: str = "dict",
         top_cells: int = 8,
@@ -109,7 +117,15 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
+        for name in parameters:
+            if name not in _ENGINE_PARAMETERS:
+                known = self._count, *_VIEW_PARAMETERS, *_ENGINE_PARAMETERS
+                raise TypeError(
+                    f"{type(self).__name__} has no parameter {name!r}; it takes {', '.join(known)}"
+                )
         self.observation = checks.choice("observation", observation, tuple(LAYOUTS))
+        if observation != "top-cells":  # whose layout knows how many there are
+            checks.integer("top_cells", top_cells, 1)
         self._writes = checks.boolean("write_matrices", write_matrices)
         self._separate = checks.boolean("separate_flags", separate_flags)
         self._reward_scale = checks.positive("reward_scale", reward_scale)
@@ -126,20 +142,37 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             raise ValueError(
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
-        swarms = checks.integer("num_envs", num_envs, 1)
-        self.batch = SearchBatch(swarms, wants_table=not self._writes, **parameters)
-        if not self._writes:
-            _ = self.batch.table  # ValueError where there is none
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        shared = self.batch.scenario_of(0)
-        self._size, self._drones = shared.grid_size, shared.n_drones
-        self._limit = shared.timestep_limit
-        self._all_rows = np.arange(self.batch.num_rows)
+        given = {**_ENGINE_PARAMETERS, **parameters}
+        number, self._size, self._drones = checked_sizes(
+            self._count, swarms, given["grid_size"], given["n_drones"]
+        )
+        self.num_envs = number * self._per_swarm
         its_own = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
         self._layout = self._choose_layout(str(observation), its_own)
-        self.num_envs = self.batch.num_rows * self._per_swarm
-        self._every_slot = np.ones(self.num_envs, np.bool_)
         self.single_observation_space = self._space()
+        checks.fits(
+            "the observations",
+            _SHOWN_BYTES * spaces.flatdim(self.single_observation_space) * self.num_envs,
+            **{self._count: number, "grid_size": self._size, "n_drones": self._drones},
+        )
+        self.batch = SearchBatch(
+            number, wants_table=not self._writes, rows_name=self._count, **parameters
+        )
+        if not self._writes:
+            try:
+                _ = self.batch.table
+            except ValueError as error:
+                raise ValueError(f"write_matrices=False needs a table: {error}") from None
+        largest = self._largest_reward()
+        if math.isinf(largest * self._reward_scale) and math.isfinite(largest):
+            raise ValueError(
+                f"reward_scale must leave rewards finite, which are up to {largest:g}, "
+                f"got {reward_scale!r}"
+            )
+        self._limit = self.batch.scenario_of(0).timestep_limit
+        self._all_rows = np.arange(number)
+        self._every_slot = np.ones(self.num_envs, np.bool_)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.single_action_space = self._action_space()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -150,6 +183,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     # What a slot is; each view says.
 
+    _count: str  # what the number of swarms is called
     _positions_name: str  # in the dict layout
 
     @property
@@ -190,7 +224,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
         Args:
             seed: an integer s >= 0, from which swarm i gets s + i; or one for each swarm,
-                None where its sequence of episodes shall go on. Without it all go on.
+                None where its sequence of episodes shall go on. Of one for each slot a
+                swarm takes its first drone's. Without it all go on. The first swarm's
+                seed is that of `np_random` as well.
             options: may hold "reset_mask", bool, shape (num_envs,), which slots to reset
                 (all slots of a swarm or none); "vector", which stays for later episodes;
                 and "person_initial_position", "disperse_constant" and
@@ -206,9 +242,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         rows, given = self._wanted_rows(options)
         seeds = self._seeds(seed)
-        self.batch.reset([seeds[row] for row in rows.tolist()] if seeds else None, rows, given)
-        if isinstance(seed, int):
-            super().reset(seed=seed)  # which numbers of Gymnasium's own follow from
+        chosen = [seeds[row] for row in rows.tolist()] if seeds else None
+        self.batch.reset(chosen, rows, given or None)
+        if seeds and seeds[0] is not None:
+            super().reset(seed=seeds[0])  # `np_random` follows from it
         observations = self._receiver()
         matrices = self._matrices_in(observations)
         if matrices is not None:
@@ -285,6 +322,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         Args:
             rows: the swarms' numbers, in rising order; int64, shape (n,).
         """
+        rows = checked_rows(rows, self.batch.num_rows, rising=True)
         return self._observed(rows, self.batch.matrices_of(rows) if self._writes else None)
 
     def action_masks(self, right_of_way: bool = False) -> Flags:
@@ -309,8 +347,11 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
         Raises:
             TypeError: something is no array, or the observations are of another form.
-            ValueError: an array is read-only, or has the wrong shape or dtype.
+            ValueError: an array is read-only, or has the wrong shape or dtype, or cannot
+                hold rewards as large as those of this search.
         """
+        if not isinstance(buffers, Buffers):
+            raise TypeError(f"buffers must be Buffers, got {buffers!r}")
         wanted = self._new_buffers()
         for name in ("rewards", "terminations", "truncations"):
             _check_buffer(name, getattr(buffers, name), getattr(wanted, name), exact=False)
@@ -325,6 +366,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 _check_buffer(f"observations[{key!r}]", buffers.observations[key], array)
         else:
             _check_buffer("observations", buffers.observations, wanted.observations)
+        dtype, largest = buffers.rewards.dtype, self._largest_reward() * self._reward_scale
+        if dtype.kind != "f" or (dtype.itemsize < 8 and largest > float(np.finfo(dtype).max)):
+            raise ValueError(
+                f"buffers.rewards must hold real numbers up to {largest:g} (see reward_scale), "
+                f"got {dtype}"
+            )
         self._buffers = buffers
 
     # The parts of `reset` and `step`.
@@ -334,7 +381,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if options is None:
             return self._all_rows, {}
         options = checks.known_options(options, ("reset_mask", *VARIABLE), stacklevel=3)
-        given = {key: options[key] for key in VARIABLE if key in options}
+        given = {key: options[key] for key in VARIABLE if options.get(key) is not None}
         mask = options.get("reset_mask")
         if mask is None:
             return self._all_rows, given
@@ -359,18 +406,19 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if not isinstance(seed, (Sequence, np.ndarray)) or isinstance(seed, str):
             first = checks.integer("seed", seed, 0)
             return list(range(first, first + n))
-        if len(seed) != n:
+        seeds = checks.seeds("seed", seed)
+        if len(seeds) == self.num_envs:
+            return seeds[:: self._per_swarm]
+        if len(seeds) != n:
+            slots = f", or {self.num_envs}, one a slot" if self._per_swarm > 1 else ""
             raise ValueError(
-                f"seed must be an integer or {n} of them, one a swarm, got {len(seed)}"
+                f"seed must be an integer or {n} of them, one a swarm{slots}; got {len(seeds)}"
             )
-        return [
-            None if one is None else checks.integer(f"seed[{row}]", one, 0)
-            for row, one in enumerate(seed)
-        ]
+        return seeds
 
     def _by_swarm(self, actions: ArrayLike) -> NDArray[Any]:
         """The actions as (swarms, drones)."""
-        chosen = np.asarray(actions)
+        chosen = checks.array("actions", actions, "an array of the shape of action_space")
         if chosen.shape != self.action_space.shape:
             raise ValueError(
                 f"actions must have the shape {self.action_space.shape}, got {chosen.shape}"
@@ -381,6 +429,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """Every drone's reward for the last step: (swarms, drones); perhaps the batch's own."""
         rewards = self.batch.rewards
         return rewards if self._reward_scale == 1.0 else rewards * self._reward_scale
+
+    def _largest_reward(self) -> float:
+        """No reward of a slot is further from 0 than this, times the scale of rewards."""
+        scenario = self.batch.scenario_of(0)
+        largest = scenario.reward_scheme.largest(scenario.timestep_limit)
+        return largest * (self._drones // self._per_swarm)
 
     def _flags(self) -> tuple[Flags, Flags]:
         """Terminations and truncations of every slot."""
@@ -551,6 +605,17 @@ def _check_buffer(name: str, given: Any, wanted: Slots, exact: bool = True) -> N
         raise ValueError(f"buffers.{name} must be writeable, got a read-only array")
 
 
+def _keywords(function: Callable[..., Any], *without: str) -> dict[str, Any]:
+    """The defaults of a function's keyword-only parameters."""
+    parameters = inspect.signature(function).parameters.values()
+    named = (each for each in parameters if each.kind is each.KEYWORD_ONLY)
+    return {each.name: each.default for each in named if each.name not in without}
+
+
+_VIEW_PARAMETERS = _keywords(SearchVectorEnv)
+_ENGINE_PARAMETERS = _keywords(SearchBatch, "wants_table", "rows_name")
+
+
 class SwarmVectorEnv(SearchVectorEnv):
     """Many searches, each slot a swarm: joint actions, team reward.
 
@@ -573,10 +638,16 @@ class SwarmVectorEnv(SearchVectorEnv):
     `ending`, why the last step ended the episode (`rules.ENDINGS`); `step`, completed
     steps. Each comes with a mask of the same name behind an underscore.
 
-    Arguments: those of `SearchVectorEnv`.
+    Args:
+        num_envs: the number of swarms, E.
+        arguments: those of `SearchVectorEnv`.
     """
 
+    _count = "num_envs"
     _positions_name = "positions"
+
+    def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
+        super().__init__(num_envs, **arguments)
 
     @property
     def _per_swarm(self) -> int:
@@ -618,7 +689,7 @@ class DroneVectorEnv(SearchVectorEnv):
     """Many searches, each slot a drone: the form that parameter sharing wants.
 
     The drones of a swarm are adjacent: slot i * n_drones + k is drone k of swarm i, and
-    `env.num_envs` is the number of slots, num_envs * n_drones.
+    `env.num_envs` is the number of slots, num_swarms * n_drones.
 
     Actions: `Discrete(6)` for each drone, see `rules.Action`.
 
@@ -641,10 +712,16 @@ class DroneVectorEnv(SearchVectorEnv):
     step ended the episode (`rules.ENDINGS`); `step`, completed steps. Each comes with a
     mask of the same name behind an underscore.
 
-    Arguments: those of `SearchVectorEnv`.
+    Args:
+        num_swarms: the number of swarms, E.
+        arguments: those of `SearchVectorEnv`.
     """
 
+    _count = "num_swarms"
     _positions_name = "position"
+
+    def __init__(self, num_swarms: int = 1, **arguments: Any) -> None:
+        super().__init__(num_swarms, **arguments)
 
     @property
     def _per_swarm(self) -> int:

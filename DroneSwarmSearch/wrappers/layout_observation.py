@@ -10,6 +10,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 from pettingzoo import ParallelEnv
 
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.layouts import Layout, share_left
 from DroneSwarmSearch.mappings import Infos
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
@@ -44,6 +45,12 @@ class LayoutObservation(SearchWrapper):
                 f"would replace; put ActionMask(in_observation=True) around it, got {env}"
             )
         self.layout = layout(self.unwrapped.grid_size, self.unwrapped.n_drones, **options)
+        checks.fits(
+            "the drones' observations",
+            14 * spaces.flatdim(self.layout.space) * self.unwrapped.n_drones,  # and their spaces
+            grid_size=self.unwrapped.grid_size,
+            n_drones=self.unwrapped.n_drones,
+        )
         self._spaces = {agent: deepcopy(self.layout.space) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:

@@ -34,6 +34,7 @@ class OtherDrones(SearchWrapper):
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env)
         n, size = self.unwrapped.n_drones, self.unwrapped.grid_size
+        self._others = own_first(n)[:, 1:]
         self._spaces: dict[str, spaces.Dict] = {}
         for agent in self.possible_agents:
             inner = env.observation_space(agent)
@@ -49,7 +50,6 @@ class OtherDrones(SearchWrapper):
                 )
             others = spaces.Box(0, size - 1, (n - 1, 2), np.int32)
             self._spaces[agent] = spaces.Dict({**inner.spaces, _NAME: others})
-        self._others = own_first(n)[:, 1:]
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The space of a drone's observations; the same object at every call."""

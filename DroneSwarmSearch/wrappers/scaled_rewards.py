@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from pettingzoo import ParallelEnv
@@ -35,12 +36,18 @@ class ScaledRewards(SearchWrapper):
 
     Raises:
         TypeError: `env` is no such environment, or `scale` no number.
-        ValueError: `scale` is not finite, or not above 0.
+        ValueError: `scale` is not finite, or not above 0, or rewards would overflow.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], scale: float = 2**-17) -> None:
         super().__init__(env)
         self.scale = checks.positive("scale", scale)
+        scenario = self.unwrapped.scenario
+        largest = scenario.reward_scheme.largest(scenario.timestep_limit)
+        if math.isinf(largest * self.scale) and math.isfinite(largest):
+            raise ValueError(
+                f"scale must leave rewards finite, which are up to {largest:g}, got {scale!r}"
+            )
 
     def _rewards(self, rewards: Rewards) -> Rewards:
         scale = self.scale

@@ -61,7 +61,7 @@ def one_file() -> Any:
 
 def run_one_file(example: Any, num_envs: int, drones: int) -> Run:
     """Rollouts and updates of the example."""
-    family = [example.Swarms(0, num_envs=num_envs, n_drones=drones, **SEARCH)]
+    family = [example.Swarms(0, num_swarms=num_envs, n_drones=drones, **SEARCH)]
     agent = example.Agent(family[0].seen.shape[1])
     optimiser = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
     rng, tally = np.random.default_rng(0), example.Tally()
