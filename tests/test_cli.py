@@ -49,6 +49,24 @@ def dies(shown):
 def refuses(shown):
     raise LookupError("no chart of this sea")
 
+def leaves(shown):
+    raise SystemExit(0)
+
+class LeavesAtOnce(Still):
+    def __init__(self, scenario):
+        raise SystemExit
+
+class LeavesAtReset(Still):
+    def reset(self, seed, rows=None):
+        os.sys.exit("done")
+
+class LeavesPreparing(Still):
+    def prepare(self, drones):
+        os.sys.exit(0)
+
+def interrupts(shown):
+    raise KeyboardInterrupt
+
 def wrong(shown):
     return [0]
 
@@ -289,6 +307,39 @@ def test_what_a_policy_raises_is_told_with_the_place(capsys, own, workers):
     told = answer(capsys, *arguments, code=1)
     assert "in refuses" in told.err
     assert told.err.endswith("LookupError: no chart of this sea\n")
+
+
+@pytest.mark.parametrize("out", [False, True])
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("policy", ["leaves", "LeavesAtOnce", "LeavesAtReset", "LeavesPreparing"])
+def test_a_policy_that_ends_the_program_fails(capsys, own, tmp_path, policy, workers, out):
+    told = answer(
+        capsys,
+        *("evaluate", f"{own}:{policy}", "pond", "--episodes", 2, "--workers", workers),
+        *(["--out", tmp_path / "out"] if out else []),
+        code=1,
+    )
+    assert told.out == ""
+    last = told.err.splitlines()[-1]
+    assert re.match(r"RuntimeError: .*own\.py:\w+ .*must not end the program, got SystemExit", last)
+    assert f"own.py:{policy}" in last
+
+
+@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard"])
+def test_a_file_that_ends_the_program_is_refused(capsys, tmp_path, command_name, monkeypatch):
+    (tmp_path / "leaves.py").write_text(
+        "import sys\n\ndef act(shown): ...\n\nsys.exit()\n", "utf-8"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for text in (f"{tmp_path}/leaves.py:act", "leaves:act"):
+        given = {"evaluate": [text, "pond"], "leaderboard": ["--add", text, "--out", tmp_path]}
+        told = refusal(capsys, command_name, *given[command_name])
+        assert "ends the program when it is (SystemExit: None)" in told
+
+
+def test_a_policy_that_interrupts_stops_the_command(capsys, own):
+    told = answer(capsys, "evaluate", f"{own}:interrupts", "pond", "--episodes", 2, code=130)
+    assert told.err == "interrupted\n"
 
 
 def test_a_crashed_worker_is_told_and_what_is_finished_is_kept(capsys, own, tmp_path):

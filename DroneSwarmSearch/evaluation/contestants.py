@@ -111,10 +111,16 @@ def _no_such(name: str) -> str:
 def _loaded(text: str, name: str | None) -> Contestant:
     """The contestant that "module:attribute" or "file.py:attribute" stands for."""
     where, _, attribute = text.rpartition(":")
-    if where.endswith(".py"):
-        module, identity = _module_from_file(text, Path(where))
-    else:
-        module, identity = _module(text, where)
+    try:
+        if where.endswith(".py"):
+            module, identity = _module_from_file(text, Path(where))
+        else:
+            module, identity = _module(text, where)
+    except SystemExit as stop:
+        raise ValueError(
+            f"policy must name code that can be imported, but {where} ends the program when it is "
+            f"(SystemExit: {stop.code!r})"
+        ) from stop
     found: Any = module
     for part in attribute.split("."):
         found = getattr(found, part, None)
