@@ -230,6 +230,26 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     assert other["success"] != mine["success"]
 
 
+def test_weights_that_change_in_mid_work_are_stored_as_what_they_are(capsys, tmp_path, monkeypatch):
+    """A trainer may write the file while it is evaluated."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    original = run.play
+
+    def changing(*arguments: Any) -> Any:
+        with np.load(OWN_WEIGHTS) as file:
+            np.savez("mine.npz", **{name: -file[name] for name in file})
+        return original(*arguments)
+
+    arguments = ("evaluate", "mine.npz", "pond", "harbour", "--episodes", 5, "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "play", changing)
+        answer(capsys, *arguments, "--out", "results")
+    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    fresh = json.loads(answer(capsys, *arguments).out)
+    assert json.loads(answer(capsys, *arguments, "--out", "results").out) == fresh
+
+
 def test_a_view_and_a_layout_can_be_asked_for(capsys, tmp_path):
     path = tmp_path / "flat.py"
     path.write_text(

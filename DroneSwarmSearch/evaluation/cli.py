@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from DroneSwarmSearch import policies
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundOf
+from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.files import StorageError, Store
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import (
@@ -93,9 +94,10 @@ def evaluate_main(argv: Sequence[str]) -> int:
         parser.error("POLICY and SEARCH are needed; `evaluate --list` shows those there are")
     store = options.out and Store(options.out / PORTIONS)
     try:
+        contestant = Contestant.of(options.policy)
         cells = [
             Cell(
-                options.policy,
+                contestant,
                 each,
                 episodes=options.episodes,
                 seed=options.seed,
