@@ -479,6 +479,33 @@ def test_bound_prints_a_table_or_json(capsys, bounds, tmp_path):
     assert len(bounds) == 2  # kept
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"by_time": [0.1] * 40},
+        {"by_time": [float("nan")] * 41},
+        {"by_time": [2.0] * 41},
+        {"by_time": "x"},
+        {"gap": None},
+        {"more": 1},
+    ],
+)
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_a_damaged_bound_is_worked_out_again(capsys, bounds, tmp_path, changes, is_signed):
+    first = answer(capsys, "bound", "pond", "--out", tmp_path, "--json").out
+    (path,) = (tmp_path / "portions").iterdir()
+    whole = path.read_bytes()
+    told = json.loads(whole)
+    told["entry"] |= changes
+    path.write_text(json.dumps(told), "utf-8")
+    if is_signed:
+        key = {name: told["key"][name] for name in ("what", "parameters")}
+        Store(tmp_path / "portions").save(key, told["entry"])
+    assert answer(capsys, "bound", "pond", "--out", tmp_path, "--json").out == first
+    assert len(bounds) == 2
+    assert path.read_bytes() == whole
+
+
 def test_evaluate_tells_the_share_of_the_bound(capsys, bounds, tmp_path):
     arguments = ("evaluate", "random", "pond", "--episodes", 20, "--bound", "--out", tmp_path)
     lines = answer(capsys, *arguments).out.splitlines()

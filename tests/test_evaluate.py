@@ -945,6 +945,136 @@ def test_an_entry_of_the_registry_that_was_replaced_is_another_policy(
     assert len(Store(tmp_path)) == 3
 
 
+# Damage.
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> tuple[Path, Callable[[], Evaluation]]:
+    """A stored portion, and what evaluates it again."""
+
+    def again() -> Evaluation:
+        return evaluate(in_swarms, named(), episodes=5, store=tmp_path / "kept", name="x")
+
+    again()
+    (entry,) = (tmp_path / "kept").iterdir()
+    return entry, again
+
+
+def test_no_flipped_bit_of_an_entry_is_believed(tmp_path):
+    store, key = Store(tmp_path), {"what": "trial", "numbers": [1, 2.5]}
+    entry = evaluate(in_swarms, named(), episodes=3, progress=False).episodes.data
+    store.save(key, entry)
+    (path,) = tmp_path.iterdir()
+    whole, lost = path.read_bytes(), 0
+    bits = range(0, 8 * len(whole), 5)
+    for bit in bits:
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        found = store.load(key)
+        assert found in (None, entry)
+        lost += found is None
+    assert lost > 0.99 * len(bits)
+    for length in range(0, len(whole) - 2, 7):
+        path.write_bytes(whole[:length])
+        assert store.load(key) is None
+
+
+VERSIONS = ("package", "suite", "numpy", "code")
+
+
+def changed(**figures: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    return lambda told: {**told, "entry": {**told["entry"], **figures}}
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        changed(returns=[float("nan")] * 5),
+        changed(returns=[1.0] * 4),
+        changed(endings=[0] * 5),
+        changed(endings=[9] * 5),
+        changed(steps=[1000] * 5),
+        changed(found_at=[[1], [1], [1], [1], [1]]),
+        changed(found_at=[[-1, 0]] * 5),
+        changed(searches=[1]),
+        changed(promised=None),
+        lambda told: {**told, "entry": None},
+        lambda told: {**told, "entry": []},
+        lambda told: {"key": told["key"]},
+        lambda told: told["entry"],
+        lambda told: [told],
+        lambda told: None,
+    ],
+)
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_an_entry_with_other_figures_is_played_again(played, kept, damage, is_signed):
+    """Even one with the hash of its content."""
+    entry, again = kept
+    whole = entry.read_bytes()
+    told = json.loads(whole)
+    damaged = damage(told)
+    entry.write_text(json.dumps(damaged), "utf-8")
+    if is_signed and isinstance(damaged, dict) and "entry" in damaged:
+        key = {name: value for name, value in told["key"].items() if name not in VERSIONS}
+        Store(entry.parent).save(key, damaged["entry"])
+    assert len(Store(entry.parent)) == 1
+    assert again().episodes.data == told["entry"]
+    assert len(played) == 2
+    assert entry.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "damage", [b"", b"\xff\xfe", b"[" * 100_000, b"nan", b"9" * 10_000, b"[]", b'{"key": 1}']
+)
+def test_an_entry_of_anything_else_is_played_again(played, kept, damage):
+    entry, again = kept
+    whole = entry.read_bytes()
+    entry.write_bytes(damage)
+    again()
+    assert len(played) == 2
+    assert entry.read_bytes() == whole
+
+
+def test_a_folder_in_the_place_of_an_entry_is_put_aside(played, kept):
+    entry, again = kept
+    whole = entry.read_bytes()
+    entry.unlink()
+    entry.mkdir()
+    (entry / "mine.txt").write_text("not to be lost", "utf-8")
+    again()
+    again()
+    assert len(played) == 2
+    assert entry.read_bytes() == whole
+    (text,) = entry.parent.glob("*.folder/mine.txt")
+    assert text.read_text("utf-8") == "not to be lost"
+
+
+def test_an_entry_that_cannot_be_read_is_played_again(played, kept, monkeypatch):
+    entry, again = kept
+    honest = Path.read_bytes
+
+    def forbidden(path: Path) -> bytes:
+        if path == entry:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return honest(path)
+
+    monkeypatch.setattr(Path, "read_bytes", forbidden)
+    again()
+    assert len(played) == 2
+
+
+@pytest.mark.parametrize("below", [".", "portions", "a/b"])
+def test_a_file_in_the_place_of_the_folder_is_told_before_anything_is_played(
+    played, tmp_path, below
+):
+    (tmp_path / "file").write_text("", "utf-8")
+    message = r"finished work needs a folder, and this is a file.*file"
+    with pytest.raises(StorageError, match=message):
+        evaluate(in_swarms, named(), episodes=5, store=tmp_path / "file" / below)
+    assert not played
+
+
 def test_a_full_disk_is_told_and_what_was_written_stays(played, tmp_path, monkeypatch):
     sync, calls = os.fsync, []
 

@@ -249,9 +249,17 @@ class Cell:
     def _load(self, portion: range) -> bool:
         """Take a portion from the store, if it is there."""
         data = None if self._store is None else self._store.load(self._key(portion))
-        if data is not None:
-            self._done[portion] = Episodes.from_data(data)
-        return data is not None
+        if data is None:
+            return False
+        try:
+            episodes = Episodes.from_data(data)
+        except ValueError:
+            return False
+        scenario = self.search.scenario
+        fits = episodes.found_at.shape == (len(portion), len(scenario.persons))
+        if fits and episodes.steps.max() <= scenario.timestep_limit:
+            self._done[portion] = episodes
+        return portion in self._done
 
     def _key(self, portion: range) -> dict[str, Any]:
         """All that a portion's episodes follow from."""
