@@ -306,12 +306,67 @@ def test_results_are_written_and_a_rerun_goes_on(capsys, own, tmp_path, monkeypa
         (["evaluate", "random", "pond", "--seed", "-1"], "seed must be an integer of at least 0"),
         (["evaluate", "random", "pond", "--workers", "0"], "--workers: must be an integer of at"),
         (["evaluate", "random", "pond", "--view", "x"], "view must be one of 'swarm', 'drone'"),
+        (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
+        (["evaluate", "ppo", "pond", "--observation", "flat"], "observation must be 'dict' for"),
+        (
+            ["evaluate", "DroneSwarmSearch.policies:GreedyPolicy", "pond", "--view", "drone"],
+            "view must be 'swarm' or 'parallel' for DroneSwarmSearch.policies:GreedyPolicy",
+        ),
+        (["leaderboard", "--add", "own=ppo", "--view", "drone"], "view must be 'swarm' or"),
+        (["evaluate", "/.npz", "pond"], "there is no '/.npz'"),
         (["bound", "lagon"], "got 'lagon'; did you mean lagoon?"),
         (["bound"], "the following arguments are required: SEARCH"),
     ],
 )
 def test_arguments_that_cannot_be_met_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
+
+
+def test_folders_and_damaged_weights_are_refused_in_words(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("folder.npz", "folder.py"):
+        Path(name).mkdir()
+    Path("text.npz").write_text("no weights", "utf-8")
+    np.save("array.npy", np.zeros(3))
+    shutil.copy("array.npy", "array.npz")
+    for text, message in (
+        ("folder.npz", "'folder.npz' is a folder"),
+        ("folder.py:act", "'folder.py' is a folder"),
+        ("text.npz", "text.npz must hold a network's weights"),
+        ("array.npz", "array.npz must hold a network's weights"),
+    ):
+        assert message in refusal(capsys, "evaluate", text, "pond")
+        assert message in refusal(capsys, "leaderboard", "--add", text)
+    Path("out").write_text("a file", "utf-8")
+    for arguments in (("evaluate", "random", "pond"), ("bound", "pond")):
+        told = answer(capsys, *arguments, "--out", "out", code=1)
+        assert told.out == ""
+        assert told.err.startswith("out: finished work needs a folder, and this is a file")
+        assert told.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("environment", "policy"),
+    [
+        ({"PYTHONIOENCODING": "ascii"}, "\xe9.py:act"),
+        ({"PYTHONIOENCODING": "ascii"}, "n\xe9=random"),
+        ({"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, "\xe9.py:act"),
+    ],
+)
+def test_a_terminal_that_lacks_letters_gets_others(tmp_path, environment, policy):
+    (tmp_path / "\xe9.py").write_text("def act(shown):\n    return [[4]] * len(shown['row'])\n")
+    arguments = ("evaluate", policy, "pond", "--episodes", "2", "--csv", "--out", "r\xe9sultats")
+    home = str(Path(command.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-m", "DroneSwarmSearch", *arguments],
+        capture_output=True,
+        check=False,
+        cwd=tmp_path,
+        env={**os.environ, **environment, "PYTHONPATH": home},
+    )
+    assert done.returncode == 0, done.stderr
+    assert b",pond," in done.stdout
+    assert done.stdout.isascii()
 
 
 def test_wrong_actions_are_told_in_a_line(capsys, own):

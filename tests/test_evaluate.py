@@ -421,12 +421,32 @@ def test_what_a_policy_returns_is_checked(returned, view, error, message):
         ({"policy": "nowhere:act"}, ValueError, "there is no 'nowhere'"),
         ({"policy": "nowhere.py:act"}, ValueError, "there is no 'nowhere.py'"),
         ({"policy": "math:nothing"}, ValueError, "math has none called 'nothing'"),
+        ({"policy": "random", "view": "drone"}, ValueError, "view must be 'swarm' or 'parallel'"),
+        ({"policy": "ppo", "observation": "flat"}, ValueError, "observation must be 'dict' for"),
+        ({"policy": GreedyPolicy, "view": "drone"}, ValueError, "view must be 'swarm' or"),
+        (
+            {"policy": GreedyPolicy(named().scenario), "observation": "planes"},
+            ValueError,
+            "observation must be 'dict'",
+        ),
+        ({"policy": OWN_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
+        ({"bound": 3}, TypeError, "bound must be what planning.success_bound .* got 3"),
+        ({"bound": np.zeros(13)}, TypeError, "bound must be what planning.success_bound"),
+        ({"bound": 0.5}, TypeError, "bound must be .* or None, got 0.5"),
     ],
 )
 def test_bad_arguments_are_refused(changes, error, message):
     arguments = {"policy": in_swarms, "search": named(), "episodes": 2, "progress": False}
     with pytest.raises(error, match=message):
         evaluate(**{**arguments, **changes})
+
+
+def test_the_bound_of_another_search_is_refused(played):
+    limit = Limit(np.linspace(0, 1, 12))
+    message = r"bound must be that of small, with a by_time of shape \(13,\), got \(12,\)"
+    with pytest.raises(ValueError, match=message):
+        evaluate(in_swarms, named(), episodes=5, bound=limit, progress=False)
+    assert not played
 
 
 def test_a_reset_that_takes_no_seed_is_refused():

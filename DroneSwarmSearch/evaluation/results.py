@@ -189,8 +189,13 @@ class Evaluation:
         )
 
     def with_bound(self, bound: Bound | None) -> Evaluation:
-        """The same with the bound that belongs to the search."""
-        return replace(self, bound=bound)
+        """The same with the bound that belongs to the search.
+
+        Raises:
+            TypeError: it is no bound.
+            ValueError: it is that of another search.
+        """
+        return replace(self, bound=checked_bound(bound, self.search))
 
     @property
     def limit(self) -> int:

@@ -22,7 +22,7 @@ from DroneSwarmSearch.evaluation.episodes import checked_view, play
 from DroneSwarmSearch.evaluation.files import Store
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.results import Bound, Episodes, Evaluation
+from DroneSwarmSearch.evaluation.results import Bound, Episodes, Evaluation, checked_bound
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 
@@ -105,6 +105,7 @@ def evaluate(
         store=store,
         name=name,
     )
+    checked_bound(bound, cell.search)
     with Progress(f"{cell.contestant.name} on {cell.search.name}", episodes, progress) as bar:
         work.run(cell.jobs(), workers=workers, ray=ray, progress=bar)
     return cell.evaluation().with_bound(bound)
@@ -149,6 +150,8 @@ class Cell:
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
         self.contestant = Contestant.of(policy, name)
+        if self.contestant.is_batch_policy:
+            _check_form(self.contestant.name, self._view, self._observation)
         if store is None or isinstance(store, Store):
             self._store = store
         elif isinstance(store, (str, Path)):
@@ -271,6 +274,19 @@ class Cell:
             "observation": self._observation,
             "seeds": [portion.start, portion.stop],
         }
+
+
+def _check_form(name: str, view: str, observation: str) -> None:
+    """Refuse to show a policy of the package what it does not take."""
+    if view == "drone":
+        raise ValueError(
+            f"view must be 'swarm' or 'parallel' for {name}, which steers whole swarms, got 'drone'"
+        )
+    if observation != "dict":
+        raise ValueError(
+            f"observation must be 'dict' for {name}, which takes positions and a matrix, "
+            f"got {observation!r}"
+        )
 
 
 # What is done by jobs.
