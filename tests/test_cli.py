@@ -322,6 +322,13 @@ def test_arguments_that_cannot_be_met_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
 
 
+@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard", "record"])
+def test_help_says_that_code_is_executed(capsys, command_name):
+    with pytest.raises(SystemExit):
+        command.main([command_name, "--help"])
+    assert "executed" in capsys.readouterr().out
+
+
 def test_folders_and_damaged_weights_are_refused_in_words(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("folder.npz", "folder.py"):

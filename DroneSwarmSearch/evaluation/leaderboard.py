@@ -578,8 +578,8 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         help="a policy of your own as a row: weights.npz of examples/train_ppo.py,"
-        " module:attribute or file.py:attribute, each also after name=; may be given"
-        " several times",
+        " module:attribute or file.py:attribute, whose code is executed; each also after"
+        " name=; may be given several times",
     )
     what.add_argument(
         "--view",

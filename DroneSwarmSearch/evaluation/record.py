@@ -219,7 +219,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         default="planner",
         help=f"one of {', '.join(POLICIES)}, or weights.npz, module:attribute or"
-        " file.py:attribute for one of your own (default: planner)",
+        " file.py:attribute for one of your own; the code of a module or file is executed"
+        " (default: planner)",
     )
     parser.add_argument(
         "--seed", metavar="N", type=int, default=0, help="another seed, another drift (default: 0)"
