@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import io
 import sys
 from collections.abc import Callable, Sequence
 
@@ -63,4 +64,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Characters that an ASCII terminal lacks appear as "?", as on stderr they are escaped.
+        sys.stdout.reconfigure(errors="replace")
     sys.exit(main(sys.argv[1:]))

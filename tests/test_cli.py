@@ -49,6 +49,24 @@ def dies(shown):
 def refuses(shown):
     raise LookupError("no chart of this sea")
 
+def leaves(shown):
+    raise SystemExit(0)
+
+class LeavesAtOnce(Still):
+    def __init__(self, scenario):
+        raise SystemExit
+
+class LeavesAtReset(Still):
+    def reset(self, seed, rows=None):
+        os.sys.exit("done")
+
+class LeavesPreparing(Still):
+    def prepare(self, drones):
+        os.sys.exit(0)
+
+def interrupts(shown):
+    raise KeyboardInterrupt
+
 def wrong(shown):
     return [0]
 
@@ -212,6 +230,26 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     assert other["success"] != mine["success"]
 
 
+def test_weights_that_change_in_mid_work_are_stored_as_what_they_are(capsys, tmp_path, monkeypatch):
+    """A trainer may write the file while it is evaluated."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    original = run.play
+
+    def changing(*arguments: Any) -> Any:
+        with np.load(OWN_WEIGHTS) as file:
+            np.savez("mine.npz", **{name: -file[name] for name in file})
+        return original(*arguments)
+
+    arguments = ("evaluate", "mine.npz", "pond", "harbour", "--episodes", 5, "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "play", changing)
+        answer(capsys, *arguments, "--out", "results")
+    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    fresh = json.loads(answer(capsys, *arguments).out)
+    assert json.loads(answer(capsys, *arguments, "--out", "results").out) == fresh
+
+
 def test_a_view_and_a_layout_can_be_asked_for(capsys, tmp_path):
     path = tmp_path / "flat.py"
     path.write_text(
@@ -268,12 +306,74 @@ def test_results_are_written_and_a_rerun_goes_on(capsys, own, tmp_path, monkeypa
         (["evaluate", "random", "pond", "--seed", "-1"], "seed must be an integer of at least 0"),
         (["evaluate", "random", "pond", "--workers", "0"], "--workers: must be an integer of at"),
         (["evaluate", "random", "pond", "--view", "x"], "view must be one of 'swarm', 'drone'"),
+        (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
+        (["evaluate", "ppo", "pond", "--observation", "flat"], "observation must be 'dict' for"),
+        (
+            ["evaluate", "DroneSwarmSearch.policies:GreedyPolicy", "pond", "--view", "drone"],
+            "view must be 'swarm' or 'parallel' for DroneSwarmSearch.policies:GreedyPolicy",
+        ),
+        (["leaderboard", "--add", "own=ppo", "--view", "drone"], "view must be 'swarm' or"),
+        (["evaluate", "/.npz", "pond"], "there is no '/.npz'"),
         (["bound", "lagon"], "got 'lagon'; did you mean lagoon?"),
         (["bound"], "the following arguments are required: SEARCH"),
     ],
 )
 def test_arguments_that_cannot_be_met_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
+
+
+@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard", "record"])
+def test_help_says_that_code_is_executed(capsys, command_name):
+    with pytest.raises(SystemExit):
+        command.main([command_name, "--help"])
+    assert "executed" in capsys.readouterr().out
+
+
+def test_folders_and_damaged_weights_are_refused_in_words(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("folder.npz", "folder.py"):
+        Path(name).mkdir()
+    Path("text.npz").write_text("no weights", "utf-8")
+    np.save("array.npy", np.zeros(3))
+    shutil.copy("array.npy", "array.npz")
+    for text, message in (
+        ("folder.npz", "'folder.npz' is a folder"),
+        ("folder.py:act", "'folder.py' is a folder"),
+        ("text.npz", "text.npz must hold a network's weights"),
+        ("array.npz", "array.npz must hold a network's weights"),
+    ):
+        assert message in refusal(capsys, "evaluate", text, "pond")
+        assert message in refusal(capsys, "leaderboard", "--add", text)
+    Path("out").write_text("a file", "utf-8")
+    for arguments in (("evaluate", "random", "pond"), ("bound", "pond")):
+        told = answer(capsys, *arguments, "--out", "out", code=1)
+        assert told.out == ""
+        assert told.err.startswith("out: finished work needs a folder, and this is a file")
+        assert told.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("environment", "policy"),
+    [
+        ({"PYTHONIOENCODING": "ascii"}, "\xe9.py:act"),
+        ({"PYTHONIOENCODING": "ascii"}, "n\xe9=random"),
+        ({"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, "\xe9.py:act"),
+    ],
+)
+def test_a_terminal_that_lacks_letters_gets_others(tmp_path, environment, policy):
+    (tmp_path / "\xe9.py").write_text("def act(shown):\n    return [[4]] * len(shown['row'])\n")
+    arguments = ("evaluate", policy, "pond", "--episodes", "2", "--csv", "--out", "r\xe9sultats")
+    home = str(Path(command.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-m", "DroneSwarmSearch", *arguments],
+        capture_output=True,
+        check=False,
+        cwd=tmp_path,
+        env={**os.environ, **environment, "PYTHONPATH": home},
+    )
+    assert done.returncode == 0, done.stderr
+    assert b",pond," in done.stdout
+    assert done.stdout.isascii()
 
 
 def test_wrong_actions_are_told_in_a_line(capsys, own):
@@ -289,6 +389,39 @@ def test_what_a_policy_raises_is_told_with_the_place(capsys, own, workers):
     told = answer(capsys, *arguments, code=1)
     assert "in refuses" in told.err
     assert told.err.endswith("LookupError: no chart of this sea\n")
+
+
+@pytest.mark.parametrize("out", [False, True])
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("policy", ["leaves", "LeavesAtOnce", "LeavesAtReset", "LeavesPreparing"])
+def test_a_policy_that_ends_the_program_fails(capsys, own, tmp_path, policy, workers, out):
+    told = answer(
+        capsys,
+        *("evaluate", f"{own}:{policy}", "pond", "--episodes", 2, "--workers", workers),
+        *(["--out", tmp_path / "out"] if out else []),
+        code=1,
+    )
+    assert told.out == ""
+    last = told.err.splitlines()[-1]
+    assert re.match(r"RuntimeError: .*own\.py:\w+ .*must not end the program, got SystemExit", last)
+    assert f"own.py:{policy}" in last
+
+
+@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard"])
+def test_a_file_that_ends_the_program_is_refused(capsys, tmp_path, command_name, monkeypatch):
+    (tmp_path / "leaves.py").write_text(
+        "import sys\n\ndef act(shown): ...\n\nsys.exit()\n", "utf-8"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for text in (f"{tmp_path}/leaves.py:act", "leaves:act"):
+        given = {"evaluate": [text, "pond"], "leaderboard": ["--add", text, "--out", tmp_path]}
+        told = refusal(capsys, command_name, *given[command_name])
+        assert "ends the program when it is (SystemExit: None)" in told
+
+
+def test_a_policy_that_interrupts_stops_the_command(capsys, own):
+    told = answer(capsys, "evaluate", f"{own}:interrupts", "pond", "--episodes", 2, code=130)
+    assert told.err == "interrupted\n"
 
 
 def test_a_crashed_worker_is_told_and_what_is_finished_is_kept(capsys, own, tmp_path):
@@ -406,6 +539,33 @@ def test_bound_prints_a_table_or_json(capsys, bounds, tmp_path):
     assert [each["search"] for each in told] == ["fog"]
     assert told[0]["by_time"] == np.linspace(0.0, 0.5, 101).tolist()
     assert len(bounds) == 2  # kept
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"by_time": [0.1] * 40},
+        {"by_time": [float("nan")] * 41},
+        {"by_time": [2.0] * 41},
+        {"by_time": "x"},
+        {"gap": None},
+        {"more": 1},
+    ],
+)
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_a_damaged_bound_is_worked_out_again(capsys, bounds, tmp_path, changes, is_signed):
+    first = answer(capsys, "bound", "pond", "--out", tmp_path, "--json").out
+    (path,) = (tmp_path / "portions").iterdir()
+    whole = path.read_bytes()
+    told = json.loads(whole)
+    told["entry"] |= changes
+    path.write_text(json.dumps(told), "utf-8")
+    if is_signed:
+        key = {name: told["key"][name] for name in ("what", "parameters")}
+        Store(tmp_path / "portions").save(key, told["entry"])
+    assert answer(capsys, "bound", "pond", "--out", tmp_path, "--json").out == first
+    assert len(bounds) == 2
+    assert path.read_bytes() == whole
 
 
 def test_evaluate_tells_the_share_of_the_bound(capsys, bounds, tmp_path):

@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import dataclasses
 import errno
+import functools
 import json
 import os
 import shutil
+import subprocess
+import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +38,13 @@ from DroneSwarmSearch.evaluation import (
 )
 from DroneSwarmSearch.evaluation.episodes import play
 from DroneSwarmSearch.evaluation.run import Cell
+from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
+from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS as OWN_WEIGHTS_PATH
 from DroneSwarmSearch.rules import ENDINGS
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+
+OWN_WEIGHTS = str(OWN_WEIGHTS_PATH)
 
 
 def named(**changes: Any) -> NamedSearch:
@@ -414,12 +421,32 @@ def test_what_a_policy_returns_is_checked(returned, view, error, message):
         ({"policy": "nowhere:act"}, ValueError, "there is no 'nowhere'"),
         ({"policy": "nowhere.py:act"}, ValueError, "there is no 'nowhere.py'"),
         ({"policy": "math:nothing"}, ValueError, "math has none called 'nothing'"),
+        ({"policy": "random", "view": "drone"}, ValueError, "view must be 'swarm' or 'parallel'"),
+        ({"policy": "ppo", "observation": "flat"}, ValueError, "observation must be 'dict' for"),
+        ({"policy": GreedyPolicy, "view": "drone"}, ValueError, "view must be 'swarm' or"),
+        (
+            {"policy": GreedyPolicy(named().scenario), "observation": "planes"},
+            ValueError,
+            "observation must be 'dict'",
+        ),
+        ({"policy": OWN_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
+        ({"bound": 3}, TypeError, "bound must be what planning.success_bound .* got 3"),
+        ({"bound": np.zeros(13)}, TypeError, "bound must be what planning.success_bound"),
+        ({"bound": 0.5}, TypeError, "bound must be .* or None, got 0.5"),
     ],
 )
 def test_bad_arguments_are_refused(changes, error, message):
     arguments = {"policy": in_swarms, "search": named(), "episodes": 2, "progress": False}
     with pytest.raises(error, match=message):
         evaluate(**{**arguments, **changes})
+
+
+def test_the_bound_of_another_search_is_refused(played):
+    limit = Limit(np.linspace(0, 1, 12))
+    message = r"bound must be that of small, with a by_time of shape \(13,\), got \(12,\)"
+    with pytest.raises(ValueError, match=message):
+        evaluate(in_swarms, named(), episodes=5, bound=limit, progress=False)
+    assert not played
 
 
 def test_a_reset_that_takes_no_seed_is_refused():
@@ -630,23 +657,442 @@ def test_what_another_version_worked_out_is_not_taken(played, tmp_path, monkeypa
     assert len(played) == 2
 
 
-def test_a_callable_without_a_name_is_not_kept(played, tmp_path):
+class Acts:
+    """Takes the same action always; of which there are several ways to be told."""
+
+    usual = 4
+
+    def __init__(self, action: int = 4, **more: Any) -> None:
+        self.action = action
+        self.more = more
+
+    def __call__(self, shown: Any) -> Any:
+        return np.full(shown["positions"].shape[:2], self.action)
+
+    def as_usual(self, shown: Any) -> Any:
+        return np.full(shown["positions"].shape[:2], self.usual)
+
+
+class Pickled(Acts):
+    """Leaves its action out of what is pickled, and finds it elsewhere."""
+
+    kept = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"more": self.more}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ = {**state, "action": Pickled.kept}
+
+
+def acting(action: int) -> Callable[[Any], Any]:
+    return lambda shown: np.full(shown["positions"].shape[:2], action)
+
+
+def by_default(action: int) -> Callable[[Any], Any]:
+    def policy(shown: Any, action: int = action) -> Any:
+        return np.full(shown["positions"].shape[:2], action)
+
+    return policy
+
+
+def by_keyword(action: int) -> Callable[[Any], Any]:
+    def policy(shown: Any, *, action: int = action) -> Any:
+        return np.full(shown["positions"].shape[:2], action)
+
+    return policy
+
+
+def by_attribute(action: int) -> Callable[[Any], Any]:
+    def policy(shown: Any) -> Any:
+        return np.full(shown["positions"].shape[:2], policy.action)  # type: ignore[attr-defined]
+
+    policy.action = action  # type: ignore[attr-defined]
+    return policy
+
+
+def by_class(action: int) -> type:
+    class Made(Acts):
+        def __init__(self, scenario: Scenario) -> None:
+            super().__init__(action)
+
+    return Made
+
+
+def by_inherited_attribute(action: int) -> Callable[[Any], Any]:
+    return type("Usual", (Acts,), {"usual": action})().as_usual
+
+
+def by_pickling(action: int) -> Callable[[Any], Any]:
+    Pickled.kept = action
+    return Pickled(action)
+
+
+def by_array(action: int) -> Callable[[Any], Any]:
+    network = np.zeros((6, 6), order="F")
+    network[3, action] = 1.0
+    return lambda shown: np.full(shown["positions"].shape[:2], network[3].argmax())
+
+
+def by_code(action: int) -> Callable[[Any], Any]:
+    return eval(f"lambda shown: [[{action}] * 3 for _ in shown['row']]")  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("name", [None, "x"])
+@pytest.mark.parametrize(
+    "make",
+    [
+        Acts,
+        acting,
+        by_array,
+        by_attribute,
+        by_class,
+        by_code,
+        by_default,
+        by_inherited_attribute,
+        by_keyword,
+        by_pickling,
+        lambda action: functools.partial(by_default(4), action=action),
+        lambda action: Acts(action).__call__,
+        lambda action: functools.lru_cache(acting)(action),
+    ],
+)
+def test_a_policy_is_known_by_its_code_and_its_state(played, tmp_path, make, name):
+    """Neither a file nor a name says what a callable does."""
+
+    def evaluated(action: int, store: Path | None) -> Any:
+        each = evaluate(make(action), named(), episodes=5, store=store, name=name, progress=False)
+        return each.episodes.data
+
+    stay, idle = evaluated(4, None), evaluated(5, None)
+    assert stay != idle
+    played.clear()
+    assert [evaluated(action, tmp_path) for action in (4, 5, 4, 5)] == [stay, idle, stay, idle]
+    assert len(played) == 2
+
+
+def test_what_a_policy_holds_may_stand_in_any_order_and_in_circles(played, tmp_path):
+    for order in ("abc", "cab"):
+        policy = Acts(words={*order}, pairs={(each, 1.5) for each in order})
+        policy.more["itself"] = [policy, {policy}]
+        evaluate(policy, named(), episodes=5, store=tmp_path)
+    assert len(played) == 1
+    evaluate(Acts(words={"a", "b"}), named(), episodes=5, store=tmp_path)
+    assert len(played) == 2
+
+
+# Policies in files: what they do follows from an attribute, from other modules, which import
+# others, and from files that they read.
+IN_FILES = {
+    "mine.py": """
+import enum
+from pathlib import Path
+import numpy as np
+import helper
+from parts import deep
+
+weights = np.load(Path(__file__).with_name("module.npy"))
+
+class Action(enum.Enum):
+    SEARCH = "search"
+    IDLE = "idle"
+
+USUAL = {Action.SEARCH: 4, Action.IDLE: 5}
+WORDS = frozenset(["search", "idle", "left", "right"])
+
+def fill(shown, action):
+    return np.full(shown["positions"].shape[:2], action)
+
+def stay(shown):
+    return fill(shown, USUAL[Action.SEARCH] if "search" in {*WORDS} else 0)
+
+def idle(shown):
+    return fill(shown, USUAL[Action.IDLE])
+
+def by_weights(shown):
+    return fill(shown, weights.argmax())
+
+def by_constant(shown):
+    return fill(shown, helper.ACTION)
+
+def by_import(shown):
+    import late
+    return fill(shown, late.action())
+
+def by_chain(shown):
+    return fill(shown, deep.action())
+
+class Loads:
+    def __init__(self, scenario):
+        self.scenario = scenario
+        self.seen = {*WORDS}
+        self.weights = np.load(Path(__file__).with_name("class.npy"))
+
+    def __call__(self, shown):
+        return fill(shown, self.weights.argmax())
+""",
+    "helper.py": "ACTION = {}\n",
+    "late.py": "def action():\n    return {}\n",
+    "parts/__init__.py": "",
+    "parts/deep.py": "from . import deeper\n\ndef action():\n    return deeper.Deeper().action\n",
+    "parts/deeper.py": "class Deeper:\n    action = {}\n",
+}
+ATTRIBUTES = ("stay", "idle", "by_weights", "by_constant", "by_import", "by_chain", "Loads")
+
+EVALUATE_FILES = """
+import json, sys
+from pathlib import Path
+from DroneSwarmSearch.evaluation import Store, evaluate
+
+def main():
+    home, attributes, workers = Path(sys.argv[1]), sys.argv[2].split(","), int(sys.argv[3])
+    told = {}
+    for attribute in attributes:
+        for text in (f"{home}/mine.py:{attribute}", f"mine:{attribute}"):
+            store = Store(home / "kept")
+            before = len(store)
+            got = evaluate(text, "pond", episodes=4, store=store, workers=workers)
+            told[text.rpartition("/")[2]] = [len(store) - before, got.data["endings"],
+                                             got.reliability.searches.sum().item()]
+    print(json.dumps(told))
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+def in_files(home: Path, action: int) -> None:
+    """Write the policies; those that follow from other files take an action."""
+    (home / "parts").mkdir(exist_ok=True)
+    for name, text in IN_FILES.items():
+        (home / name).write_text(text.replace("{}", str(action)), "utf-8")
+    for name in ("module.npy", "class.npy"):
+        np.save(home / name, np.eye(6)[action])
+    (home / "script.py").write_text(EVALUATE_FILES, "utf-8")
+
+
+def evaluated_elsewhere(
+    home: Path, hash_seed: str = "0", workers: int = 1, attributes: Sequence[str] = ATTRIBUTES
+) -> dict[str, list[Any]]:
+    """For each policy: how many portions were added to the store, and figures."""
+    arguments = (str(home), ",".join(attributes), str(workers))
+    done = subprocess.run(
+        [sys.executable, str(home / "script.py"), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={
+            **os.environ,
+            "PYTHONHASHSEED": hash_seed,
+            "PYTHONDONTWRITEBYTECODE": "1",  # files change within a second
+            "PYTHONPATH": os.pathsep.join([str(Path(files.__file__).parents[2]), *sys.path]),
+        },
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    told: dict[str, list[Any]] = json.loads(done.stdout)
+    return told
+
+
+def test_policies_in_files_are_found_again_by_other_processes_and_never_mistaken(tmp_path):
+    in_files(tmp_path, 4)
+    first = evaluated_elsewhere(tmp_path, "0")
+    assert all(added == 1 for added, *_ in first.values())
+    again = evaluated_elsewhere(tmp_path, "1")
+    assert again == {text: [0, *figures] for text, (_, *figures) in first.items()}
+    shared = evaluated_elsewhere(tmp_path, "random", 2, ("stay", "Loads"))
+    assert all(added == 0 for added, *_ in shared.values())
+
+    in_files(tmp_path, 5)  # mine.py is as it was
+    changed = evaluated_elsewhere(tmp_path)
+    for text, (added, *figures) in changed.items():
+        attribute = text.rpartition(":")[2]
+        assert added == (attribute not in ("stay", "idle")), text
+        assert figures == first["mine:stay" if attribute == "stay" else "mine:idle"][1:], text
+
+
+@pytest.mark.parametrize(
+    ("held", "reason"),
+    [
+        (threading.Lock(), "cannot pickle '_thread.lock' object"),
+        ((each for each in "abc"), "cannot pickle 'generator' object"),
+    ],
+)
+@pytest.mark.parametrize("name", [None, "x"])
+def test_a_line_says_when_a_policy_is_not_stored(played, tmp_path, capsys, held, reason, name):
     for _ in range(2):
-        evaluate(in_swarms, named(), episodes=5, store=tmp_path)
+        evaluate(Acts(held=held), named(), episodes=5, store=tmp_path, name=name)
     assert len(played) == 2
     assert len(Store(tmp_path)) == 0
+    why = f'it cannot be pickled (TypeError("{reason}"))'
+    line = f"{name or 'Acts'} on small is not stored in {tmp_path}: {why}\n"
+    assert capsys.readouterr().err == 2 * line
 
 
-def test_a_damaged_entry_is_played_again(played, tmp_path):
-    first = evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
-    (entry,) = tmp_path.iterdir()
-    whole = entry.read_text("utf-8")
-    for damaged in (whole[:100], "", '{"key": 1, "entry": 2}', "[]"):
-        entry.write_text(damaged, "utf-8")
-        again = evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
-        assert again.data == first.data
-    assert len(played) == 5
-    assert entry.read_text("utf-8") == whole
+class Numbered:
+    """Copies of it differ, as those do that hold addresses."""
+
+    copies = 0
+
+    def __reduce__(self) -> Any:
+        return Numbered.copy, ()
+
+    @classmethod
+    def copy(cls) -> Numbered:
+        cls.copies += 1
+        made = cls()
+        made.number = cls.copies  # type: ignore[attr-defined]
+        return made
+
+    def __call__(self, shown: Any) -> Any:
+        return in_swarms(shown)
+
+
+def test_a_policy_whose_copies_differ_is_not_stored(tmp_path, capsys):
+    evaluate(Numbered(), named(), episodes=5, store=tmp_path)
+    assert len(Store(tmp_path)) == 0
+    assert "is not stored" in capsys.readouterr().err
+
+
+def test_an_entry_of_the_registry_that_was_replaced_is_another_policy(
+    played, tmp_path, monkeypatch
+):
+    evaluate("random", named(), episodes=5, store=tmp_path)
+    for action in (4, 5):
+        monkeypatch.setitem(POLICIES, "random", by_class(action))
+        got = evaluate("random", named(), episodes=5, store=tmp_path)
+        assert got.episodes.data == evaluate(Acts(action), named(), episodes=5).episodes.data
+    assert len(Store(tmp_path)) == 3
+
+
+# Damage.
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> tuple[Path, Callable[[], Evaluation]]:
+    """A stored portion, and what evaluates it again."""
+
+    def again() -> Evaluation:
+        return evaluate(in_swarms, named(), episodes=5, store=tmp_path / "kept", name="x")
+
+    again()
+    (entry,) = (tmp_path / "kept").iterdir()
+    return entry, again
+
+
+def test_no_flipped_bit_of_an_entry_is_believed(tmp_path):
+    store, key = Store(tmp_path), {"what": "trial", "numbers": [1, 2.5]}
+    entry = evaluate(in_swarms, named(), episodes=3, progress=False).episodes.data
+    store.save(key, entry)
+    (path,) = tmp_path.iterdir()
+    whole, lost = path.read_bytes(), 0
+    bits = range(0, 8 * len(whole), 5)
+    for bit in bits:
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        found = store.load(key)
+        assert found in (None, entry)
+        lost += found is None
+    assert lost > 0.99 * len(bits)
+    for length in range(0, len(whole) - 2, 7):
+        path.write_bytes(whole[:length])
+        assert store.load(key) is None
+
+
+VERSIONS = ("package", "suite", "numpy", "code")
+
+
+def changed(**figures: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    return lambda told: {**told, "entry": {**told["entry"], **figures}}
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        changed(returns=[float("nan")] * 5),
+        changed(returns=[1.0] * 4),
+        changed(endings=[0] * 5),
+        changed(endings=[9] * 5),
+        changed(steps=[1000] * 5),
+        changed(found_at=[[1], [1], [1], [1], [1]]),
+        changed(found_at=[[-1, 0]] * 5),
+        changed(searches=[1]),
+        changed(promised=None),
+        lambda told: {**told, "entry": None},
+        lambda told: {**told, "entry": []},
+        lambda told: {"key": told["key"]},
+        lambda told: told["entry"],
+        lambda told: [told],
+        lambda told: None,
+    ],
+)
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_an_entry_with_other_figures_is_played_again(played, kept, damage, is_signed):
+    """Even one with the hash of its content."""
+    entry, again = kept
+    whole = entry.read_bytes()
+    told = json.loads(whole)
+    damaged = damage(told)
+    entry.write_text(json.dumps(damaged), "utf-8")
+    if is_signed and isinstance(damaged, dict) and "entry" in damaged:
+        key = {name: value for name, value in told["key"].items() if name not in VERSIONS}
+        Store(entry.parent).save(key, damaged["entry"])
+    assert len(Store(entry.parent)) == 1
+    assert again().episodes.data == told["entry"]
+    assert len(played) == 2
+    assert entry.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "damage", [b"", b"\xff\xfe", b"[" * 100_000, b"nan", b"9" * 10_000, b"[]", b'{"key": 1}']
+)
+def test_an_entry_of_anything_else_is_played_again(played, kept, damage):
+    entry, again = kept
+    whole = entry.read_bytes()
+    entry.write_bytes(damage)
+    again()
+    assert len(played) == 2
+    assert entry.read_bytes() == whole
+
+
+def test_a_folder_in_the_place_of_an_entry_is_put_aside(played, kept):
+    entry, again = kept
+    whole = entry.read_bytes()
+    entry.unlink()
+    entry.mkdir()
+    (entry / "mine.txt").write_text("not to be lost", "utf-8")
+    again()
+    again()
+    assert len(played) == 2
+    assert entry.read_bytes() == whole
+    (text,) = entry.parent.glob("*.folder/mine.txt")
+    assert text.read_text("utf-8") == "not to be lost"
+
+
+def test_an_entry_that_cannot_be_read_is_played_again(played, kept, monkeypatch):
+    entry, again = kept
+    honest = Path.read_bytes
+
+    def forbidden(path: Path) -> bytes:
+        if path == entry:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return honest(path)
+
+    monkeypatch.setattr(Path, "read_bytes", forbidden)
+    again()
+    assert len(played) == 2
+
+
+@pytest.mark.parametrize("below", [".", "portions", "a/b"])
+def test_a_file_in_the_place_of_the_folder_is_told_before_anything_is_played(
+    played, tmp_path, below
+):
+    (tmp_path / "file").write_text("", "utf-8")
+    message = r"finished work needs a folder, and this is a file.*file"
+    with pytest.raises(StorageError, match=message):
+        evaluate(in_swarms, named(), episodes=5, store=tmp_path / "file" / below)
+    assert not played
 
 
 def test_a_full_disk_is_told_and_what_was_written_stays(played, tmp_path, monkeypatch):

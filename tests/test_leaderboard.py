@@ -276,11 +276,21 @@ class TestRun:
             ({"policies": ["randm"]}, "did you mean random"),
             ({"searches": ["pnd"]}, "did you mean pond"),
             ({"episodes": 0}, "episodes must be an integer of at least 1, got 0"),
+            ({"view": "foo"}, "view must be one of 'swarm', 'drone', 'parallel', got 'foo'"),
+            ({"observation": "bar"}, "observation must be one of 'dict'.*, got 'bar'"),
+            ({"view": "parallel", "observation": "flat"}, "view='parallel' needs observation"),
+            ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
+            ({"view": 3}, "view must be one of .*, got 3"),
+            ({"posterior": "yes"}, "posterior must be True or False, got 'yes'"),
+            ({"bounds": 1}, "bounds must be True or False, got 1"),
+            ({"policies": "random"}, "policies must be a list, got 'random'"),
+            ({"searches": "pond"}, "searches must be a list, got 'pond'"),
+            ({"added": "mine.py:act"}, "added must be a list, got 'mine.py:act'"),
         ],
     )
     def test_bad_input_is_refused(self, arguments: dict[str, Any], words: str) -> None:
-        with pytest.raises(ValueError, match=words):
-            leaderboard(**arguments, progress=False)
+        with pytest.raises((TypeError, ValueError), match=words):
+            leaderboard(**{"searches": ["pond"], "episodes": 1, **arguments}, progress=False)
 
 
 class TestCommand:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import tracemalloc
+import zipfile
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +19,7 @@ from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.layouts.glimpses import LENGTH
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS, Network, PPOPolicy
+from DroneSwarmSearch.policies.ppo import LARGEST, OWN_WEIGHTS, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
@@ -73,6 +76,108 @@ class TestNetwork:
         np.savez(path, weights=np.zeros(3))
         with pytest.raises(ValueError, match="must hold the arrays weights0, biases0 and so on"):
             Network.load(path)
+
+    def test_refuses_every_damaged_file(self, tmp_path: Path) -> None:
+        """Whatever a flipped bit or a cut does, it is refused in words or changes nothing."""
+        network, path = Network(layers(LENGTH, 3, 5)), tmp_path / "weights.npz"
+        network.save(path)
+        whole, seen = path.read_bytes(), np.ones((2, LENGTH), np.float32)
+        wanted, refused = plain(network(seen)), 0
+        rng = np.random.default_rng(0)
+        structure = [*range(60), *range(len(whole) - 300, len(whole), 2)]  # besides the numbers
+        places = [*structure, *rng.integers(len(whole), size=50).tolist()]
+        for place in places:
+            for damaged in (
+                bytes([*whole[:place], whole[place] ^ 1 << rng.integers(8), *whole[place + 1 :]]),
+                whole[:place],
+            ):
+                path.write_bytes(damaged)
+                try:
+                    got = plain(Network.load(path)(seen))
+                except ValueError as error:
+                    got = str(error)
+                assert got == wanted or f"{path} must hold a network's weights: " in got
+                refused += got != wanted
+        assert refused > 1.5 * len(places)
+
+    @pytest.mark.parametrize(
+        "header",
+        [
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (805306368,), }",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (10**18,), }",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (4000000000000000000, 9), }",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 5) ",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 5), 'more': (((",
+            "{'descr': '|O', 'fortran_order': False, 'shape': (1, 5), }",
+            "{'descr': '<c8', 'fortran_order': False, 'shape': (1, 5), }",
+            "{'descr': '<U4', 'fortran_order': False, 'shape': (1, 5), }",
+            "{'descr': 'nothing', 'fortran_order': False, 'shape': (1, 5), }",
+            "[" * 200,
+            "",
+        ],
+    )
+    @pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0), (9, 9)])
+    def test_refuses_every_wrong_header(
+        self, tmp_path: Path, header: str, version: tuple[int, int]
+    ) -> None:
+        path = tmp_path / "weights.npz"
+        length = struct.pack("<H" if version == (1, 0) else "<I", len(header))
+        array = b"\x93NUMPY" + bytes(version) + length + header.encode() + bytes(20)
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("weights0.npy", array)
+            archive.writestr("biases0.npy", array)
+        tracemalloc.start()
+        try:
+            with pytest.raises(ValueError, match=r"weights\.npz must hold a network's weights: "):
+                Network.load(path)
+            assert tracemalloc.get_traced_memory()[1] < 2**22
+        finally:
+            tracemalloc.stop()
+
+    @pytest.mark.parametrize(
+        ("arrays", "message"),
+        [
+            ({"weights0": np.full((LENGTH, 5), np.nan)}, "must hold finite numbers"),
+            ({"weights0": np.full((LENGTH, 5), 1e300)}, "must hold finite numbers"),
+            ({"biases0": np.full(5, -np.inf, np.float32)}, "must hold finite numbers"),
+            ({"weights0": np.zeros((LENGTH, 5), int)}, "must hold real numbers, got int64"),
+            ({"weights0": np.zeros((5, LENGTH))}, r"layers\[0\] must have weights of shape"),
+            ({"weights0": np.float64(1.0)}, r"layers\[0\] must have weights of shape"),
+            ({"biases0": np.zeros(4)}, r"layers\[0\] must have weights of shape"),
+            ({"weights1": np.zeros((5, 5))}, "must hold the arrays weights0, biases0"),
+        ],
+    )
+    def test_refuses_wrong_arrays(
+        self, tmp_path: Path, arrays: dict[str, Any], message: str
+    ) -> None:
+        path = tmp_path / "weights.npz"
+        np.savez(path, **{"weights0": np.zeros((LENGTH, 5)), "biases0": np.zeros(5), **arrays})
+        with pytest.raises(ValueError, match=rf"weights\.npz must hold .*: .*{message}"):
+            Network.load(path)
+
+    def test_refuses_what_would_fill_the_memory(self, tmp_path: Path) -> None:
+        """Zeros take next to nothing in a file."""
+        path = tmp_path / "weights.npz"
+        with (
+            zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+            archive.open("weights0.npy", "w") as file,
+        ):
+            for _ in range(LARGEST // 2**22 + 1):
+                file.write(bytes(2**22))
+        with pytest.raises(ValueError, match=f"must have at most {LARGEST} bytes, got"):
+            Network.load(path)
+
+    def test_refuses_a_folder(self, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match=r"must hold a network's weights: .*directory"):
+            Network.load(tmp_path)
+
+    def test_arrays_may_lie_in_either_order(self, tmp_path: Path) -> None:
+        ((weights, biases),) = layers(LENGTH, 5)
+        seen = np.ones((2, LENGTH), np.float32)
+        for order in "CF":
+            path = tmp_path / f"{order}.npz"
+            np.savez(path, weights0=np.array(weights, np.float64, order=order), biases0=biases)
+            assert plain(Network.load(path)(seen)) == plain(Network([(weights, biases)])(seen))
 
     def test_never_unpickles(self, tmp_path: Path) -> None:
         path = tmp_path / "weights.npz"

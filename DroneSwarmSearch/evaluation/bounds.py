@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch.evaluation.files import Store
+from DroneSwarmSearch.evaluation.results import checked_bound
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
@@ -40,9 +41,11 @@ class BoundOf:
     def jobs(self) -> list[Job]:
         """What is left to do."""
         entry = None if self._store is None else self._store.load(self._key)
-        if entry is not None:
-            entry["by_time"] = np.array(entry["by_time"])
-            self.bound = SuccessBound(**entry)
+        try:
+            self.bound = None if entry is None else self._from_entry(entry)
+        except (TypeError, ValueError):
+            self.bound = None
+        if self.bound is not None:
             return []
         label = f"the bound of {self.search.name}"
         return [Job(label, _bound, (self.search,), weight=self.WEIGHT, then=self._take_in)]
@@ -53,6 +56,14 @@ class BoundOf:
             entry = {**asdict(bound), "by_time": bound.by_time.tolist()}
             self._store.save(self._key, entry)
         return ()
+
+    def _from_entry(self, entry: dict[str, Any]) -> SuccessBound:
+        """The bound that was kept; TypeError or ValueError if the entry holds none."""
+        bound = SuccessBound(**{**entry, "by_time": np.array(entry.get("by_time"), np.float64)})
+        checked_bound(bound, self.search)
+        if not ((bound.by_time >= 0.0) & (bound.by_time <= 1.0)).all():
+            raise ValueError("by_time must be probabilities")
+        return bound
 
     @property
     def _key(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from DroneSwarmSearch import policies
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundOf
+from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.files import StorageError, Store
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import (
@@ -56,6 +57,7 @@ examples:
 A policy of your own is a callable from observations to actions, or a class that is called
 with the search's Scenario first. It sees what --view and --observation say: "swarm" and
 "drone" are what SwarmVectorEnv and DroneVectorEnv show, "parallel" is PettingZoo's form.
+The file or module is executed, with all that it imports: name only code that you trust.
 
 With --out, finished work is kept in DIR/portions: after an interruption the same command
 goes on where it stopped. Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
@@ -93,9 +95,10 @@ def evaluate_main(argv: Sequence[str]) -> int:
         parser.error("POLICY and SEARCH are needed; `evaluate --list` shows those there are")
     store = options.out and Store(options.out / PORTIONS)
     try:
+        contestant = Contestant.of(options.policy)
         cells = [
             Cell(
-                options.policy,
+                contestant,
                 each,
                 episodes=options.episodes,
                 seed=options.seed,
@@ -196,7 +199,8 @@ def _evaluate_parser() -> argparse.ArgumentParser:
         metavar="POLICY",
         nargs="?",
         help="of the registry, or your own: weights.npz of examples/train_ppo.py,"
-        " module:attribute or file.py:attribute; all of these also after name=",
+        " module:attribute or file.py:attribute, whose code is executed; all of these also"
+        " after name=",
     )
     parser.add_argument(
         "searches", metavar="SEARCH", nargs="*", help="of the suite; all stands for all of them"

@@ -18,6 +18,7 @@ from typing import Any
 import cloudpickle
 
 from DroneSwarmSearch import policies
+from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["Contestant"]
@@ -29,15 +30,35 @@ class Contestant:
 
     Attributes:
         name: what it is called in tables and files.
-        identity: tells it from every other policy, for the store; None where nothing does,
-            and then nothing is stored.
+        identity: what tells it from other policies before it is made, for the store.
+        is_known: whether nothing else is needed to tell it from every other policy: it comes
+            with the package, and so do its weights.
         policy: what `policies.make` takes; a class, of which an object is made for each
             search from its `Scenario`; or a callable from observations to actions.
     """
 
     name: str
-    identity: str | None
+    identity: str
+    is_known: bool
     policy: str | Callable[..., Any]
+
+    def __post_init__(self) -> None:
+        # A path in another encoding than the terminal's is no text that can be written.
+        text = self.name.encode(errors="backslashreplace").decode()
+        object.__setattr__(self, "name", text)
+
+    @property
+    def is_batch_policy(self) -> bool:
+        """Whether it takes the forms of observations that `policies.BatchPolicy` takes, only."""
+        kind: Any = self.policy
+        if isinstance(kind, str):
+            kind = PPOPolicy if kind.endswith(".npz") else policies.POLICIES[kind]
+        return issubclass(kind if inspect.isclass(kind) else type(kind), policies.BatchPolicy)
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether its class is of the package, so that what it remembers changes no action."""
+        return self.is_known or (isinstance(self.policy, str) and self.policy.endswith(".npz"))
 
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> Contestant:
@@ -48,12 +69,12 @@ class Contestant:
                 "….npz" (`policies.make`); "module:attribute" or "file.py:attribute",
                 where such a callable or class is found; one of these after "name=";
                 a callable or class; or a `Contestant`.
-            name: what it shall be called. It makes a callable's results be kept in a store:
-                change it when the policy changes.
+            name: what it shall be called. Results stored under another name are not found.
 
         Raises:
             TypeError: it is none of these.
-            ValueError: there is no such policy, module, file or attribute.
+            ValueError: there is no such policy, module, file or attribute, or the file holds
+                no weights.
         """
         if name is not None and not isinstance(name, str):
             raise TypeError(f"name must be a string or None, got {name!r}")
@@ -62,20 +83,21 @@ class Contestant:
         if isinstance(policy, str) and name is None and (named := _NAMED.match(policy)):
             return cls.of(policy[named.end() :], named[1])
         if isinstance(policy, str) and policy.endswith(".npz"):
-            return cls(name or policy, f"weights:{_hash(_existing(policy, policy))}", policy)
+            Network.load(_existing(policy, policy))
+            return cls(name or policy, "weights", False, policy)
         if isinstance(policy, str) and ":" in policy:
             return _loaded(policy, name)
         if isinstance(policy, str):
             if policy not in policies.POLICIES:
                 raise ValueError(_no_such(policy))
-            return cls(name or policy, f"registry:{policy}", policy)
+            return _registered(policy, name)
         if not callable(policy):
             raise TypeError(
                 "policy must be a name of the registry or a callable from observations to "
                 f"actions, got {policy!r}"
             )
         called = getattr(policy, "__name__", type(policy).__name__)
-        return cls(name or str(called), name and f"callable:{name}", policy)
+        return cls(name or str(called), f"callable:{name or ''}", False, policy)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """The policy for a search.
@@ -108,19 +130,33 @@ def _no_such(name: str) -> str:
     )
 
 
+def _registered(policy: str, name: str | None) -> Contestant:
+    """The contestant of a name of the registry, whose entries users may replace."""
+    made_by = policies.POLICIES[policy]
+    kind = f"{made_by.__module__}.{getattr(made_by, '__qualname__', '')}"
+    ours = inspect.isclass(made_by) and kind.startswith(f"{policies.__name__}.")
+    return Contestant(name or policy, f"registry:{policy}:{kind}", ours, policy)
+
+
 def _loaded(text: str, name: str | None) -> Contestant:
     """The contestant that "module:attribute" or "file.py:attribute" stands for."""
     where, _, attribute = text.rpartition(":")
-    if where.endswith(".py"):
-        module, identity = _module_from_file(text, Path(where))
-    else:
-        module, identity = _module(text, where)
+    try:
+        if where.endswith(".py"):
+            module, identity = _module_from_file(text, Path(where))
+        else:
+            module, identity = _module(text, where)
+    except SystemExit as stop:
+        raise ValueError(
+            f"policy must name code that can be imported, but {where} ends the program when it is "
+            f"(SystemExit: {stop.code!r})"
+        ) from stop
     found: Any = module
     for part in attribute.split("."):
         found = getattr(found, part, None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    return Contestant(name or text, f"{name or text}:{identity}", found)
+    return Contestant(name or text, f"{name or text}:{identity}", False, found)
 
 
 def _module(text: str, name: str) -> tuple[ModuleType, str]:
@@ -141,24 +177,27 @@ def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
     """A module from a file, and a hash of the file."""
     digest = _hash(_existing(text, path))
     name = f"_policy_{path.stem}_{digest[:16]}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, path)
-        assert spec is not None and spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
-        try:
-            spec.loader.exec_module(module)
-        except BaseException:
-            del sys.modules[name]
-            raise
-        # Workers have no such module: what is in it travels with the policy.
-        cloudpickle.register_pickle_by_value(module)
-    return sys.modules[name], digest
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    folder = str(path.parent.resolve())
+    if sys.path[:1] != [folder]:
+        sys.path.insert(0, folder)  # as when Python runs the file
+    try:
+        spec.loader.exec_module(module)  # again each time: it may read other files
+    except BaseException:
+        del sys.modules[name]
+        raise
+    # Workers have no such module: what is in it travels with the policy.
+    cloudpickle.register_pickle_by_value(module)
+    return module, digest
 
 
 def _existing(text: str, where: str | Path) -> Path:
     path = Path(where)
+    if path.is_dir():
+        raise ValueError(f"policy must name a file, but {str(path)!r} is a folder (in {text!r})")
     if not path.is_file():
         raise ValueError(f"policy must name a file, but there is no {str(path)!r} (in {text!r})")
     return path

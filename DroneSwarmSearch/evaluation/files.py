@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
@@ -26,6 +27,10 @@ _HASHED = (".py", ".npz")
 """Code, and weights."""
 
 _NOT_APART = ("evaluation/episodes.py", "evaluation/statistics.py")
+
+
+_HASH = "sha256"
+"""The name under which an entry holds the hash of its content."""
 
 
 class StorageError(OSError):
@@ -83,15 +88,15 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file as `write_bytes` does; the text as UTF-8, its line ends as they are."""
-    write_bytes(path, text.encode())
+    write_bytes(path, text.encode(errors="backslashreplace"))  # of a path that is no text, too
 
 
 class Store:
     """Finished work in a folder, found again by what it follows from.
 
-    An entry is a JSON file whose name is a hash of its key. To every key are added the
-    versions of package, suite and NumPy and a hash of the code that figures depend on: what
-    other code has worked out is not found.
+    An entry is a JSON file whose name is a hash of its key, and which holds a hash of its
+    content. To every key are added the versions of package, suite and NumPy and a hash of the
+    code that figures depend on: what other code has worked out is not found.
 
     Args:
         directory: made with the first entry.
@@ -105,16 +110,22 @@ class Store:
 
         Args:
             key: plain data, as JSON has it.
+
+        Raises:
+            StorageError: there is a file in the place of the store's folder.
         """
         full = self._full(key)
-        try:
-            told = json.loads(self._path(full).read_text("utf-8"))
-        except (FileNotFoundError, ValueError):
-            return None
-        return told["entry"] if isinstance(told, dict) and told.get("key") == full else None
+        path = self._path(full)
+        with contextlib.suppress(KeyError, OSError, RecursionError, TypeError, ValueError):
+            told = json.loads(path.read_bytes()) if path.is_file() else {}
+            content = {"key": full, "entry": told["entry"]}
+            if told == {**content, _HASH: _hash(content)}:
+                return told["entry"]
+        self._check_place()
+        return None
 
     def save(self, key: Mapping[str, Any], entry: Any) -> None:
-        """Keep an entry.
+        """Keep an entry; what is in its place is replaced, a folder renamed.
 
         Args:
             key: plain data, as JSON has it.
@@ -124,15 +135,30 @@ class Store:
             StorageError: it cannot be written; earlier entries stay.
         """
         full = self._full(key)
-        write_text(self._path(full), json.dumps({"key": full, "entry": entry}) + "\n")
+        path = self._path(full)
+        content = {"key": full, "entry": json.loads(json.dumps(entry))}
+        if path.is_dir():
+            with contextlib.suppress(OSError):  # if it stays, writing says why
+                path.rename(path.with_name(f"{path.stem}.{secrets.token_hex(4)}.folder"))
+        write_text(path, json.dumps({**content, _HASH: _hash(content)}) + "\n")
 
     def __len__(self) -> int:
         """The number of entries, of whatever version."""
         return sum(1 for _ in self.directory.glob("*.json"))
 
+    def _check_place(self) -> None:
+        """Refuse a folder that can never be made, before any work is done for it."""
+        lineage = (self.directory, *self.directory.parents)
+        nearest = next(filter(os.path.exists, lineage), None)
+        if nearest is not None and not nearest.is_dir():
+            raise StorageError(
+                errno.ENOTDIR,
+                "finished work needs a folder, and this is a file; move it",
+                str(nearest),
+            )
+
     def _path(self, full: dict[str, Any]) -> Path:
-        name = hashlib.sha256(json.dumps(full, sort_keys=True).encode()).hexdigest()
-        return self.directory / f"{name[:40]}.json"
+        return self.directory / f"{_hash(full)[:40]}.json"
 
     @staticmethod
     def _full(key: Mapping[str, Any]) -> dict[str, Any]:
@@ -145,6 +171,10 @@ class Store:
         }
         full: dict[str, Any] = json.loads(json.dumps({**versions, **key}))
         return full
+
+
+def _hash(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 @lru_cache(maxsize=1)

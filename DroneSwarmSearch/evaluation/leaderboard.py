@@ -28,6 +28,7 @@ from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundOf
 from DroneSwarmSearch.evaluation.cli import PORTIONS, guarded
 from DroneSwarmSearch.evaluation.contestants import Contestant
+from DroneSwarmSearch.evaluation.episodes import checked_view
 from DroneSwarmSearch.evaluation.files import Store, write_text
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import Bound, Evaluation, save_csv
@@ -282,6 +283,12 @@ class _Contest:
         store: Store | None,
         bounds: bool,
     ) -> None:
+        for what, names in (("policies", policies), ("searches", searches), ("added", added)):
+            if isinstance(names, str):
+                raise TypeError(f"{what} must be a list, got {names!r}")
+        view, observation = checked_view(view, observation)
+        posterior = checks.boolean("posterior", posterior)
+        bounds = checks.boolean("bounds", bounds)
         usual = [Contestant.of(name) for name in (_ranked() if policies is None else policies)]
         strangers = [Contestant.of(each) for each in added]
         named = [as_named(each) for each in (SUITE if searches is None else searches)]
@@ -571,8 +578,8 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         help="a policy of your own as a row: weights.npz of examples/train_ppo.py,"
-        " module:attribute or file.py:attribute, each also after name=; may be given"
-        " several times",
+        " module:attribute or file.py:attribute, whose code is executed; each also after"
+        " name=; may be given several times",
     )
     what.add_argument(
         "--view",

@@ -23,6 +23,7 @@ from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.files import replacing
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
+from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
@@ -138,23 +139,25 @@ def frames(
         bayesian_update = scenario.bayesian_update
     else:
         bayesian_update = checks.boolean("bayesian_update", bayesian_update)
-    steer = Contestant.of(policy).make(scenario)
+    with no_exit(f"the policy on {where.name}"):
+        steer = Contestant.of(policy).make(scenario)
     return _played(steer, where, first, bayesian_update)
 
 
 def _played(
     steer: Callable[..., Any], search: NamedSearch, seed: int, bayesian_update: bool
 ) -> Iterator[tuple[Frame, Frame]]:
-    prior, posterior = (_environment(search, updates) for updates in (False, True))
-    shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
-    forget = getattr(steer, "reset", None)
-    if forget is not None:
-        forget(seed=seed)
-    yield prior.frame(), posterior.frame()
-    while prior.agents:
-        actions = steer(shown[bayesian_update])
-        shown = [env.step(actions)[0] for env in (prior, posterior)]
+    with no_exit(f"the policy on {search.name}"):
+        prior, posterior = (_environment(search, updates) for updates in (False, True))
+        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
+        forget = getattr(steer, "reset", None)
+        if forget is not None:
+            forget(seed=seed)
         yield prior.frame(), posterior.frame()
+        while prior.agents:
+            actions = steer(shown[bayesian_update])
+            shown = [env.step(actions)[0] for env in (prior, posterior)]
+            yield prior.frame(), posterior.frame()
 
 
 def _environment(search: NamedSearch, bayesian_update: bool) -> DroneSwarmSearch:
@@ -216,7 +219,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         default="planner",
         help=f"one of {', '.join(POLICIES)}, or weights.npz, module:attribute or"
-        " file.py:attribute for one of your own (default: planner)",
+        " file.py:attribute for one of your own; the code of a module or file is executed"
+        " (default: planner)",
     )
     parser.add_argument(
         "--seed", metavar="N", type=int, default=0, help="another seed, another drift (default: 0)"

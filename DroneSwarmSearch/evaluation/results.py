@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import DroneSwarmSearch
+from DroneSwarmSearch import checks
 from DroneSwarmSearch.evaluation import statistics
 from DroneSwarmSearch.evaluation.files import write_text
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate, Reliability
@@ -27,6 +28,7 @@ __all__ = [
     "Comparison",
     "Episodes",
     "Evaluation",
+    "checked_bound",
     "compare",
     "save_csv",
     "save_episodes",
@@ -51,6 +53,30 @@ class Bound(Protocol):
     @property
     def confidence(self) -> float:
         """That the bound holds; 1.0 where it is exact."""
+
+
+def checked_bound(bound: object, search: NamedSearch) -> Any:
+    """A bound of a search, or None.
+
+    Raises:
+        TypeError: it is no bound.
+        ValueError: it is that of another search.
+    """
+    if bound is None:
+        return None
+    by_time = getattr(bound, "by_time", None)
+    figures = [getattr(bound, name, None) for name in ("gap", "confidence")]
+    if not isinstance(by_time, np.ndarray) or not all(map(checks.is_number, figures)):
+        raise TypeError(
+            f"bound must be what planning.success_bound returns, or None, got {bound!r}"
+        )
+    steps = search.scenario.timestep_limit
+    if by_time.shape != (steps + 1,):
+        raise ValueError(
+            f"bound must be that of {search.name}, with a by_time of shape ({steps + 1},), "
+            f"got {by_time.shape}"
+        )
+    return bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +126,35 @@ class Episodes:
         }
 
     @classmethod
-    def from_data(cls, data: dict[str, Any]) -> Episodes:
-        """Episodes from their `data`."""
-        return cls(
-            np.array(data["found_at"], np.int64),
-            np.array(data["endings"], np.int64),
-            np.array(data["steps"], np.int64),
-            np.array(data["returns"], np.float64),
-            Reliability(
-                np.array(data["searches"], np.int64),
-                np.array(data["promised"], np.float64),
-                np.array(data["found"], np.int64),
-            ),
-        )
+    def from_data(cls, data: Any) -> Episodes:
+        """Episodes from their `data`.
+
+        Raises:
+            ValueError: it is no such data, or contradicts itself.
+        """
+        try:
+            found_at = np.array(data["found_at"])
+            endings, steps = np.array(data["endings"]), np.array(data["steps"])
+            returns = np.array(data["returns"], np.float64)
+            searches, found = np.array(data["searches"]), np.array(data["found"])
+            promised = np.array(data["promised"], np.float64)
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
+            raise ValueError(f"data must be that of episodes: {error!r}") from error
+        n, bins = endings.size, (len(statistics.CHANCE_EDGES) - 1,)
+        counts, sums = (found_at, endings, steps, searches, found), (returns, promised)
+        if not (
+            all(array.dtype.kind == "i" and (array >= 0).all() for array in counts)
+            and all(np.isfinite(array).all() for array in sums)
+            and found_at.ndim == 2
+            and found_at.shape[0] == n > 0
+            and endings.shape == steps.shape == returns.shape == (n,)
+            and searches.shape == found.shape == promised.shape == bins
+            and endings.min() >= 1
+            and endings.max() < len(ENDINGS)
+            and (found_at <= steps[:, None]).all()
+        ):
+            raise ValueError("data must be that of episodes: its figures contradict each other")
+        return cls(found_at, endings, steps, returns, Reliability(searches, promised, found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +189,13 @@ class Evaluation:
         )
 
     def with_bound(self, bound: Bound | None) -> Evaluation:
-        """The same with the bound that belongs to the search."""
-        return replace(self, bound=bound)
+        """The same with the bound that belongs to the search.
+
+        Raises:
+            TypeError: it is no bound.
+            ValueError: it is that of another search.
+        """
+        return replace(self, bound=checked_bound(bound, self.search))
 
     @property
     def limit(self) -> int:

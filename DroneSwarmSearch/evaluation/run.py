@@ -7,6 +7,7 @@ in a store. A policy that cannot be copied by pickling plays itself, without wor
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
@@ -19,8 +20,9 @@ from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.episodes import checked_view, play
 from DroneSwarmSearch.evaluation.files import Store
+from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.results import Bound, Episodes, Evaluation
+from DroneSwarmSearch.evaluation.results import Bound, Episodes, Evaluation, checked_bound
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 
@@ -73,9 +75,12 @@ def evaluate(
         observation: the layout of the first two, a name of `layouts.LAYOUTS`.
         workers: processes to play in.
         ray: play on Ray instead: "local", or a cluster's address.
-        store: where finished portions are kept and looked for; a `Store` or its folder. A
-            callable's are kept only if it has a `name`.
-        name: what the policy is called; without it, what it calls itself.
+        store: where finished portions are kept and looked for; a `Store` or its folder.
+            Portions are found again by the policy's code and state, as it is made for the
+            search and prepared. Where these cannot be told, nothing is stored, and a line on
+            stderr says why.
+        name: what the policy is called; without it, what it calls itself. Portions stored
+            under another name are not found.
         bound: what no policy can exceed on the search, see `planning.success_bound`.
         progress: show a progress bar if it takes more than two seconds.
 
@@ -100,6 +105,7 @@ def evaluate(
         store=store,
         name=name,
     )
+    checked_bound(bound, cell.search)
     with Progress(f"{cell.contestant.name} on {cell.search.name}", episodes, progress) as bar:
         work.run(cell.jobs(), workers=workers, ray=ray, progress=bar)
     return cell.evaluation().with_bound(bound)
@@ -144,14 +150,15 @@ class Cell:
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
         self.contestant = Contestant.of(policy, name)
+        if self.contestant.is_batch_policy:
+            _check_form(self.contestant.name, self._view, self._observation)
         if store is None or isinstance(store, Store):
             self._store = store
         elif isinstance(store, (str, Path)):
             self._store = Store(store)
         else:
             raise TypeError(f"store must be a Store, a folder or None, got {store!r}")
-        if self.contestant.identity is None:
-            self._store = None
+        self._identity = self.contestant.identity
         last = self._seed + self.episodes
         self._portions = [
             range(first, min(first + PORTION, last)) for first in range(self._seed, last, PORTION)
@@ -159,19 +166,47 @@ class Cell:
         self._done: dict[range, Episodes] = {}
 
     def jobs(self) -> list[Job]:
-        """What is left to do; portions that the store has are taken from it."""
+        """What is left to do; portions that the store has are taken from it.
+
+        What they are found by is known of the package's own policies beforehand. Any other
+        policy is made for it, here and before any portion is played: playing may change what
+        classes and modules hold.
+        """
+        made = None
+        if self._store is not None and not self.contestant.is_known:
+            made = self._identified(self._store)
         missing = [portion for portion in self._portions if not self._load(portion)]
         stored = Job("", None, weight=sum(map(len, self._portions)) - sum(map(len, missing)))
         if not missing:
             return [stored]
-        label = f"the making of {self.contestant.name} for {self.search.name}"
+        if made is not None:
+            return [stored, *self._jobs_of_portions(missing, made)]
         make = Job(
-            label,
+            self._making,
             _made,
             (self.contestant, self.search),
             then=partial(self._jobs_of_portions, missing),
         )
         return [stored, make]
+
+    def _identified(self, store: Store) -> Made:
+        """The policy, made; from now on its portions are found by its fingerprint."""
+        with work.no_exit(self._making):
+            made = _made(self.contestant, self.search, lambda share: None)
+        try:
+            self._identity = f"{self.contestant.identity}:{fingerprint_of_copies(made)}"
+        except NotIdentifiedError as error:
+            self._store = None
+            print(
+                f"{self.contestant.name} on {self.search.name} is not stored in "
+                f"{store.directory}: {error}",
+                file=sys.stderr,
+            )
+        return made
+
+    @property
+    def _making(self) -> str:
+        return f"the making of {self.contestant.name} for {self.search.name}"
 
     @property
     def is_done(self) -> bool:
@@ -197,7 +232,7 @@ class Cell:
         )
 
     def _jobs_of_portions(self, portions: list[range], policy: Made) -> Iterator[Job]:
-        is_ours = isinstance(self.contestant.policy, str)
+        is_ours = self.contestant.is_ours
         for portion in portions:
             yield Job(
                 f"episodes {portion.start} to {portion.stop - 1} of {self.contestant.name} on "
@@ -217,20 +252,41 @@ class Cell:
     def _load(self, portion: range) -> bool:
         """Take a portion from the store, if it is there."""
         data = None if self._store is None else self._store.load(self._key(portion))
-        if data is not None:
-            self._done[portion] = Episodes.from_data(data)
-        return data is not None
+        if data is None:
+            return False
+        try:
+            episodes = Episodes.from_data(data)
+        except ValueError:
+            return False
+        scenario = self.search.scenario
+        fits = episodes.found_at.shape == (len(portion), len(scenario.persons))
+        if fits and episodes.steps.max() <= scenario.timestep_limit:
+            self._done[portion] = episodes
+        return portion in self._done
 
     def _key(self, portion: range) -> dict[str, Any]:
         """All that a portion's episodes follow from."""
         return {
             "what": "episodes",
-            "policy": self.contestant.identity,
+            "policy": self._identity,
             "parameters": self.search.data,
             "view": self._view,
             "observation": self._observation,
             "seeds": [portion.start, portion.stop],
         }
+
+
+def _check_form(name: str, view: str, observation: str) -> None:
+    """Refuse to show a policy of the package what it does not take."""
+    if view == "drone":
+        raise ValueError(
+            f"view must be 'swarm' or 'parallel' for {name}, which steers whole swarms, got 'drone'"
+        )
+    if observation != "dict":
+        raise ValueError(
+            f"observation must be 'dict' for {name}, which takes positions and a matrix, "
+            f"got {observation!r}"
+        )
 
 
 # What is done by jobs.

@@ -24,7 +24,7 @@ import cloudpickle
 
 from DroneSwarmSearch import checks
 
-__all__ = ["Job", "WorkerCrashed", "run"]
+__all__ = ["Job", "WorkerCrashed", "no_exit", "run"]
 
 REPORT_EVERY = 0.2
 """Seconds between what a worker tells of its progress, at least."""
@@ -100,6 +100,24 @@ def run(
             waiting.extendleft(reversed(_left(job.then(result), told)))
 
 
+@contextlib.contextmanager
+def no_exit(label: str) -> Iterator[None]:
+    """Turn SystemExit into an error: it would end the program as if all were done.
+
+    Args:
+        label: what is being done.
+
+    Raises:
+        RuntimeError: what is done raised SystemExit.
+    """
+    try:
+        yield
+    except SystemExit as stop:
+        raise RuntimeError(
+            f"{label} must not end the program, got SystemExit({stop.code!r})"
+        ) from stop
+
+
 def _left(jobs: Iterable[Job], told: _Told) -> list[Job]:
     """Those of some jobs with something to do; the others are told to be done."""
     wanted = list(jobs)
@@ -136,7 +154,9 @@ def _here(waiting: deque[Job], told: _Told) -> Finished:
     while waiting:
         job = waiting.popleft()
         assert job.function is not None
-        yield job, job.function(*job.arguments, report=lambda share, job=job: told(job, share))
+        with no_exit(job.label):
+            result = job.function(*job.arguments, report=lambda share, job=job: told(job, share))
+        yield job, result
 
 
 # Processes on this machine.
@@ -290,7 +310,7 @@ class _Remote(Exception):  # noqa: N818 (shown as the cause of another exception
 
 def _packed(job: Job) -> bytes:
     try:
-        packed: bytes = cloudpickle.dumps((job.function, job.arguments))
+        packed: bytes = cloudpickle.dumps((job.label, job.function, job.arguments))
     except Exception as error:
         raise TypeError(
             f"{job.label} cannot be sent to a worker ({error}); without workers it can be done"
@@ -301,8 +321,10 @@ def _packed(job: Job) -> bytes:
 def _perform(packed: bytes, report: Report = lambda share: None) -> bytes:
     """Do a packed job; returns its result or its exception, packed."""
     try:
-        function, arguments = cloudpickle.loads(packed)
-        answer: bytes = cloudpickle.dumps(("result", function(*arguments, report=report)))
+        label, function, arguments = cloudpickle.loads(packed)
+        with no_exit(label):
+            result = function(*arguments, report=report)
+        answer: bytes = cloudpickle.dumps(("result", result))
     except Exception as error:
         text = traceback.format_exc()
         try:

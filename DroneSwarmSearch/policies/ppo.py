@@ -7,9 +7,10 @@ docs/guides/training.md has the command, the time it took and the learning curve
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,9 @@ Singles = NDArray[np.float32]
 
 ACTIONS = len(Action) - 1
 """What is scored: moves and searching. Idling would never teach more than a search."""
+
+LARGEST = 2**28
+"""Bytes of weights that are read at most, so that no file can fill the memory."""
 
 OWN_WEIGHTS = Path(__file__).with_name("ppo.npz")
 
@@ -84,20 +88,49 @@ class Network:
             ValueError: it holds no such network.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays: Mapping[str, Singles] = dict(file)
+            with zipfile.ZipFile(path) as archive:
+                arrays = dict(_arrays(archive))
+            count = len(arrays) // 2
+            names = [f"{what}{number}" for number in range(count) for what in ("weights", "biases")]
+            if not names or {*names} != {*arrays}:
+                raise ValueError(
+                    "it must hold the arrays weights0, biases0 and so on, "
+                    f"got {', '.join(arrays) or 'none'}"
+                )
+            return cls([(arrays[f"weights{k}"], arrays[f"biases{k}"]) for k in range(count)])
         except FileNotFoundError:
             raise
-        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(f"{path} must hold a network's weights: {error}") from error
-        count = len(arrays) // 2
-        names = [f"{what}{number}" for number in range(count) for what in ("weights", "biases")]
-        if not names or {*names} != {*arrays}:
-            raise ValueError(
-                f"{path} must hold the arrays weights0, biases0 and so on, "
-                f"got {', '.join(arrays) or 'none'}"
-            )
-        return cls([(arrays[f"weights{k}"], arrays[f"biases{k}"]) for k in range(count)])
+        except Exception as error:  # of a damaged file zipfile, zlib and NumPy raise many kinds
+            why = str(error) or type(error).__name__
+            raise ValueError(f"{path} must hold a network's weights: {why}") from error
+
+
+def _arrays(archive: zipfile.ZipFile) -> Iterator[tuple[str, Singles]]:
+    """The arrays of a file of NumPy's by their names; no larger than the file says it is."""
+    total = sum(member.file_size for member in archive.infolist())
+    if total > LARGEST:
+        raise ValueError(f"its arrays must have at most {LARGEST} bytes, got {total}")
+    for member in archive.infolist():
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            if version not in _HEADERS:
+                raise ValueError(f"{member.filename} must be of format 1.0 or 2.0, got {version}")
+            shape, by_columns, dtype = _HEADERS[version](file)
+            if dtype.kind != "f":
+                raise ValueError(f"{member.filename} must hold real numbers, got {dtype}")
+            values = np.frombuffer(file.read(), dtype)
+            with np.errstate(over="ignore"):  # infinite then, which is refused
+                array = values.astype(np.float32)
+        if not np.isfinite(array).all():
+            raise ValueError(f"{member.filename} must hold finite numbers")
+        order: Literal["C", "F"] = "F" if by_columns else "C"
+        yield member.filename.removesuffix(".npy"), array.reshape(shape, order=order)
+
+
+_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 
 class PPOPolicy(SwarmPolicy):
