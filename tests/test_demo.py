@@ -462,6 +462,41 @@ class TestFilm:
         assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
         assert list(tmp_path.iterdir()) == []
 
+    def test_without_ffmpeg(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        pytest.importorskip("imageio_ffmpeg")
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
+        line = refusal(capsys, "--record", str(tmp_path / "film.mp4"), *SHORT)
+        assert "error: an MP4 film needs the program ffmpeg" in line
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("suffix", video.SUFFIXES)
+    def test_an_interruption_leaves_the_film_that_was_there(
+        self,
+        suffix: str,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        if suffix == ".mp4":
+            pytest.importorskip("imageio_ffmpeg")
+        film = tmp_path / f"film{suffix}"
+        film.write_bytes(b"before")
+        frames = demo._Episode.frames
+
+        def interrupted(episode: Any) -> Iterator[Frame]:
+            for frame in frames(episode):
+                yield frame
+                if frame.step == 5:
+                    raise KeyboardInterrupt
+
+        monkeypatch.setattr(demo._Episode, "frames", interrupted)
+        assert demo.main(["--record", str(film), *SHORT]) == 130
+        assert capsys.readouterr().err.endswith("\ninterrupted\n")
+        assert film.read_bytes() == b"before"
+        assert list(tmp_path.iterdir()) == [film]
+
     def test_where_nothing_can_be_written(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
