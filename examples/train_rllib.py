@@ -172,7 +172,8 @@ def train(run: training.Run, options: Namespace) -> Path:
     learning = algorithm(options, options.seed + run.steps_done)  # resumed, in other seas
     if run.resumes:
         learning.restore_from_path(run.checkpoint.absolute())
-        played = learning.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME))
+        counted = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
+        played = learning.metrics.peek(counted, default=0)  # nothing is counted at the beginning
         run.go_on_from(int(played))
     else:
         save()

@@ -519,6 +519,24 @@ def test_ctrl_c_while_the_curve_is_drawn_is_no_other(
     assert "interrupted after 50 steps; --resume goes on" in capsys.readouterr().err
 
 
+def test_an_error_that_a_library_makes_of_ctrl_c_is_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def train() -> None:
+        with training.Run(options(tmp_path), "Trial") as run:
+            save(run, 50)
+            run.log(50)
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt:
+                raise RuntimeError("not permitted")  # noqa: B904 (as in TorchRL's clean-up)
+
+    with pytest.raises(SystemExit) as stopped:
+        train()
+    assert stopped.value.code == 130
+    assert "interrupted after 50 steps; --resume goes on" in capsys.readouterr().err
+
+
 def test_ctrl_c_without_a_checkpoint_says_what_is_in_the_way(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

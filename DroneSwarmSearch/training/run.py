@@ -240,7 +240,8 @@ class Run:
         trace: TracebackType | None,
     ) -> None:
         self._bar.__exit__(kind, error, trace)
-        if kind is not KeyboardInterrupt:
+        interrupted = _comes_of_an_interrupt(error)
+        if not interrupted:
             try:
                 self.draw()
                 return
@@ -258,7 +259,14 @@ class Run:
                 f"checkpoint, {newest}"
             )
         print(told, file=sys.stderr, flush=True)
-        if kind is KeyboardInterrupt:
+        if interrupted:
             with suppress(KeyboardInterrupt):
                 self.draw()
         raise SystemExit(INTERRUPTED) from None
+
+
+def _comes_of_an_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is Ctrl-C's, or arose while a library was dealing with that."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
