@@ -15,7 +15,8 @@ usage: python -m DroneSwarmSearch [play] [options]
        python -m DroneSwarmSearch COMMAND [arguments]
 
 commands:
-  play         watch a search in the terminal; this is what happens without a command
+  play         watch a search, in a window if there is a display, else in the terminal;
+               this is what happens without a command
   evaluate     let a policy play searches of the suite, and tell how well it did
   leaderboard  compare all policies on the suite: tables, plots, files
   bound        what no policy can exceed on a search
@@ -60,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
         meant = f"; did you mean {' or '.join(near)}?" if near else ""
         print(f"no such command: {command!r}{meant}\n\n{HELP}", end="", file=sys.stderr)
         return 2
-    return demo.main(["--text", *(rest if command == "play" else argv)])
+    return demo.main(rest if command == "play" else argv)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from DroneSwarmSearch.policies import POLICIES, Policy, make
 from DroneSwarmSearch.policies.ppo import Network
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
-from DroneSwarmSearch.rendering.video import INSTALL_HINT, SUFFIXES, write_film
+from DroneSwarmSearch.rendering.video import SUFFIXES, write_film
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 from DroneSwarmSearch.scenario import Cell
 
@@ -366,7 +366,7 @@ def _record(
         painter = _painter(options)
         write_film(path, map(painter.pixels, episode.frames()), fps=options.fps, hold=HOLD_FILM)
     except ImportError as error:
-        _give_up(parser, f"--record needs the package {error.name}: {INSTALL_HINT}")
+        _give_up(parser, str(error))
     except OSError as error:
         _give_up(parser, f"cannot write {path}: {error.strerror or error}")
 

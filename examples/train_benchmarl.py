@@ -189,13 +189,16 @@ def settings(options: Any, checkpoint: Path | None) -> ExperimentConfig:
     return config
 
 
-def newest(folder: Path) -> Path:
-    """The checkpoint of the most steps in a run's folder."""
-    found = folder.glob("*/checkpoints/checkpoint_*.pt")
-    numbered = [(int(path.stem.split("_")[-1]), path) for path in found]
-    if not numbered:
-        raise SystemExit(f"there is nothing to resume in {folder}: no checkpoint")
-    return max(numbered)[1]
+class Saved(Experiment):
+    """An experiment of which no checkpoint is left that was not written to its end."""
+
+    def _save_experiment(self) -> None:
+        try:
+            super()._save_experiment()
+        except BaseException:
+            name = f"checkpoint_{self.total_frames}.pt"
+            (self.folder_name / "checkpoints" / name).unlink(missing_ok=True)
+            raise
 
 
 def main() -> None:
@@ -214,17 +217,20 @@ def main() -> None:
     usual = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
     model = MlpConfig(**usual)
     of_state = MlpConfig(**usual, num_feature_dims=3)  # planes
-    with training.Run(options, f"BenchMARL, {options.algorithm.upper()}") as run:
-        experiment = Experiment(
+    title = f"BenchMARL, {options.algorithm.upper()}"
+    with training.Run(options, title, "*/checkpoints/checkpoint_*.pt") as run:
+        experiment = Saved(
             task=SearchTask.EXERCISE.get_task(training.EXERCISE),
             algorithm_config=algorithm,
             model_config=model,
             critic_model_config=of_state if options.algorithm == "mappo" else None,
             seed=options.seed + run.steps_done,  # a resumed run meets other seas
-            config=settings(options, newest(run.folder) if run.resumes else None),
+            config=settings(options, run.checkpoint if run.resumes else None),
             callbacks=[Record(run)],
         )
         run.go_on_from(experiment.total_frames)
+        if not run.resumes:
+            experiment._save_experiment()
         experiment.run()
     training.compare_with_baselines(
         Pilot(experiment.policy),

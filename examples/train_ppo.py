@@ -21,7 +21,6 @@ they never collide.
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -64,8 +63,6 @@ DISCOUNT, TRACE = 0.99, 0.95  # gamma and lambda of the advantages
 CLIP, VALUE, GRADIENT = 0.2, 2.0, 0.5  # of PPO's loss; the gradient's norm
 ENTROPY = 0.003  # its weight in the loss at the beginning; falls to nothing
 ACTIONS = len(Action) - 1  # without idling: a search costs nothing here
-
-SAVED_EVERY = 60.0  # seconds between checkpoints
 
 Singles = NDArray[np.float32]
 FOUND = ENDINGS.index(Ending.FOUND)
@@ -268,7 +265,7 @@ def train(run: Run, seed: int) -> None:
     torch.manual_seed(seed)
     first_seed, checkpoint = seed, None
     if run.resumes:
-        checkpoint = torch.load(run.checkpoint("checkpoint.pt"), weights_only=True)
+        checkpoint = torch.load(run.checkpoint, weights_only=True)
         run.go_on_from(checkpoint["steps"])
         first_seed += checkpoint["steps"]  # other searches than before
     family = [
@@ -286,26 +283,27 @@ def train(run: Run, seed: int) -> None:
     if checkpoint is not None:
         agent.load_state_dict(checkpoint["agent"])
         optimiser.load_state_dict(checkpoint["optimiser"])
-    rng, tally, saved = np.random.default_rng(first_seed), Tally(), time.monotonic()
+    rng, tally = np.random.default_rng(first_seed), Tally()
     a_round = ROLLOUT * sum(swarms.batch.num_rows for swarms in family)
 
+    if checkpoint is None:
+        save(run, agent, optimiser, 0)
     while run.steps_done < run.wanted:
         share = 1.0 - run.steps_done / run.wanted
         data = rollout(agent, family, rng, tally)
         entropy = update(agent, optimiser, data, share)
-        run.log(run.steps_done + a_round, entropy=entropy, **tally.take())
-        over = run.steps_done >= run.wanted
-        if over or time.monotonic() - saved > SAVED_EVERY:
-            saved = time.monotonic()
-            state = {
-                "agent": agent.state_dict(),
-                "optimiser": optimiser.state_dict(),
-                "steps": run.steps_done,
-            }
-            with run.saving("checkpoint.pt") as path:
-                torch.save(state, path)
-            with run.saving("policy.npz") as path:
-                agent.network().save(path)
+        steps = run.steps_done + a_round
+        save(run, agent, optimiser, steps)
+        run.log(steps, entropy=entropy, **tally.take())
+
+
+def save(run: Run, agent: Agent, optimiser: torch.optim.Optimizer, steps: int) -> None:
+    """Keep the weights, and what `--resume` needs; the latter last: it says what is done."""
+    with run.saving("policy.npz") as path:
+        agent.network().save(path)
+    state = {"agent": agent.state_dict(), "optimiser": optimiser.state_dict(), "steps": steps}
+    with run.saving("checkpoint.pt") as path:
+        torch.save(state, path)
 
 
 def main() -> None:

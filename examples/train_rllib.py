@@ -12,7 +12,6 @@ installed there. The network learns in this process, which also keeps the folder
 
 from __future__ import annotations
 
-import shutil
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
@@ -131,15 +130,6 @@ def algorithm(options: Namespace, seed: int) -> Algorithm:
     return config.build_algo()
 
 
-def save(trained: Algorithm, path: Path) -> None:
-    """Keep a checkpoint; the last one goes when the new one is complete."""
-    new = path.with_name(path.name + ".new").absolute()
-    shutil.rmtree(new, ignore_errors=True)
-    trained.save_to_path(new)
-    shutil.rmtree(path, ignore_errors=True)
-    new.rename(path)
-
-
 class TrainedPolicy:
     """The network of a checkpoint, as `DroneSwarmSearch.evaluation` takes policies.
 
@@ -174,23 +164,30 @@ class TrainedPolicy:
 
 def train(run: training.Run, options: Namespace) -> Path:
     """Train until the steps are done; returns the checkpoint's path."""
-    path = run.checkpoint("checkpoint")
+
+    def save() -> None:
+        with run.saving_folder() as path:
+            learning.save_to_path(path)
+
     learning = algorithm(options, options.seed + run.steps_done)  # resumed, in other seas
     if run.resumes:
-        learning.restore_from_path(path.absolute())
-        played = learning.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME))
+        learning.restore_from_path(run.checkpoint.absolute())
+        counted = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
+        played = learning.metrics.peek(counted, default=0)  # nothing is counted at the beginning
         run.go_on_from(int(played))
+    else:
+        save()
     while run.steps_done < run.wanted:
         got = learning.train()[ENV_RUNNER_RESULTS]
+        save()
         ended = got.get("ended", 0)
         run.log(
             int(got[NUM_ENV_STEPS_SAMPLED_LIFETIME]),
             reward=got["points"] / ended if ended else None,
             found=got["found"] / ended if ended else None,
         )
-        save(learning, path)
     learning.stop()
-    return path
+    return run.checkpoint
 
 
 def main() -> None:
@@ -217,7 +214,7 @@ def main() -> None:
     )
     options = parser.parse_args()
 
-    with training.Run(options, "PPO with RLlib") as run:
+    with training.Run(options, "PPO with RLlib", "checkpoint") as run:
         ray.init(address=options.address, log_to_driver=False, logging_level="error")
         path = train(run, options)
         ray.shutdown()

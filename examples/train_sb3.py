@@ -109,7 +109,7 @@ class Record(BaseCallback):
         self.run.log(self.num_timesteps // DRONES, _mean(self.returns), _mean(self.found))
         self.returns, self.found = [], []
 
-    def _on_rollout_start(self) -> None:  # what came before has been learnt from
+    def _on_rollout_start(self) -> None:  # before the first, then what has been learnt
         self.save()
 
     def _on_training_end(self) -> None:
@@ -147,13 +147,13 @@ def _algorithm(masked: bool) -> Any:
 def train(options: argparse.Namespace) -> Any:
     """Train until all steps wanted are done; returns the model."""
     algorithm = _algorithm(options.mask)
-    with training.Run(options, f"{algorithm.__name__} of Stable-Baselines3") as run:
+    title = f"{algorithm.__name__} of Stable-Baselines3"
+    with training.Run(options, title, CHECKPOINT) as run:
         seed = options.seed + run.steps_done  # a resumed run is to meet new seas
         set_random_seed(seed)
         env = (wrapped if options.supersuit else batched)(options.num_envs, seed)
-        path = run.checkpoint(CHECKPOINT)
         if run.resumes:
-            model = algorithm.load(path, env, device="cpu")
+            model = algorithm.load(run.checkpoint, env, device="cpu")
             run.go_on_from(model.num_timesteps // DRONES)
         else:
             model = algorithm("MlpPolicy", env, **PARAMETERS)

@@ -100,8 +100,7 @@ class Record(LazyLogger):
 
     def save_data(self, epoch: int, env_step: int, update_step: int, *_: Any) -> None:
         steps = self.begun + env_step // DRONES
-        with self.run.saving(CHECKPOINT) as path:
-            torch.save({"steps": steps, "dqn": self.dqn.state_dict()}, path)
+        save(self.run, self.dqn, steps)
         # Whoever has found nobody by the limit, or crashes, has a return near -100 000.
         found = [each.min() > -50_000 for each in self.returns]
         reward = float(np.mean(self.returns)) if found else None
@@ -109,17 +108,24 @@ class Record(LazyLogger):
         self.returns = []
 
 
+def save(run: training.Run, dqn: DQN, steps: int) -> None:
+    """Keep what `--resume` needs."""
+    with run.saving(CHECKPOINT) as path:
+        torch.save({"steps": steps, "dqn": dqn.state_dict()}, path)
+
+
 def train(options: argparse.Namespace) -> DQN:
     """Train until all steps wanted are done."""
-    torch.manual_seed(options.seed)
-    np.random.seed(options.seed)  # Tianshou explores with NumPy's global numbers
-    dqn = learner()
-    with training.Run(options, "DQN of Tianshou") as run:
-        path = run.checkpoint(CHECKPOINT)
+    with training.Run(options, "DQN of Tianshou", CHECKPOINT) as run:
+        torch.manual_seed(options.seed)
+        np.random.seed(options.seed)  # Tianshou explores with NumPy's global numbers
+        dqn = learner()
         if run.resumes:
-            kept = torch.load(path)
+            kept = torch.load(run.checkpoint)
             dqn.load_state_dict(kept["dqn"])
             run.go_on_from(kept["steps"])
+        else:
+            save(run, dqn, 0)
         begun = run.steps_done
         if begun >= run.wanted:
             return dqn

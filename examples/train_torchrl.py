@@ -201,7 +201,6 @@ def main() -> None:
     )
     options = parser.parse_args()
     with training.Run(options, f"TorchRL, PPO with a {options.critic} critic") as run:
-        checkpoint = run.checkpoint("checkpoint.pt")
         central = options.critic == "central"
         env = make_environment(SWARMS, central)
         torch.manual_seed(options.seed)
@@ -209,26 +208,32 @@ def main() -> None:
         loss = make_loss(env, policy, central)
         optimiser = torch.optim.Adam(loss.parameters(), lr=LEARNING_RATE, eps=1e-5)
         if run.resumes:
-            kept = torch.load(checkpoint, weights_only=True)
+            kept = torch.load(run.checkpoint, weights_only=True)
             loss.load_state_dict(kept["loss"])
             optimiser.load_state_dict(kept["optimiser"])
             run.go_on_from(kept["steps"])
         env.set_seed(options.seed + run.steps_done)  # a resumed run meets other seas
 
+        def save(steps: int) -> None:
+            state = {
+                "steps": steps,
+                "loss": loss.state_dict(),
+                "optimiser": optimiser.state_dict(),
+            }
+            with run.saving("checkpoint.pt") as path:
+                torch.save(state, path)
+
+        if not run.resumes:
+            save(0)
         collector = Collector(env, policy, frames_per_batch=SWARMS * LENGTH)
         batches = iter(collector)
         while run.steps_done < run.wanted:
             batch = next(batches)
             judge(batch, loss)
             last = improve(batch, loss, optimiser)
-            run.log(run.steps_done + batch.numel(), **figures(batch), loss=last)
-            state = {
-                "steps": run.steps_done,
-                "loss": loss.state_dict(),
-                "optimiser": optimiser.state_dict(),
-            }
-            with run.saving("checkpoint.pt") as path:
-                torch.save(state, path)
+            steps = run.steps_done + batch.numel()
+            save(steps)
+            run.log(steps, **figures(batch), loss=last)
         collector.shutdown()
     training.compare_with_baselines(
         Pilot(network),

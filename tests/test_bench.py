@@ -360,4 +360,4 @@ class TestCommandLine:
         played = []
         monkeypatch.setattr(demo, "main", lambda argv: played.append(argv) or 5)
         assert command.main(given) == 5
-        assert played == [["--text", *passed]]
+        assert played == [passed]

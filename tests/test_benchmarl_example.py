@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
-from trainer_examples import EXAMPLES, check_folder, check_table, python, rows
+from trainer_examples import EXAMPLES, check_folder, check_table, interrupt, python, rows
 
 pytest.importorskip("benchmarl")
 
@@ -44,6 +45,14 @@ def test_it_trains_and_goes_on(algorithm: str, tmp_path: Path) -> None:
     seen = [list(map(int, line.split())) for line in python(script, *kept).splitlines()]
     once = seen[0][1]
     assert seen == [[1024 * i, once * i, once * i] for i in (1, 2, 3)]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.parametrize("moment", ["", "*/checkpoints/*", "curve.csv"])
+def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_benchmarl", folder, moment, "--episodes", 5)
+    assert (folder / "evaluation.csv").exists()
 
 
 TASK = """

@@ -23,9 +23,10 @@ from DroneSwarmSearch.planning.bound import (
     Effort,
     anywhere,
     chernoff_limit,
+    enumerated_ways,
     flights,
     frank_wolfe,
-    ways_of,
+    sampled_ways,
 )
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import values_to_go
@@ -181,6 +182,31 @@ def test_a_sampled_bound_allows_for_the_sample() -> None:
     assert bound.confidence == 0.999
 
 
+@pytest.mark.parametrize(
+    ("persons", "detections", "horizons", "solutions"),
+    [
+        ([(1, 1)], 1.0, 4, 4),
+        ([(1, 1), (1, 2)], 1.0, 1, 2),
+        ([(1, 1), (2, 2), (1, 1)], 1.0, 3, 6),  # two persons alike share one bound
+        ([(1, 1), (1, 1)], (1.0, 0.9), 2, 4),
+        ([(1, 1)], 1.0, 50, 7),  # no more horizons than steps
+        ([(1, 1), (0, 0)], 1.0, 3, 3),  # the corner has few enough ways to enumerate
+    ],
+)
+def test_a_sampled_bound_holds_for_all_persons_and_steps_together(
+    persons: list[tuple[int, int]], detections: Any, horizons: int, solutions: int
+) -> None:
+    """The probability of failure, one in a thousand, is divided among the sampled solutions."""
+    of = search(
+        [(0, 0)], grid_size=4, person_initial_position=persons, timestep_limit=7,
+        vector=(0.3, 0.2), disperse_constant=12, probability_of_detection=detections,
+    )  # fmt: skip
+    bound = success_bound(of.scenario, of.drones, sample=2000, gap=0.1, horizons=horizons)
+    limit = chernoff_limit(bound.relaxed + bound.gap, 2000, 1 - 0.001 / solutions)
+    assert bound.by_limit == pytest.approx(limit, rel=1e-9)
+    assert bound.confidence == 0.999
+
+
 def test_the_planner_does_not_fall_far_short_of_the_bound() -> None:
     """A bound that nothing came near would be of no use."""
     bound = sampled_bound()
@@ -242,8 +268,8 @@ class TestWays:
     LAW = ProbabilityMatrix(5, (1, 3), (0.4, -0.2), 8)
 
     def test_all_of_them_are_the_law(self) -> None:
-        ways = ways_of(self.LAW, 5, 100)
-        assert not ways.sampled
+        ways = enumerated_ways(self.LAW, 5)
+        assert ways is not None
         assert ways.chances.sum() == pytest.approx(1.0, rel=1e-12)
         assert len(np.unique(ways.cells, axis=1).T) == len(ways.chances)
         for step in range(5):
@@ -262,8 +288,8 @@ class TestWays:
 
     def test_a_sample_of_them_follows_the_law(self) -> None:
         count = 20_000
-        ways = ways_of(self.LAW, 12, count)
-        assert ways.sampled
+        ways = sampled_ways(self.LAW, 12, count)
+        assert enumerated_ways(self.LAW, 12) is None
         assert ways.cells.shape == (12, count)
         assert (ways.chances == 1 / count).all()
         for step in range(12):
@@ -280,7 +306,7 @@ class TestWays:
             assert abs(share - chance) < 4 * math.sqrt(chance * (1 - chance) / here.sum())
 
     def test_their_beginnings(self) -> None:
-        ways = ways_of(self.LAW, 5, 100)
+        ways = enumerated_ways(self.LAW, 5)
         assert np.array_equal(ways.until(3).cells, ways.cells[:3])
         assert ways.until(3).chances is ways.chances
 
@@ -319,7 +345,7 @@ class TestObjectives:
             effort[steps, path.cells[steps]] += 1.0
         exact = self.chain(effort, -math.log(0.4)).value()
         assert exact == pytest.approx(expected, rel=1e-12)
-        ways = ways_of(self.LAW, 5, 0)
+        ways = enumerated_ways(self.LAW, 5)
         assert along(ways, effort, 0.6) == pytest.approx(expected, rel=1e-12)
 
     def test_along_the_chain_tangents_touch_and_lie_above(self) -> None:
@@ -344,7 +370,7 @@ class TestObjectives:
     @pytest.mark.parametrize("detection", [1.0, 0.6])
     def test_along_the_ways_tangents_lie_above(self, detection: float) -> None:
         rng = np.random.default_rng(1)
-        ways = ways_of(self.LAW, 5, 0)
+        ways = enumerated_ways(self.LAW, 5)
         objective = AlongWays(ways, 5, detection)
         assert objective.value() == 0.0
         for _ in range(12):
@@ -361,7 +387,7 @@ class TestObjectives:
     @pytest.mark.parametrize("detection", [1.0, 0.6])
     def test_along_the_ways_the_point_is_on_the_line_to_the_target(self, detection: float) -> None:
         """Towards half a search of every cell in the last step, nearly the whole way."""
-        ways = ways_of(self.LAW, 5, 0)
+        ways = enumerated_ways(self.LAW, 5)
         target = np.zeros(self.SHAPE)
         target[4] = 0.5
         objective = AlongWays(ways, 5, detection)
@@ -371,7 +397,7 @@ class TestObjectives:
 
     def test_the_function_along_the_chain_is_the_larger_one(self) -> None:
         oracle = flights([0, 2])
-        ways = AlongWays(ways_of(self.LAW, 5, 0), 5, 0.6)
+        ways = AlongWays(enumerated_ways(self.LAW, 5), 5, 0.6)
         chain = self.chain(np.zeros(125), -math.log(0.4))
         lower = frank_wolfe(ways, oracle, gap=0.005, iterations=300)
         upper = frank_wolfe(chain, oracle, gap=0.005, iterations=300)
@@ -383,7 +409,7 @@ class TestObjectives:
         """Twelve steps: more ways than are enumerated, of which the sampled value is a mean."""
         law = self.LAW
         chain = AlongChain(Chain(law, 0.6, 0, 12), law.exact(0), -math.log(0.4), np.zeros(300))
-        ways = ways_of(law, 12, 4000)
+        ways = sampled_ways(law, 12, 4000)
         oracle = flights([0, 2])
         sampled = frank_wolfe(AlongWays(ways, 5, 0.6), oracle, gap=0.02, iterations=60)
         exact = frank_wolfe(chain, oracle, gap=0.02, iterations=60)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import __main__ as command_line
 from DroneSwarmSearch import demo
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering import video
@@ -105,10 +106,17 @@ class TestText:
         assert "step 0/100" in done.stdout
         assert "The target was found" in figures(done.stdout)["outcome"]
 
-    def test_module_plays_in_the_terminal_even_with_a_display(self) -> None:
-        done = run("-m", "DroneSwarmSearch", *SHORT, display="dummy")
-        assert (done.returncode, done.stderr) == (0, "")
+    @pytest.mark.parametrize("command", [[], ["play"]])
+    def test_the_module_plays_in_the_terminal_without_a_display(self, command: list[str]) -> None:
+        done = run("-m", "DroneSwarmSearch", *command, *SHORT, display="none_such")
+        assert done.returncode == 0
+        assert re.fullmatch(r"no window can be opened \(.*\): here it is as text\n", done.stderr)
         assert "step 8/8" in done.stdout
+
+    def test_the_module_refuses_manual_flight_without_a_display(self) -> None:
+        done = run("-m", "DroneSwarmSearch", "play", "--manual", display="none_such")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert "--manual needs a display" in done.stderr
 
     def test_summary(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", *SHORT]) == 0
@@ -175,6 +183,19 @@ class TestText:
         monkeypatch.setattr(demo, "render_text", interrupt)
         assert demo.main(["--text"]) == 130
         assert capsys.readouterr().err == "\ninterrupted\n"
+
+    @pytest.mark.parametrize("encoding", ["ascii", "ascii:strict"])
+    @pytest.mark.parametrize(
+        "arguments",
+        [["play", "--text", *SHORT], ["evaluate", "--list"], ["play", "--policy", "n\u00e9.npz"]],
+    )
+    def test_characters_that_the_terminal_lacks_end_no_command(
+        self, encoding: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("PYTHONIOENCODING", encoding)
+        done = run("-m", "DroneSwarmSearch", *arguments, display="none_such")
+        assert "Traceback" not in done.stderr
+        assert done.returncode == (2 if "--policy" in arguments else 0)
 
     @pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
     def test_reader_may_leave(self) -> None:
@@ -321,6 +342,20 @@ class TestWindow:
         assert figures(capsys.readouterr().out)["outcome"] == f"stopped: {reason}"
         assert not pygame.display.get_init()
 
+    @pytest.mark.parametrize("command", [[], ["play"], ["play", "--manual"], ["--manual"]])
+    def test_the_module_opens_the_window(
+        self,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+        command: list[str],
+    ) -> None:
+        shown = script(monkeypatch, key(pygame.K_ESCAPE))
+        assert command_line.main(command) == 0
+        assert len(shown) == 1
+        captured = capsys.readouterr()
+        assert captured.err == ""
+        assert figures(captured.out)["outcome"] == "stopped: you quit"
+
     def test_flown_by_hand(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -426,6 +461,41 @@ class TestFilm:
         line = refusal(capsys, "--record", str(tmp_path / f"film{suffix}"), *SHORT)
         assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
         assert list(tmp_path.iterdir()) == []
+
+    def test_without_ffmpeg(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        pytest.importorskip("imageio_ffmpeg")
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
+        line = refusal(capsys, "--record", str(tmp_path / "film.mp4"), *SHORT)
+        assert "error: an MP4 film needs the program ffmpeg" in line
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("suffix", video.SUFFIXES)
+    def test_an_interruption_leaves_the_film_that_was_there(
+        self,
+        suffix: str,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        if suffix == ".mp4":
+            pytest.importorskip("imageio_ffmpeg")
+        film = tmp_path / f"film{suffix}"
+        film.write_bytes(b"before")
+        frames = demo._Episode.frames
+
+        def interrupted(episode: Any) -> Iterator[Frame]:
+            for frame in frames(episode):
+                yield frame
+                if frame.step == 5:
+                    raise KeyboardInterrupt
+
+        monkeypatch.setattr(demo._Episode, "frames", interrupted)
+        assert demo.main(["--record", str(film), *SHORT]) == 130
+        assert capsys.readouterr().err.endswith("\ninterrupted\n")
+        assert film.read_bytes() == b"before"
+        assert list(tmp_path.iterdir()) == [film]
 
     def test_where_nothing_can_be_written(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from trainer_examples import check_folder, check_table, module, run
+from trainer_examples import check_folder, check_table, interrupt, module, rows, run
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import search
@@ -40,6 +41,16 @@ def test_it_trains_resumes_and_compares(tmp_path: Path, example: ModuleType) -> 
     assert check_folder(tmp_path, "checkpoint.pt", "ppo") == [*steps, steps[-1] + a_round]
     assert weights.read_bytes() != first
     assert PPOPolicy(search("classic").scenario, weights)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.parametrize("moment", ["", ".policy.*", ".checkpoint.*", "checkpoint.pt", "curve.csv"])
+def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_ppo", folder, moment, "--steps", 20_000, "--episodes", 5)
+    assert int(rows(folder / "curve.csv")[-1]["steps"]) >= 20_000
+    assert (folder / "evaluation.csv").exists()
 
 
 def swarms_of(example: ModuleType, **changes: Any) -> Any:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +24,7 @@ from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rendering.colours import BANNER_LOST
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
+from DroneSwarmSearch.rendering.video import SUFFIXES, write_film
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 
@@ -213,6 +216,197 @@ class TestFilm:
         assert not list(tmp_path.iterdir())
 
 
+class StoppedError(BaseException):
+    """What no library expects."""
+
+
+class TestWriting:
+    """`write_film`, on which the commands rest."""
+
+    @staticmethod
+    def pictures(count: int, height: int = 60, width: int = 80) -> Iterator[NDArray[np.uint8]]:
+        """Noise, of which a part changes from picture to picture."""
+        rng = np.random.default_rng(0)
+        picture = rng.integers(0, 256, (height, width, 3), np.uint8)
+        for number in range(count):
+            picture = picture.copy()
+            picture[number % height, : 1 + number % width] = 255
+            yield picture
+
+    @pytest.fixture(params=SUFFIXES)
+    def path(self, request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+        """Where a film is already."""
+        if request.param == ".mp4":
+            pytest.importorskip("imageio_ffmpeg")
+        path = tmp_path / f"film{request.param}"
+        path.write_bytes(b"before")
+        return path
+
+    @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError, StoppedError])
+    @pytest.mark.parametrize("place", [0, 1, 29])
+    def test_an_error_leaves_the_film_that_was_there(
+        self, path: Path, error: type[BaseException], place: int
+    ) -> None:
+        def failing() -> Iterator[NDArray[np.uint8]]:
+            yield from self.pictures(place, 200, 300)
+            raise error
+
+        with pytest.raises(error):
+            write_film(path, failing(), fps=5, hold=1)
+        assert path.read_bytes() == b"before"
+        assert list(path.parent.iterdir()) == [path]
+
+    @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
+    @pytest.mark.parametrize("room", [0, 1000, 20_000])
+    def test_a_full_disk_leaves_the_film_that_was_there(self, path: Path, room: int) -> None:
+        code = (
+            "import resource, sys\n"
+            "from pathlib import Path\n"
+            "from test_record import TestWriting\n"
+            "from DroneSwarmSearch.rendering.video import write_film\n"
+            "room = int(sys.argv[2])\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))\n"
+            "try:\n"
+            "    write_film(Path(sys.argv[1]), TestWriting.pictures(30, 200, 300), fps=5, hold=1)\n"
+            "except OSError as error:\n"
+            "    print(error)\n"
+        )
+        told = python(code, path, room)
+        assert "what was written before is kept" in told
+        assert str(path) in told
+        assert path.read_bytes() == b"before"
+        assert list(path.parent.iterdir()) == [path]
+
+    @pytest.mark.skipif(sys.platform == "win32", reason="the module resource is POSIX's")
+    def test_memory_does_not_grow_with_the_number_of_pictures(self, path: Path) -> None:
+        code = (
+            "import resource, sys\n"
+            "from pathlib import Path\n"
+            "from test_record import TestWriting\n"
+            "from DroneSwarmSearch.rendering.video import write_film\n"
+            "pictures = TestWriting.pictures(int(sys.argv[2]), 300, 400)\n"
+            "write_film(Path(sys.argv[1]), pictures, fps=5, hold=1)\n"
+            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+        )
+        few, many = (int(python(code, path, count)) for count in (20, 120))
+        unit = 1 if sys.platform == "darwin" else 1024
+        assert (many - few) * unit < 20_000_000
+
+    def test_a_gif_shows_every_picture_for_its_time(self, tmp_path: Path) -> None:
+        path = tmp_path / "film.gif"
+        ramp = np.zeros((40, 50, 3), np.uint8)
+        pictures = [ramp]
+        for box in [(0, 0, 5, 5), (39, 49, 40, 50), None, None, (0, 0, 40, 50), (3, 4, 20, 5)]:
+            picture = pictures[-1].copy()
+            if box is not None:
+                top, left, bottom, right = box
+                picture[top:bottom, left:right] ^= 255
+            pictures.append(picture)
+        assert write_film(path, iter(pictures), fps=4, hold=1.5) == 7
+        shown, durations = [], []
+        with Image.open(path) as film:
+            assert film.info["loop"] == 0
+            for number in range(film.n_frames):
+                film.seek(number)
+                shown.append(np.asarray(film.convert("RGB")))
+                durations.append(film.info["duration"])
+        assert durations == [250, 250, 750, 250, 1750]
+        for seen, wanted in zip(shown, [0, 1, 2, 5, 6], strict=True):
+            assert np.abs(seen.astype(int) - pictures[wanted]).max() <= 8
+
+    def test_a_picture_that_stays_too_long_for_a_gif_is_repeated(self, tmp_path: Path) -> None:
+        path = tmp_path / "film.gif"
+        same = np.full((20, 30, 3), 77, np.uint8)
+        assert write_film(path, [same] * 100, fps=0.1, hold=3) == 100
+        total = 0
+        with Image.open(path) as film:
+            for number in range(film.n_frames):
+                film.seek(number)
+                total += film.info["duration"]
+        assert film.n_frames == 2
+        assert total == 1_003_000
+
+    def test_a_video_of_odd_lengths(self, tmp_path: Path) -> None:
+        pytest.importorskip("imageio_ffmpeg")
+        path = tmp_path / "film.mp4"
+        assert write_film(path, self.pictures(4, 61, 83), fps=4, hold=1) == 4
+        with imageio.get_reader(path) as film:
+            assert film.count_frames() == 8
+            assert film.get_data(0).shape == (62, 84, 3)
+
+    @pytest.mark.parametrize(
+        ("pictures", "words"),
+        [
+            ([], "pictures must be at least one, got none"),
+            ([np.zeros((4, 4), np.uint8)], r"got uint8 of shape \(4, 4\)"),
+            ([np.zeros((4, 4, 3), np.float32)], r"got float32 of shape \(4, 4, 3\)"),
+            (
+                [np.zeros((4, 4, 3), np.uint8), np.zeros((6, 4, 3), np.uint8)],
+                r"got uint8 of shape \(6, 4, 3\) after \(4, 4, 3\)",
+            ),
+        ],
+    )
+    def test_bad_pictures_are_refused(
+        self, path: Path, pictures: list[NDArray[Any]], words: str
+    ) -> None:
+        with pytest.raises(ValueError, match=words):
+            write_film(path, pictures, fps=5, hold=1)
+        assert path.read_bytes() == b"before"
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_a_folder_in_the_way_is_named_before_the_first_picture(
+        self, tmp_path: Path, suffix: str
+    ) -> None:
+        path = tmp_path / f"film{suffix}"
+        path.mkdir()
+        with pytest.raises(IsADirectoryError):
+            write_film(path, untouchable(), fps=5, hold=1)
+
+    @pytest.mark.parametrize(("suffix", "missing"), [(".gif", "PIL"), (".mp4", "imageio_ffmpeg")])
+    def test_a_missing_package_is_named_before_the_first_picture(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, missing: str
+    ) -> None:
+        monkeypatch.setitem(sys.modules, missing, None)
+        with pytest.raises(ImportError, match=rf"needs the package {missing}: pip install .*video"):
+            write_film(tmp_path / f"film{suffix}", untouchable(), fps=5, hold=1)
+        assert not list(tmp_path.iterdir())
+
+    @pytest.mark.parametrize("program", ["nowhere", "folder", "text", ""])
+    def test_a_missing_ffmpeg_is_named_before_the_first_picture(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str
+    ) -> None:
+        ffmpeg = pytest.importorskip("imageio_ffmpeg")
+        (tmp_path / "folder").mkdir()
+        (tmp_path / "text").write_text("no program")
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / program) if program else "")
+        if not program:
+            monkeypatch.setattr(ffmpeg._utils, "_get_ffmpeg_exe", lambda: None)
+        before = sorted(tmp_path.iterdir())
+        with pytest.raises(ImportError, match=r"needs the program ffmpeg.*imageio-ffmpeg"):
+            write_film(tmp_path / "film.mp4", untouchable(), fps=5, hold=1)
+        assert sorted(tmp_path.iterdir()) == before
+
+
+def untouchable() -> Iterator[NDArray[np.uint8]]:
+    """Pictures of which none may be taken."""
+    pytest.fail("an episode was begun")
+    yield
+
+
+def python(code: str, *arguments: object) -> str:
+    """What some code prints in a process of its own."""
+    here = Path(__file__).parent
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])},
+    )
+    return done.stdout
+
+
 class TestCommand:
     def test_it_writes_the_film_and_tells_how_it_ended(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -273,6 +467,22 @@ class TestCommand:
             record.main(["pond", "--policy", "random", "--out", str(tmp_path / "film.gif")])
         assert stop.value.code == 2
         assert 'needs the package PIL: pip install "DroneSwarm' in capsys.readouterr().err
+        assert not list(tmp_path.iterdir())
+
+    def test_a_missing_ffmpeg_is_told_in_a_line(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        pytest.importorskip("imageio_ffmpeg")
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
+        with pytest.raises(SystemExit) as stop:
+            record.main(["pond", "--policy", "random", "--out", str(tmp_path / "film.mp4")])
+        assert stop.value.code == 2
+        told = capsys.readouterr().err
+        assert "needs the program ffmpeg" in told
+        assert "Traceback" not in told
         assert not list(tmp_path.iterdir())
 
     def test_an_interruption_leaves_no_file(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 
 import pytest
-from trainer_examples import EXAMPLES, check_folder, check_table, python, rows
+from trainer_examples import EXAMPLES, check_folder, check_table, interrupt, python, rows
 
 pytestmark = [
     pytest.mark.slow,
@@ -36,6 +37,14 @@ def test_it_trains_and_goes_on(tmp_path: Path) -> None:
     both = rows(folder / "curve.csv")
     assert both[:3] == first
     assert 1_000 < int(both[3]["steps"]) - 400 <= int(both[2]["steps"]) + 20
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.parametrize("moment", ["", ".checkpoint.new", "checkpoint", "curve.csv"])
+def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_rllib", folder, moment, "--episodes", 5, *FEW)
+    assert (folder / "evaluation.csv").exists()
 
 
 def test_remote_runners_play(tmp_path: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from trainer_examples import check_folder, check_table, module, run
+from trainer_examples import check_folder, check_table, interrupt, module, run
 
 from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.rules import ENDINGS, Ending
@@ -55,6 +56,15 @@ def test_it_trains_resumes_and_compares(tmp_path: Path, way: tuple[str, ...]) ->
     assert first != second
     run(EXAMPLE, "--resume", "--steps", 2000, *small)
     assert (tmp_path / "model.zip").read_bytes() == second  # all was done before
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.parametrize("moment", ["", ".model.*", "model.zip", "curve.csv"])
+def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_sb3", folder, moment, "--episodes", 5)
+    assert (folder / "evaluation.csv").exists()
 
 
 def test_masks_read_from_observations_are_the_views(example: ModuleType) -> None:

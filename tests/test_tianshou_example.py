@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
-from trainer_examples import check_folder, check_table, module, run
+from trainer_examples import check_folder, check_table, interrupt, module, run
 
 from DroneSwarmSearch import DroneSwarmSearch, training
 
@@ -47,6 +48,15 @@ def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
         for name in first["dqn"]
         if name.startswith("policy.")
     )
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.parametrize("moment", ["", "model.pt", "curve.csv"])
+def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_tianshou", folder, moment, "--episodes", 5)
+    assert (folder / "evaluation.csv").exists()
 
 
 def collected(example: ModuleType, steps: int) -> tuple[VectorReplayBuffer, Collector]:

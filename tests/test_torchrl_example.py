@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import runpy
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from trainer_examples import EXAMPLES, check_folder, check_table, python, rows
+from trainer_examples import EXAMPLES, check_folder, check_table, interrupt, python, rows
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.wrappers import (
@@ -209,3 +210,12 @@ def test_it_trains_and_goes_on(critic: str, tmp_path: Path) -> None:
     assert any(bool((after["loss"][key] != old).any()) for key, old in before["loss"].items())
     moments = after["optimiser"]["state"][0]["step"]
     assert float(moments) == 1.5 * float(before["optimiser"]["state"][0]["step"])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.parametrize("moment", ["", ".checkpoint.*", "checkpoint.pt", "curve.csv"])
+def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_torchrl", folder, moment, "--episodes", 5)
+    assert (folder / "evaluation.csv").exists()

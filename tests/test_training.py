@@ -6,7 +6,9 @@ import argparse
 import csv
 import io
 import math
+import os
 import pickle
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -217,7 +219,7 @@ def test_without_matplotlib_the_run_goes_on_and_says_what_is_missing(
 
 
 def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path, clock: list[float]) -> None:
-    with training.Run(options(tmp_path), "Trial") as run:
+    with training.Run(options(tmp_path), "Trial", "model") as run:
         for steps in (10, 20, 30):
             clock[0] += 1
             run.log(steps, loss=steps / 10)
@@ -225,9 +227,9 @@ def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path, clock: list[float]) -
                 with run.saving("model") as path:
                     path.write_text("at 20")
     clock[0] += 1000
-    with training.Run(options(tmp_path, "--resume"), "Trial") as run:
+    with training.Run(options(tmp_path, "--resume"), "Trial", "model") as run:
         assert run.resumes and run.steps_done == 30
-        assert run.checkpoint("model").read_text() == "at 20"
+        assert run.checkpoint.read_text() == "at 20"
         run.go_on_from(20)
         assert run.steps_done == 20
         clock[0] += 5
@@ -239,6 +241,7 @@ def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path, clock: list[float]) -
 
 def test_a_checkpoint_ahead_of_the_curve_counts(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
+        save(run, 15)
         run.log(10)
     run = training.Run(options(tmp_path, "--resume"), "Trial")
     run.go_on_from(15)
@@ -265,23 +268,218 @@ def test_a_checkpoint_is_replaced_as_a_whole(tmp_path: Path) -> None:
     ]
 
 
+def save(run: training.Run, steps: int, name: str = "checkpoint.pt") -> None:
+    with run.saving(name) as path:
+        path.write_text(str(steps))
+
+
+def test_a_checkpoint_without_a_curve_counts(tmp_path: Path) -> None:
+    with training.Run(options(tmp_path), "Trial") as run:
+        save(run, 0)
+    with training.Run(options(tmp_path, "--resume"), "Trial") as run:
+        assert run.checkpoint.read_text() == "0"
+        run.go_on_from(0)
+        run.log(10)
+    assert [row["steps"] for row in rows(tmp_path)] == ["10"]
+
+
+def test_the_newest_of_the_checkpoints_of_a_pattern_counts(tmp_path: Path) -> None:
+    with training.Run(options(tmp_path), "Trial", "*/at_*.pt") as run:
+        with pytest.raises(FileNotFoundError, match=r"no checkpoint \*/at_\*\.pt in"):
+            _ = run.checkpoint
+        (tmp_path / "saved").mkdir()
+        for time, steps in enumerate((9, 10, 11)):
+            path = tmp_path / "saved" / f"at_{steps}.pt"
+            path.touch()
+            os.utime(path, (time, time))
+    run = training.Run(options(tmp_path, "--resume"), "Trial", "*/at_*.pt")
+    assert run.checkpoint == tmp_path / "saved" / "at_11.pt"
+
+
 def test_a_run_is_not_overwritten(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
+        save(run, 0)
         run.log(10)
     with pytest.raises(SystemExit, match="holds a run already: go on with it by --resume"):
         training.Run(options(tmp_path), "Trial")
     assert len(rows(tmp_path)) == 1
 
 
-def test_what_is_not_there_is_not_resumed(tmp_path: Path) -> None:
-    with pytest.raises(SystemExit, match=r"nothing to resume in .*: no curve\.csv"):
-        training.Run(options(tmp_path / "nowhere", "--resume"), "Trial")
-    assert not (tmp_path / "nowhere").exists()
+def test_nor_is_the_curve_of_another_trainer(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
-        assert run.checkpoint("model") == tmp_path / "model"
         run.log(10)
-    with pytest.raises(SystemExit, match=r"nothing to resume in .*: no model"):
-        training.Run(options(tmp_path, "--resume"), "Trial").checkpoint("model")
+    with pytest.raises(SystemExit, match=r"a learning curve, but no .*\.pt to resume from: choose"):
+        training.Run(options(tmp_path), "Trial")
+    assert len(rows(tmp_path)) == 1
+
+
+def test_what_is_not_there_is_not_resumed(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=r"nothing to resume in .*: no model; start without"):
+        training.Run(options(tmp_path / "nowhere", "--resume"), "Trial", "model")
+    assert not (tmp_path / "nowhere").exists()
+    with training.Run(options(tmp_path), "Trial", "model") as run:
+        run.log(10)
+    with pytest.raises(SystemExit, match=r"no model; delete .*curve\.csv and start without --res"):
+        training.Run(options(tmp_path, "--resume"), "Trial", "model")
+
+
+def save_folder(run: training.Run, text: str) -> None:
+    with run.saving_folder() as path:
+        (path / "part").mkdir(parents=True)
+        (path / "part" / "weights").write_text(text)
+
+
+def weights(folder: Path) -> list[tuple[str, str]]:
+    """The names and texts of all files there, hidden ones included."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    return [(path.relative_to(folder).as_posix(), path.read_text()) for path in files]
+
+
+def test_a_checkpoint_that_is_a_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:
+    run = training.Run(options(tmp_path), "Trial", "checkpoint")
+    for text in ("first", "second"):
+        save_folder(run, text)
+        assert weights(tmp_path) == [("checkpoint/part/weights", text)]
+
+    def stop() -> None:
+        with run.saving_folder() as path:
+            path.mkdir()
+            (path / "weights").write_text("thi")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stop()
+    assert weights(tmp_path) == [("checkpoint/part/weights", "second")]
+
+
+@pytest.mark.parametrize("renamed", [0, 1, 2])
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_folder_is_there_at_whatever_moment_the_program_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renamed: int, killed: bool
+) -> None:
+    """Stopped by Ctrl-C, or killed, before or after each of the two renamings."""
+    run = training.Run(options(tmp_path), "Trial", "checkpoint")
+    save_folder(run, "first")
+    rename, calls = Path.rename, 0
+
+    def stopping(self: Path, target: Path) -> Path:
+        nonlocal calls
+        if calls == renamed:
+            calls += 1
+            raise KeyboardInterrupt
+        calls += 1
+        path = rename(self, target)
+        if calls == renamed == 2:
+            raise KeyboardInterrupt
+        return path
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "rename", stopping)
+        if killed:
+            patch.setattr(training.Run, "_restore_replaced_folder", lambda run: None)
+        with pytest.raises(KeyboardInterrupt):
+            save_folder(run, "second")
+    run = training.Run(options(tmp_path, "--resume"), "Trial", "checkpoint")
+    kept = "second" if renamed == 2 else "first"
+    assert weights(tmp_path) == [("checkpoint/part/weights", kept)]
+    save_folder(run, "third")
+    assert weights(tmp_path) == [("checkpoint/part/weights", "third")]
+
+
+TRAINER = """
+import os, signal, sys
+sys.modules["matplotlib"] = None  # its import takes long
+from DroneSwarmSearch import training
+
+moment = os.environ.get("MOMENT")
+
+def may_stop(now):
+    if now == moment:
+        os.kill(os.getpid(), signal.SIGINT)
+
+def save(steps):
+    with run.saving("model") as path:
+        path.write_text(str(steps)[:1])
+        may_stop(f"saving {steps}")
+        path.write_text(str(steps))
+
+options = training.arguments("Trial.", steps=40, short=20).parse_args()
+with training.Run(options, "Trial", "model") as run:
+    may_stop("setup")
+    if run.resumes:
+        run.go_on_from(int(run.checkpoint.read_text()))
+    else:
+        save(0)
+    while run.steps_done < run.wanted:
+        may_stop(f"round {run.steps_done}")
+        save(run.steps_done + 10)
+        may_stop(f"saved {run.steps_done}")
+        run.log(run.steps_done + 10)
+    may_stop("end")
+print("trained", run.steps_done)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself Ctrl-C there")
+@pytest.mark.parametrize(
+    ("moment", "steps", "rows_left"),
+    [
+        ("setup", None, 0),
+        ("saving 0", None, 0),
+        ("round 0", 0, 0),
+        ("saving 10", 0, 0),
+        ("saved 0", 10, 0),
+        ("round 10", 10, 1),
+        ("saving 20", 10, 1),
+        ("end", 40, 4),
+    ],
+)
+def test_ctrl_c_says_what_is_there_and_that_is_true(
+    tmp_path: Path, moment: str, steps: int | None, rows_left: int
+) -> None:
+    script, folder = tmp_path / "trainer.py", tmp_path / "run"
+    script.write_text(TRAINER)
+
+    def train(*arguments: str, moment: str = "") -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, str(script), "--out", str(folder), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+            env={
+                **os.environ,
+                "MOMENT": moment,
+                "PYTHONPATH": str(Path(__file__).parents[1]),
+            },
+        )
+
+    stopped = train(moment=moment)
+    assert (stopped.returncode, stopped.stdout) == (130, "")
+    (told,) = (line for line in stopped.stderr.splitlines() if line.startswith("interrupted"))
+    if steps is None:
+        assert told == (
+            f"interrupted before the first checkpoint: there is nothing to resume in {folder}; "
+            "start without --resume"
+        )
+        assert not list(folder.iterdir())
+    else:
+        assert told == (
+            f"interrupted after {10 * rows_left} steps; --resume goes on from the last "
+            f"checkpoint, {folder / 'model'}"
+        )
+        assert (folder / "model").read_text() == str(steps)
+    for arguments in ([], ["--resume"]):
+        fits = bool(arguments) == (steps is not None)
+        if not fits:
+            refused = train(*arguments)
+            assert refused.returncode == 1
+            wanted = "holds a run already" if steps is not None else "nothing to resume"
+            assert wanted in refused.stderr
+    going_on = train(*(["--resume"] if steps is not None else []))
+    assert going_on.stdout == "trained 40\n", going_on.stderr
+    wanted = ["10", "20", "30", "40"]
+    assert [row["steps"] for row in rows(folder)] == (wanted[1:] if moment == "saved 0" else wanted)
 
 
 def test_ctrl_c_ends_the_program_with_the_curve_drawn(
@@ -291,6 +489,7 @@ def test_ctrl_c_ends_the_program_with_the_curve_drawn(
 
     def train() -> None:
         with training.Run(options(tmp_path), "Trial") as run:
+            save(run, 1234)
             run.log(1234)
             raise KeyboardInterrupt
 
@@ -299,6 +498,72 @@ def test_ctrl_c_ends_the_program_with_the_curve_drawn(
     assert stopped.value.code == 130
     assert "interrupted after 1,234 steps; --resume goes on" in capsys.readouterr().err
     assert (tmp_path / "curve.png").exists()
+
+
+def test_ctrl_c_while_the_curve_is_drawn_is_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(training.Curve, "draw", interrupted)
+
+    def train() -> None:
+        with training.Run(options(tmp_path), "Trial") as run:
+            save(run, 50)
+            run.log(50)
+
+    with pytest.raises(SystemExit) as stopped:
+        train()
+    assert stopped.value.code == 130
+    assert "interrupted after 50 steps; --resume goes on" in capsys.readouterr().err
+
+
+def test_an_error_that_a_library_makes_of_ctrl_c_is_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def train() -> None:
+        with training.Run(options(tmp_path), "Trial") as run:
+            save(run, 50)
+            run.log(50)
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt:
+                raise RuntimeError("not permitted")  # noqa: B904 (as in TorchRL's clean-up)
+
+    with pytest.raises(SystemExit) as stopped:
+        train()
+    assert stopped.value.code == 130
+    assert "interrupted after 50 steps; --resume goes on" in capsys.readouterr().err
+
+
+def test_ctrl_c_without_a_checkpoint_says_what_is_in_the_way(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def train() -> None:
+        with training.Run(options(tmp_path), "Trial") as run:
+            run.log(50)
+            raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit):
+        train()
+    told = capsys.readouterr().err
+    assert f"delete {tmp_path / 'curve.csv'} and start without --resume" in told
+    assert "goes on" not in told
+
+
+def test_ctrl_c_in_the_comparison_says_what_is_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(seen: np.ndarray) -> np.ndarray:
+        raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit) as stopped:
+        training.compare_with_baselines(stop, SMALL, episodes=5, folder=tmp_path)
+    assert stopped.value.code == 130
+    assert f"the training in {tmp_path} is complete" in capsys.readouterr().err
+    with pytest.raises(KeyboardInterrupt):
+        training.compare_with_baselines(stop, SMALL, episodes=5)
 
 
 def test_other_errors_come_through(tmp_path: Path) -> None:
@@ -316,6 +581,7 @@ def test_progress_tells_the_latest_figures_and_the_time_left_of_this_run(
     tmp_path: Path, clock: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
+        save(run, 2500)
         clock[0] += 40
         run.log(2500, reward=-98_765.4, found=0.123)
     assert told(capsys) == ["Trial: 50%, about 40 s left, 12% found, return -98,765"]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -33,6 +35,46 @@ def run(name: str, *arguments: object) -> str:
     return python(EXAMPLES / f"{name}.py", *arguments)
 
 
+def interrupt(name: str, folder: Path, moment: str, *arguments: object) -> None:
+    """Stop an example by Ctrl-C, then do what it says: that must end well.
+
+    Args:
+        name: of the example.
+        folder: of the run.
+        moment: a pattern; Ctrl-C comes when a file or folder in the run's folder fits. If
+            empty, it comes while the training is set up.
+        arguments: of the example, for a short run.
+    """
+    command = [EXAMPLES / f"{name}.py", "--short", "--out", folder, *arguments]
+    with subprocess.Popen(
+        [sys.executable, *map(str, command), "--steps", str(10**9)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=_environment(),
+        start_new_session=True,
+    ) as process:
+        until = time.monotonic() + PATIENCE
+        while process.poll() is None and time.monotonic() < until:
+            if any(folder.glob(moment)) if moment else folder.exists():
+                break
+            time.sleep(0.02)
+        time.sleep(0.0 if moment else 0.2)  # the folder is made just before a run begins
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: Ray's processes, too
+        _, told = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, told[-4000:]
+    assert "Traceback" not in told, told[-4000:]
+    if "interrupted before the first checkpoint" in told:
+        python(*command)
+    else:
+        assert "--resume goes on from the last checkpoint" in told
+        python(*command, "--resume")
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "OMP_NUM_THREADS": "1", **QUIET_RAY}
+
+
 def python(*arguments: object) -> str:
     """What a program prints that must end well."""
     done = subprocess.run(
@@ -41,7 +83,7 @@ def python(*arguments: object) -> str:
         text=True,
         timeout=PATIENCE,
         check=False,
-        env={**os.environ, "OMP_NUM_THREADS": "1", **QUIET_RAY},
+        env=_environment(),
     )
     assert done.returncode == 0, done.stdout[-1000:] + done.stderr[-4000:]
     return done.stdout

@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from DroneSwarmSearch import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.contestants import Contestant
-from DroneSwarmSearch.evaluation.files import replacing
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
-from DroneSwarmSearch.rendering.video import INSTALL_HINT, SUFFIXES, write_film
+from DroneSwarmSearch.rendering.video import SUFFIXES, write_film
 
 __all__ = ["frames", "main", "record"]
 
@@ -80,7 +79,7 @@ def record(
         The last frame of the episode, with the posterior as its matrix.
 
     Raises:
-        ImportError: a package of the extra "video" is missing.
+        ImportError: a package of the extra "video" is missing, or its ffmpeg.
         OSError: the file cannot be written.
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of its limits, or a name unknown.
@@ -104,8 +103,8 @@ def record(
             yield diptych.pixels(prior, posterior)
 
     limit = where.scenario.timestep_limit
-    with replacing(target) as spare, Progress(f"film of {title}", limit) as bar:
-        write_film(spare, pictures(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
+    with Progress(f"film of {title}", limit) as bar:
+        write_film(target, pictures(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
     return last[0]
 
 
@@ -196,7 +195,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("\ninterrupted: no film was written", file=sys.stderr)
         return 130
     except ImportError as error:
-        _give_up(parser, f"a film needs the package {error.name}: {INSTALL_HINT}")
+        _give_up(parser, str(error))
     except OSError as error:
         _give_up(parser, f"cannot write {options.out}: {error.strerror or error}")
     except (TypeError, ValueError) as error:

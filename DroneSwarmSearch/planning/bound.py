@@ -18,9 +18,11 @@ maximum, hence every policy. The difference to the value at e is the duality gap
 Expectations are over the person's ways: all of them where they are few, else a sample of
 independent ones. The maximum over a sample is at least the sample's value at the true
 optimum, whose error Chernoff's inequality limits (Annals of Mathematical Statistics
-23:493, 1952): it is added. Where q < 1 the larger function 1 - (1 - q)^s, which is a
-product along the way, gives another bound, exact from two passes over the chain. The
-smaller one counts.
+23:493, 1952): it is added. The relaxation is solved once for each person and number of
+steps, and each sampled solution may fail. A union bound (Bonferroni) divides the
+probability of failure among them, so that all of them hold together at the stated
+confidence. Where q < 1 the larger function 1 - (1 - q)^s, which is a product along the
+way, gives another bound, exact from two passes over the chain. The smaller one counts.
 
 To find all of several persons is no likelier than to find the one who is hardest to find.
 """
@@ -73,7 +75,7 @@ FEW = 65536
 """Up to so many ways are enumerated, with their probabilities, instead of sampled."""
 
 CONFIDENCE = 0.999
-"""That a sampled bound holds, for each step of the curve."""
+"""Of a sampled bound: that it holds for all persons and all steps of the curve together."""
 
 SOFTNESS = 0.5, 0.02
 """How far from its corners g is rounded off, in searches, at first and at last."""
@@ -207,25 +209,18 @@ class Ways(NamedTuple):
     Attributes:
         cells: int64, shape (T, K): where each is at every step, y * N + x.
         chances: float64, shape (K,), sum to 1.
-        sampled: whether they are a sample of independent ways, all equally likely.
     """
 
     cells: Ints
     chances: Floats
-    sampled: bool
 
     def until(self, steps: int) -> Ways:
         """The first steps of all ways."""
-        return Ways(self.cells[:steps], self.chances, self.sampled)
+        return Ways(self.cells[:steps], self.chances)
 
 
-def ways_of(law: ProbabilityMatrix, steps: int, sample: int) -> Ways:
-    """All ways of a person over some steps, if they are few; else a sample of them."""
-    every = _enumerated(law, steps)
-    return _sampled(law, steps, sample) if every is None else every
-
-
-def _enumerated(law: ProbabilityMatrix, steps: int) -> Ways | None:
+def enumerated_ways(law: ProbabilityMatrix, steps: int) -> Ways | None:
+    """All ways of a person over some steps; None if there are more than `FEW`."""
     size = law.grid_size
     x, y = law.parameters[1]
     ways, chances = np.array([[y * size + x]]), np.ones(1)
@@ -240,10 +235,11 @@ def _enumerated(law: ProbabilityMatrix, steps: int) -> Ways | None:
             return None
         cells = ways[-1, way] + (dy - 1) * size + dx - 1
         ways, chances = np.vstack([ways[:, way], cells]), onward[dy, dx, way]
-    return Ways(ways, chances, False)
+    return Ways(ways, chances)
 
 
-def _sampled(law: ProbabilityMatrix, steps: int, count: int) -> Ways:
+def sampled_ways(law: ProbabilityMatrix, steps: int, count: int) -> Ways:
+    """Independent ways of a person over some steps, all equally likely."""
     size = law.grid_size
     start_x, start_y = law.parameters[1]
     x, y = np.full(count, start_x), np.full(count, start_y)
@@ -255,7 +251,7 @@ def _sampled(law: ProbabilityMatrix, steps: int, count: int) -> Ways:
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
         u, v = numbers(key, places).reshape(2, count)
         x, y = _moved(x, u, right, left), _moved(y, v, down, up)
-    return Ways(cells, np.full(count, 1 / count), True)
+    return Ways(cells, np.full(count, 1 / count))
 
 
 def _moved(place: Ints, number: Floats, higher: Floats, lower: Floats) -> Ints:
@@ -473,7 +469,8 @@ class SuccessBound:
         relaxed: the chance that mixtures of flights reach in the relaxation by step L,
             for the person whose bound is the smallest.
         gap: the duality gap at step L, which `by_time` contains.
-        confidence: that the limit holds, for each step; 1 where expectations are exact.
+        confidence: that `by_time` holds at all steps together; 1 where expectations are
+            exact.
     """
 
     by_time: Floats
@@ -518,19 +515,26 @@ def success_bound(
     checks.integer("sample", sample, 1)
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
-    persons = zip(scenario.persons, scenario.detections, scenario.laws(), strict=True)
-    kinds = {(cell, detection): law for cell, detection, law in persons}
+    ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
+    laws = zip(scenario.persons, scenario.detections, scenario.laws(), strict=True)
+    kinds = {(cell, detection): law for cell, detection, law in laws}
+    persons = [
+        _PersonBound(law, detection, starts, limit, gap)
+        for (_, detection), law in sorted(kinds.items())
+    ]
+    # The union bound: each of the sampled limits may fail with the same small probability.
+    statements = len(ends) * sum(person.sampled for person in persons)
+    risk = (1.0 - CONFIDENCE) / max(1, statements)
     bounds = []
-    for number, ((_, detection), law) in enumerate(sorted(kinds.items())):
+    for number, person in enumerate(persons):
 
         def told(share: float, number: int = number) -> None:
-            report((number + share) / len(kinds))
+            report((number + share) / len(persons))
 
-        person = _PersonBound(law, detection, starts, limit, sample, gap)
-        bounds.append(person.solve(horizons, told))
+        bounds.append(person.solve(ends, sample, 1.0 - risk, told))
     hardest = min(bounds, key=lambda bound: bound.by_limit)
     by_time = np.min([bound.by_time for bound in bounds], axis=0)
-    confidence = min(bound.confidence for bound in bounds)
+    confidence = CONFIDENCE if statements else 1.0
     return SuccessBound(by_time, hardest.relaxed, hardest.gap, confidence)
 
 
@@ -543,46 +547,60 @@ class _PersonBound:
         detection: float,
         starts: Sequence[int],
         limit: int,
-        sample: int,
         gap: float,
     ) -> None:
-        self._size, self._limit = law.grid_size, limit
+        self._law, self._limit = law, limit
         self._detection, self._gap = detection, gap
         self._chain, self._first = Chain(law, detection, 0, limit), law.exact(0)
-        self._ways = ways_of(law, limit, sample)
+        self._every_way = enumerated_ways(law, limit)
         self._oracle = flights(starts)
 
-    def solve(self, horizons: int, report: Callable[[float], None]) -> SuccessBound:
-        """The bound for every number of steps."""
-        limit = self._limit
-        ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
+    @property
+    def sampled(self) -> bool:
+        """Whether the person's ways are too many to enumerate."""
+        return self._every_way is None
+
+    def solve(
+        self, ends: Sequence[int], sample: int, confidence: float, report: Callable[[float], None]
+    ) -> SuccessBound:
+        """The bound for every number of steps.
+
+        Args:
+            ends: numbers of steps for which to solve the relaxation; the last is the limit.
+            sample: ways to draw if they are not enumerated.
+            confidence: that the limit holds, for each of `ends`, if ways are drawn.
+            report: told which share is done.
+        """
+        limit, ways = self._limit, self._every_way
+        if ways is None:
+            ways = sampled_ways(self._law, limit, sample)
         by_time = np.full(limit + 1, np.inf)
         by_time[0] = 0.0
         for end in ends:
-            reached = self._relaxed(end)
-            by_time[end] = self._with_error(reached.limit)
+            reached = self._relaxed(ways.until(end))
+            by_time[end] = reached.limit
+            if self.sampled:
+                by_time[end] = chernoff_limit(reached.limit, sample, confidence)
             if 0.0 < self._detection < 1.0:
                 by_time[end] = min(by_time[end], self._exactly(end, by_time[end]))
             report(end * (end + 1) / (limit * (limit + 1)))
         # More time never hurts, so that a limit for later steps holds for earlier ones.
         by_time = np.minimum.accumulate(by_time[::-1])[::-1]
-        confidence = CONFIDENCE if self._ways.sampled else 1.0
-        return SuccessBound(by_time, reached.value, reached.gap, confidence)
+        return SuccessBound(
+            by_time, reached.value, reached.gap, confidence if self.sampled else 1.0
+        )
 
-    def _relaxed(self, steps: int) -> Relaxed:
-        """Solve the relaxation for some steps."""
-        objective = AlongWays(self._ways.until(steps), self._size, self._detection)
+    def _relaxed(self, ways: Ways) -> Relaxed:
+        """Solve the relaxation over some steps."""
+        steps = len(ways.cells)
+        objective = AlongWays(ways, self._law.grid_size, self._detection)
         iterations = ITERATIONS if steps == self._limit else ITERATIONS_BEFORE
         return frank_wolfe(objective, self._oracle, gap=self._gap, iterations=iterations, most=1.0)
 
-    def _with_error(self, limit: float) -> float:
-        if not self._ways.sampled:
-            return limit
-        return chernoff_limit(limit, len(self._ways.chances), CONFIDENCE)
-
     def _exactly(self, steps: int, known: float) -> float:
         """The bound by the larger function, which needs no sample."""
-        rate, effort = -math.log1p(-self._detection), np.zeros(steps * self._size**2)
+        cells = self._law.grid_size**2
+        rate, effort = -math.log1p(-self._detection), np.zeros(steps * cells)
         objective = AlongChain(self._chain, self._first, rate, effort)
         return frank_wolfe(
             objective, self._oracle, gap=self._gap, iterations=ITERATIONS_BEFORE, most=known

@@ -3,6 +3,8 @@
     options = training.arguments("PPO on my trainer.", steps=200_000, short=2_000).parse_args()
     with training.Run(options, "My trainer") as run:
         ...
+            with run.saving("checkpoint.pt") as path:
+                torch.save(model.state_dict(), path)
             run.log(steps, reward=mean_return, found=share_found)
     training.compare_with_baselines(policy, training.EXERCISE, folder=run.folder)
 

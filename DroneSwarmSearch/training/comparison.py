@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
 from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.training.run import INTERRUPTED
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 __all__ = ["BASELINES", "compare_with_baselines"]
@@ -42,7 +44,8 @@ def compare_with_baselines(
         observation: in which layout; as for `evaluate`.
         episodes: how many; at least 1.
         name: what the policy is called.
-        folder: gets evaluation.csv, a row for each policy.
+        folder: of the run; gets evaluation.csv, a row for each policy. After Ctrl-C the
+            program then says that the run can be resumed, and ends with exit code 130.
         baselines: names of policies of the registry.
 
     Returns:
@@ -55,8 +58,18 @@ def compare_with_baselines(
     """
     search = _search(parameters)
     usual: dict[str, Any] = {"episodes": episodes, "seed": SEED}
-    mine = evaluate(policy, search, view=view, observation=observation, name=name, **usual)
-    rivals = [evaluate(rival, search, **usual) for rival in baselines]
+    try:
+        mine = evaluate(policy, search, view=view, observation=observation, name=name, **usual)
+        rivals = [evaluate(rival, search, **usual) for rival in baselines]
+    except KeyboardInterrupt:
+        if folder is None:
+            raise
+        print(
+            f"interrupted during the comparison with the baselines; the training in {folder} "
+            "is complete, and --resume compares again",
+            file=sys.stderr,
+        )
+        raise SystemExit(INTERRUPTED) from None
     print_table(
         ["policy", "found, %", "time, steps", "mishaps, %", "ahead of it, points", "steps earlier"],
         [_row(mine), *(_row(rival, mine) for rival in rivals)],

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
 import sys
 import time
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -24,11 +26,15 @@ INTERRUPTED = 130
 class Run:
     """A training run; a context manager, which shows the progress and draws the curve.
 
-    After Ctrl-C the curve is drawn, and the program ends with exit code 130.
+    Save a checkpoint before the first row of the curve, so that the run can be resumed from
+    then on. After Ctrl-C the run says whether it can be, draws the curve, and ends the program
+    with exit code 130.
 
     Args:
         options: as parsed by `arguments`.
         title: what is trained, in a few words.
+        checkpoint: the name of the checkpoint, a file or folder in the run's folder; or a
+            pattern, as `Path.glob` takes it, if the trainer chooses the names.
 
     Attributes:
         folder: where everything is kept.
@@ -41,21 +47,34 @@ class Run:
             round.
     """
 
-    def __init__(self, options: argparse.Namespace, title: str) -> None:
+    def __init__(
+        self, options: argparse.Namespace, title: str, checkpoint: str = "checkpoint.pt"
+    ) -> None:
         self.folder: Path = options.out
         self.wanted: int = options.steps
         self.resumes: bool = options.resume
         self._title = title
-        path = self.folder / "curve.csv"
-        if path.exists() and not self.resumes:
+        self._name = checkpoint
+        self._file = self.folder / "curve.csv"
+        self._restore_replaced_folder()
+        newest = self._newest()
+        if self.resumes and newest is None:
+            raise SystemExit(
+                f"there is nothing to resume in {self.folder}: no {checkpoint}; "
+                f"{self._how_to_begin()}"
+            )
+        if not self.resumes and newest is not None:
             raise SystemExit(
                 f"{self.folder} holds a run already: go on with it by --resume, or choose "
                 "another folder with --out"
             )
-        if self.resumes and not path.exists():
-            raise SystemExit(f"there is nothing to resume in {self.folder}: no {path.name}")
+        if not self.resumes and self._file.exists():
+            raise SystemExit(
+                f"{self.folder} holds a learning curve, but no {checkpoint} to resume from: "
+                f"choose another folder with --out, or delete {self._file}"
+            )
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._curve = Curve(path)
+        self._curve = Curve(self._file)
         self._begin()
 
     def _begin(self) -> None:
@@ -69,26 +88,24 @@ class Run:
         """The learning curve so far."""
         return self._curve
 
-    def checkpoint(self, name: str) -> Path:
-        """The path of a checkpoint in the folder.
-
-        Args:
-            name: of the file or folder.
+    @property
+    def checkpoint(self) -> Path:
+        """The newest checkpoint in the folder.
 
         Raises:
-            SystemExit: the run is to be resumed, and there is no such checkpoint.
+            FileNotFoundError: none has been saved yet.
         """
-        path = self.folder / name
-        if self.resumes and not path.exists():
-            raise SystemExit(f"there is nothing to resume in {self.folder}: no {name}")
-        return path
+        newest = self._newest()
+        if newest is None:
+            raise FileNotFoundError(f"no checkpoint {self._name} in {self.folder}")
+        return newest
 
     def saving(self, name: str) -> AbstractContextManager[Path]:
-        """Save a checkpoint that is there as a whole or not at all.
+        """Save a file that is there as a whole or not at all, a checkpoint for example.
 
         For example::
 
-            with run.saving("model.pt") as path:
+            with run.saving("checkpoint.pt") as path:
                 torch.save(model.state_dict(), path)
 
         Args:
@@ -101,6 +118,53 @@ class Run:
             StorageError: it cannot be written, because the disk is full for example.
         """
         return replacing(self.folder / name)
+
+    @contextmanager
+    def saving_folder(self) -> Iterator[Path]:
+        """Save a checkpoint that is a folder, and that is there as a whole or not at all.
+
+        Yields:
+            The path of the folder to write, absolute; it is not there yet. Until it is
+            complete, the old checkpoint stays.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        place, old = self.folder / self._name, self._replaced_folder
+        new = old.with_suffix(".new").absolute()
+        shutil.rmtree(new, ignore_errors=True)
+        try:
+            yield new
+            if place.exists():
+                shutil.rmtree(old, ignore_errors=True)
+                place.rename(old)
+            new.rename(place)
+        except BaseException:
+            self._restore_replaced_folder()
+            shutil.rmtree(new, ignore_errors=True)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+
+    @property
+    def _replaced_folder(self) -> Path:
+        """Where the old checkpoint is while a new one takes its place."""
+        return self.folder / f".{self._name.replace('/', '.')}.old"
+
+    def _restore_replaced_folder(self) -> None:
+        """Put the old checkpoint back if the program was ended before a new one was there."""
+        old = self._replaced_folder
+        if old.exists() and self._newest() is None:
+            old.rename(self.folder / self._name)
+        shutil.rmtree(old, ignore_errors=True)
+
+    def _newest(self) -> Path | None:
+        saved = self.folder.glob(self._name)
+        return max(saved, key=lambda path: path.stat().st_mtime_ns, default=None)
+
+    def _how_to_begin(self) -> str:
+        """What to do where there is no checkpoint."""
+        delete = f"delete {self._file} and " if self._file.exists() else ""
+        return f"{delete}start without --resume"
 
     def go_on_from(self, steps: int) -> None:
         """Begin where the checkpoint was made: rows of the curve beyond it are dropped.
@@ -176,11 +240,33 @@ class Run:
         trace: TracebackType | None,
     ) -> None:
         self._bar.__exit__(kind, error, trace)
-        self.draw()
-        if kind is KeyboardInterrupt:
-            print(
-                f"interrupted after {self.steps_done:,} steps; --resume goes on from the last "
-                f"checkpoint in {self.folder}",
-                file=sys.stderr,
+        interrupted = _comes_of_an_interrupt(error)
+        if not interrupted:
+            try:
+                self.draw()
+                return
+            except KeyboardInterrupt:
+                pass
+        newest = self._newest()
+        if newest is None:
+            told = (
+                f"interrupted before the first checkpoint: there is nothing to resume in "
+                f"{self.folder}; {self._how_to_begin()}"
             )
-            raise SystemExit(INTERRUPTED) from None
+        else:
+            told = (
+                f"interrupted after {self.steps_done:,} steps; --resume goes on from the last "
+                f"checkpoint, {newest}"
+            )
+        print(told, file=sys.stderr, flush=True)
+        if interrupted:
+            with suppress(KeyboardInterrupt):
+                self.draw()
+        raise SystemExit(INTERRUPTED) from None
+
+
+def _comes_of_an_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is Ctrl-C's, or arose while a library was dealing with that."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
