@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
 _SEARCH = int(Action.SEARCH)
-_pay = dict.__setitem__  # quicker than assigning an item, which checks the name
 _OPTIONS = ("drones_positions", "vector", "person_initial_position")
 
 
@@ -284,10 +283,10 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._chosen = chosen
 
         # 2. Outcomes, rewards and the end; mostly the table's last line is all there is.
-        rewards = Rewards(self._all_step)
-        ending = None
+        rewards, ending = self._all_step, None
         crashed = targets is not cells and len({OFF_GRID, *targets}) <= len(targets)
         if crashed or _SEARCH in chosen or sea.step == self._last_step:
+            rewards = rewards.copy()
             targets, ending = self._judge(targets, crashed, rewards)
         self._cells = targets
 
@@ -304,7 +303,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if self.render_mode == "human":
             self._show()
         observations, infos = observe(self._names, targets, self._positions, matrix, self._found)
-        return observations, rewards, over.copy(), over.copy(), infos
+        return observations, Rewards(rewards), over.copy(), over.copy(), infos
 
     def render(self) -> Any:
         """Show or return the present state, as `render_mode` says.
@@ -442,7 +441,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
     # Phase 2 of a step.
 
     def _judge(
-        self, targets: list[int], crashed: bool, rewards: Rewards
+        self, targets: list[int], crashed: bool, rewards: dict[str, float]
     ) -> tuple[list[int], Ending | None]:
         """Fill in the rewards and note who was found.
 
@@ -469,7 +468,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         return targets, ending
 
     def _judge_turning_point(
-        self, targets: list[int], finders: set[int], rewards: Rewards
+        self, targets: list[int], finders: set[int], rewards: dict[str, float]
     ) -> Ending | None:
         """Judge a step in which somebody was found, drones crashed or the time is up.
 
@@ -498,19 +497,19 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                     limit,
                     scheme.step * t + beyond[drone],
                 )
-                _pay(rewards, self._names[drone], points)
+                rewards[self._names[drone]] = points
                 beyond[drone] += points - scheme.step
         if finders:
             self._found = True
             self._finders |= finders
         return rules.ending(not sea.missing, bool(shared), OFF_GRID in targets, time_up)
 
-    def _pay_fruitless_searches(self, searches: dict[int, int], rewards: Rewards) -> None:
+    def _pay_fruitless_searches(self, searches: dict[int, int], rewards: dict[str, float]) -> None:
         """Judge a step in which nothing happened but searches that found nobody."""
         scheme, shown = self._scenario.reward_scheme, self._sea.probability
         for cell, drone in searches.items():
             points = rules.fruitless_search_reward(scheme, shown(cell))
-            _pay(rewards, self._names[drone], points)
+            rewards[self._names[drone]] = points
             self._beyond_step[drone] += points - scheme.step
 
     # The window and the painter, made when first needed.
