@@ -88,10 +88,11 @@ def play(
 def _play(policy: PolicyLike, stage: _Stage, seeds: Sequence[int], report: Report) -> Episodes:
     """Play all episodes of a stage together."""
     batch = stage.batch
-    limit, detections = batch.scenario.timestep_limit, np.array(batch.scenario.detections)
+    scenario = batch.scenario
+    limit, detections = scenario.timestep_limit, np.array(scenario.detections)
     batch.reset(seeds)
     _reset(policy, stage.seeds(seeds))
-    n, drones = len(seeds), batch.scenario.n_drones
+    n, drones = len(seeds), scenario.n_drones
     found_at = np.zeros((n, len(detections)), np.int64)
     endings, steps, returns = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     reliability = Reliability.empty()
@@ -166,6 +167,7 @@ class _VectorStage:
     def __init__(self, env: SwarmVectorEnv | DroneVectorEnv) -> None:
         self.batch = env.batch
         self._env = env
+        self._drones = env.batch.scenario.n_drones
         self._numbers_rows = isinstance(env, SwarmVectorEnv) and env.observation == "dict"
 
     def seeds(self, seeds: Sequence[int]) -> list[int]:
@@ -178,7 +180,7 @@ class _VectorStage:
         return shown
 
     def read(self, actions: Any, n: int) -> Ints:
-        drones = self.batch.scenario.n_drones
+        drones = self._drones
         one_each = (n, drones) if isinstance(self._env, SwarmVectorEnv) else (n * drones,)
         what = f"actions of shape {one_each}, one for each drone of each search shown"
         try:

@@ -73,10 +73,13 @@ class Knowledge:
     # What is known.
 
     def belief(self, person: int) -> Floats:
-        """Where a person is who has not been found: float64, shape (N, N), indexed [y, x]."""
+        """Where a person is who has not been found.
+
+        float64, shape (N, N), indexed [y, x]; a new array.
+        """
         if self._beliefs is None:
             return self.laws[person].exact(self.step)
-        return self._beliefs[person]
+        return self._beliefs[person].copy()
 
     @property
     def beliefs(self) -> Floats:
