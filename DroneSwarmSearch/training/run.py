@@ -34,7 +34,7 @@ class Run:
         options: as parsed by `arguments`.
         title: what is trained, in a few words.
         checkpoint: the name of the checkpoint, a file or folder in the run's folder; or a
-            pattern, as `Path.glob` takes it, if the trainer chooses the names.
+            pattern, as ``Path.glob`` takes it, if the trainer chooses the names.
 
     Attributes:
         folder: where everything is kept.
