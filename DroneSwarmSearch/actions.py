@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping
 from operator import getitem, index, itemgetter
 from typing import Any, NoReturn
 
+from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 
 from DroneSwarmSearch import checks
+from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
@@ -90,6 +92,20 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
     then stays in the way of every further step.
     """
 
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env)
+        self._is_whole = False  # whether an episode has begun and no call was interrupted
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
+        """Begin an episode; see `DroneSwarmSearch.reset`."""
+        before, self._is_whole = self._is_whole, False
+        try:
+            super().reset(seed=seed, options=options)
+        except (TypeError, ValueError, RuntimeError):  # refused before anything changed
+            self._is_whole = before
+            raise
+        self._is_whole = True
+
     def step(self, action: int | None) -> None:
         """Let the drone whose turn it is choose.
 
@@ -97,16 +113,23 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
             action: an integer from 0 to 5; None once the drone's episode is over.
 
         Raises:
+            ResetNeeded: before the first `reset`, and after an interrupted step or reset.
             TypeError: the action is no integer.
             ValueError: it is out of range, or not None though the drone's episode is over.
                 It is still the same drone's turn.
         """
+        if not self._is_whole:
+            raise ResetNeeded(
+                "step: no episode has begun, or it was interrupted; call reset() first"
+            )
         agent = self.agent_selection
         if not (self.terminations[agent] or self.truncations[agent]):
             action = checks.integer("action", action, 0, len(Action) - 1)
         elif action is not None:
             raise ValueError(f"action must be None once the episode is over, got {action!r}")
+        self._is_whole = False
         super().step(action)
+        self._is_whole = True
 
 
 def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:

@@ -235,6 +235,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self.agents = []
         self._ending = None
         if search is not self._search:
+            self._search = None
             self._sea = Sea(search)
             self._search = search
         self._scenario = scenario

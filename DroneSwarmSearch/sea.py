@@ -216,5 +216,6 @@ class Sea:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._handed = self._handed.copy()
-        self._handed.setflags(write=False)  # arrays do not stay read-only through a pickle
+        if "_handed" in state:  # no array stays read-only through a pickle
+            self._handed = self._handed.copy()
+            self._handed.setflags(write=False)

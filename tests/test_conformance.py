@@ -21,7 +21,13 @@ from pettingzoo.utils import BaseParallelWrapper, aec_to_parallel, parallel_to_a
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 import DroneSwarmSearch.env as env_module
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, drone_swarm_search_v0
+from DroneSwarmSearch import (
+    Action,
+    DroneSwarmSearch,
+    ResetNeeded,
+    RewardScheme,
+    drone_swarm_search_v0,
+)
 from DroneSwarmSearch.actions import TurnBased
 from DroneSwarmSearch.mappings import Infos, Rewards
 
@@ -179,6 +185,35 @@ def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, a
         assert aec.agents == twin.agents
         if aec.agents:
             assert plain(seen_in_turn(aec)) == plain(seen_in_turn(twin))
+
+
+def test_the_aec_form_asks_for_a_reset_after_an_interrupt(monkeypatch):
+    aec = env_module.env(n_drones=2, grid_size=5, timestep_limit=9)
+    raw = drone_swarm_search_v0.raw_env(n_drones=2)
+    with pytest.raises(ResetNeeded):
+        raw.step(5)
+    with pytest.raises(ValueError, match="seed"):
+        raw.reset(seed=-1)
+    with pytest.raises(ResetNeeded):
+        raw.step(5)
+    aec.reset(seed=3)
+    aec.step(5)
+    with pytest.raises(ValueError, match="seed"):
+        aec.reset(seed=-1)  # changes nothing
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(env_module, "observe", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            aec.step(1)
+    with pytest.raises(ResetNeeded, match="interrupted"):
+        aec.step(1)
+    aec.reset(seed=3)
+    aec.step(5)
+    aec.step(3)
+    assert aec.observe("drone1")["observation"][0] == (1, 1)
 
 
 def test_the_aec_form_converts_back():

@@ -786,6 +786,7 @@ def test_what_a_policy_holds_may_stand_in_any_order_and_in_circles(played, tmp_p
 IN_FILES = {
     "mine.py": """
 import enum
+import importlib
 from pathlib import Path
 import numpy as np
 import helper
@@ -822,6 +823,21 @@ def by_import(shown):
 def by_chain(shown):
     return fill(shown, deep.action())
 
+def by_name(shown):
+    return fill(shown, importlib.import_module("late").action())
+
+def with_module(shown, module):
+    return fill(shown, module.ACTION)
+
+class ByModule:
+    held = {"module": helper}
+
+    def __init__(self, scenario):
+        self.module = helper
+
+    def __call__(self, shown):
+        return with_module(shown, self.held["module"] if len(shown) > 2 else self.module)
+
 class Loads:
     def __init__(self, scenario):
         self.scenario = scenario
@@ -837,7 +853,10 @@ class Loads:
     "parts/deep.py": "from . import deeper\n\ndef action():\n    return deeper.Deeper().action\n",
     "parts/deeper.py": "class Deeper:\n    action = {}\n",
 }
-ATTRIBUTES = ("stay", "idle", "by_weights", "by_constant", "by_import", "by_chain", "Loads")
+ATTRIBUTES = (
+    *("stay", "idle", "by_weights", "by_constant", "by_import", "by_chain", "by_name"),
+    *("ByModule", "Loads"),
+)
 
 EVALUATE_FILES = """
 import json, sys

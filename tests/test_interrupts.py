@@ -124,6 +124,7 @@ def test_an_interrupted_reset_of_an_environment() -> None:
         lambda: copy.deepcopy(env), lambda env: env.reset(seed=2, vector=(-0.1, 0.4)), stride=17
     ):
         asked += not left.agents
+        left = copy.deepcopy(left)
         if not left.agents:
             with pytest.raises(ResetNeeded, match="interrupted"):
                 left.step(dict.fromkeys(left.possible_agents, 5))
@@ -193,6 +194,9 @@ def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
                 lambda: left.reset(range(2), np.arange(2)),  # noqa: B023
                 lambda: left.restart(np.arange(2)),  # noqa: B023
                 lambda: left.frame(1),  # noqa: B023
+                lambda: left.matrices_of([0, 1]),  # noqa: B023
+                lambda: left.probabilities([0, 1], [2, 3]),  # noqa: B023
+                lambda: left.write_matrices(np.empty((ROWS, 4, 4), np.float32)),  # noqa: B023
             ):
                 with pytest.raises(ResetNeeded, match="interrupted"):
                     refused()
@@ -295,6 +299,30 @@ def test_nobody_is_at_work_after_an_interrupt(two_helpers: None) -> None:
         may_end.set()
         assert done == finished and len(begun) - len(done) == own
     assert at > 50
+
+
+def test_another_interrupt_does_not_end_the_waiting(
+    two_helpers: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, may_end, done = threading.Event(), threading.Event(), []
+
+    def work(part: int) -> None:
+        begun.set()
+        assert may_end.wait(60)
+        done.append(part)
+
+    def impatient(_: float) -> None:
+        may_end.set()
+        raise KeyboardInterrupt
+
+    def meanwhile() -> None:
+        assert begun.wait(60)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threads.time, "sleep", impatient)
+    with pytest.raises(KeyboardInterrupt):
+        run_in_parts(work, [1], meanwhile)
+    assert done == [1]
 
 
 @pytest.mark.parametrize("bayesian", [False, True])

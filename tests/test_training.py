@@ -726,6 +726,13 @@ def test_masks_told_by_flat_observations_are_those_of_the_view(
             {"observation": "top-cells", "top_cells": 3, "grid_size": 3, "n_drones": 4},
         ),
         (DroneVectorEnv, {"observation": "top-cells", "grid_size": 8, "n_drones": 2}),
+        *(
+            (
+                DroneVectorEnv,
+                {"observation": "top-cells", "top_cells": k, "grid_size": n, "n_drones": 1},
+            )
+            for n, k in ((3, 3), (6, 12), (9, 27), (12, 48))
+        ),
         (DroneVectorEnv, {"observation": "planes", "grid_size": 4, "n_drones": 2}),
         (SwarmVectorEnv, {"observation": "flat", "grid_size": 5, "n_drones": 2}),
         (SwarmVectorEnv, {"observation": "flat", "grid_size": 4, "n_drones": 3}),

@@ -547,7 +547,9 @@ def persons(env: SearchVectorEnv, steps: int) -> np.ndarray:
 
 @both_views
 @pytest.mark.parametrize(
-    "seed", [5, np.int64(5), np.uint8(5), [5, 8], (5, None), np.array([5, 6]), range(5, 7)], ids=str
+    "seed",
+    [5, np.int64(5), np.array(5), [5, 8], (5, None), np.array([5, 6]), range(5, 7)],
+    ids=repr,
 )
 def test_the_first_seed_seeds_np_random_too(view: type[SearchVectorEnv], seed: Any) -> None:
     """As Gymnasium's environments do; nothing here draws from it."""

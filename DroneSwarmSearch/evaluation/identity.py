@@ -193,13 +193,12 @@ class _Fingerprint(_Pickler):
         if isinstance(obj, type):
             own = {name: obj.__dict__[name] for name in sorted({*vars(obj)} - _NOT_BEHAVIOUR)}
             return obj.__qualname__, type(obj), obj.__bases__, own
-        defined = {
+        held = {
             name: value
             for name, value in sorted(vars(obj).items())
-            if getattr(value, "__module__", None) == obj.__name__
-            and isinstance(value, (type, types.FunctionType))
+            if not (name.startswith("__") or isinstance(value, types.ModuleType))
         }
-        return obj.__name__, _code_of(obj), defined
+        return obj.__name__, _code_of(obj), held
 
 
 class _Sink:
@@ -248,6 +247,9 @@ def _globals_of(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
                 yield name, _read(_imported(name, known.get("__package__")), names, set())
             elif isinstance(step.argval, int):
                 level = step.argval  # the last integer before an import is its level
+    if names & {"import_module", "__import__"}:
+        for name in sorted(text for text in names if re.fullmatch(r"[\w.]+", text)):
+            yield name, _read(_imported(name, None), names, set())
 
 
 def _imported(name: str, package: str | None) -> Any:
@@ -267,9 +269,8 @@ def _read(value: Any, names: set[str], seen: set[types.ModuleType]) -> Any:
         return value.__name__
     seen.add(value)
     held = vars(value)
-    return value.__name__, [
-        (name, _read(held[name], names, seen)) for name in sorted(names & {*held})
-    ]
+    read = [(name, _read(held[name], names, seen)) for name in sorted(names & {*held})]
+    return value.__name__, _code_of(value), read
 
 
 def _pickles_itself(kind: type) -> bool:

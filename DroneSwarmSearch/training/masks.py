@@ -63,7 +63,10 @@ def masks_of_flat(
     places = swarms[..., : 2 * drones].reshape(-1, drones, drones, 2) * (size - 1)
     with np.errstate(invalid="ignore"):  # NaN
         cells = np.rint(places[:, :, 0]).astype(np.int64)  # its own position comes first
-    if not _is_flat(places, cells[:, own_first(drones)], swarms[..., 2 * drones :], size):
+    starts = np.ndim(parameters.get("person_initial_position", (0, 0)))
+    persons = len(parameters["person_initial_position"]) if starts == 2 else 1
+    rest = swarms[..., 2 * drones :]
+    if not _is_flat(places, cells[:, own_first(drones)], rest, size, persons):
         raise ValueError(
             "seen must be observations in the layout 'flat', one for each drone, with the "
             "drones of a swarm together; got values that no such observation has"
@@ -73,7 +76,7 @@ def masks_of_flat(
 
 
 def _is_flat(
-    places: NDArray[Any], expected: NDArray[np.int64], rest: NDArray[Any], size: int
+    places: NDArray[Any], expected: NDArray[np.int64], rest: NDArray[Any], size: int, persons: int
 ) -> bool:
     """Whether values are those of the layout "flat".
 
@@ -85,7 +88,10 @@ def _is_flat(
         expected: where it should be shown them, by what each is shown of itself.
         rest: the share of the steps left and the matrix: shape (swarms, n, 1 + N²).
         size: cells along each side, N.
+        persons: the number of persons.
     """
+    matrices = rest[..., 1:]
+    at_start = rest[..., 0] == 1
     on_grid = ((expected >= 0) & (expected < size)).all()
     return bool(
         on_grid
@@ -93,5 +99,7 @@ def _is_flat(
         and (rest == rest[:, :1]).all()  # a swarm has one clock and one matrix
         and (rest >= 0).all()
         and (rest[..., 0] <= 1).all()
-        and (rest[..., 1:].max(axis=-1) == 1).all()
+        and (matrices.max(axis=-1) == 1).all()
+        # Before the first step persons are where they started.
+        and (np.count_nonzero(matrices, axis=-1)[at_start] <= persons).all()
     )

@@ -618,10 +618,12 @@ class SearchBatch:
         """Write the matrix of every row: float32, (E, N, N), C-contiguous, indexed [y, x].
 
         Raises:
+            ResetNeeded: after an interrupted step or reset.
             TypeError: what is to receive them is no array.
             ValueError: it is of another shape, dtype or order, or read-only.
         """
         self._check_receiver(out)
+        self._check_whole("write_matrices")
         self._seas.write_matrices(out)
 
     def _check_receiver(self, matrices: Singles) -> None:
@@ -633,8 +635,14 @@ class SearchBatch:
 
         Args:
             rows: their numbers, in rising order.
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+            TypeError, ValueError: these are not numbers of rows, or not in rising order.
         """
-        return self._seas.matrices(checked_rows(rows, self.num_rows, rising=True))
+        rows = checked_rows(rows, self.num_rows, rising=True)
+        self._check_whole("matrices_of")
+        return self._seas.matrices(rows)
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each: float32, (n,).
@@ -642,7 +650,13 @@ class SearchBatch:
         Args:
             rows: their numbers, in rising order; a row may come several times.
             cells: y * N + x, shape (n,).
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+            TypeError, ValueError: these are not numbers of rows and cells, or the rows are
+                not in rising order.
         """
+        self._check_whole("probabilities")
         rows = checked_rows(rows, self.num_rows, rising=True, repeated=True)
         what = f"integers from 0 to {self._scenario.grid_size**2 - 1}, one for each of the rows"
         places = checks.array("cells", cells, what)

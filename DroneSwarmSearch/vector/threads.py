@@ -12,6 +12,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar
@@ -169,5 +170,6 @@ def run_in_parts(
     except BaseException:
         left.clear()
         while helping:
-            time.sleep(_PATIENCE)
+            with suppress(BaseException):  # another Ctrl-C changes nothing
+                time.sleep(_PATIENCE)
         raise

@@ -269,6 +269,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 have ended.
             TypeError: the actions are no integers.
             ValueError: they are out of range or of another shape.
+            Exception: whatever a sampler raises. With autoreset in the same step, the step
+                has been made then, and a reset is needed.
         """
         batch = self.batch
         observations = self._receiver()
@@ -403,7 +405,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         n = self.batch.num_rows
         if seed is None:
             return []
-        if not isinstance(seed, (Sequence, np.ndarray)) or isinstance(seed, str):
+        several = isinstance(seed, Sequence) and not isinstance(seed, str)
+        if not several and not (isinstance(seed, np.ndarray) and seed.ndim):
             first = checks.integer("seed", seed, 0)
             return list(range(first, first + n))
         seeds = checks.seeds("seed", seed)
