@@ -168,7 +168,13 @@ def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]
 
 
 def neighbours_of_all(grid_size: int) -> NDArray[np.int64]:
-    """`neighbours` of every cell: shape (grid_size², 6), indexed [cell, action]."""
+    """`neighbours` of every cell: shape (grid_size², 6), indexed [cell, action].
+
+    Raises:
+        ValueError: the table does not fit in memory.
+    """
+    # Six integers of eight bytes for each cell, twice over while the table is made.
+    checks.fits("the table of the cells' neighbours", 96 * grid_size**2, grid_size=grid_size)
     cells = np.arange(grid_size**2)
     y, x = np.divmod(cells, grid_size)
     return np.stack(

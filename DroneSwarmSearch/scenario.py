@@ -15,8 +15,8 @@ __all__ = ["Cell", "Scenario"]
 _MOST_STEPS = 2**53
 """Up to here every number of steps is a float, too."""
 
-_DRONE_BYTES = 200
-"""About what the environment keeps of a drone: its name, and where that is a key."""
+_DRONE_BYTES = 900
+"""About what the environment keeps of a drone in an episode, observations included."""
 
 Cell = tuple[int, int]
 """(x, y): column and row; y grows downward."""
@@ -79,7 +79,7 @@ class Scenario:
         # The matrices before and after a step; of each person what is believed, in double.
         cell_bytes = 8 + 16 * len(persons) * updates
         checks.fits("what is known of the cells", cell_bytes * side**2, grid_size=side)
-        checks.fits("the drones' names", _DRONE_BYTES * drones, n_drones=drones)
+        checks.fits("the drones", _DRONE_BYTES * drones, n_drones=drones)
         if not isinstance(reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {reward_scheme!r}")
         return cls(

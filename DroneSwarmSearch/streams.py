@@ -251,11 +251,25 @@ class RowNumbers:
     def integers(
         self, low: ArrayLike, high: ArrayLike, size: int | tuple[int, ...] = ()
     ) -> NDArray[np.int64]:
-        """Integers from low to high - 1, int64, shape ``(n, *size)``."""
-        low = np.asarray(low)
-        above = np.floor((np.asarray(high) - low) * self.random(size)).astype(np.int64)
-        drawn: NDArray[np.int64] = low + above
+        """Integers from low to high - 1, int64, shape ``(n, *size)``.
+
+        Raises:
+            TypeError: `low` or `high` does not hold integers.
+            ValueError: `low` is not below `high`.
+        """
+        lowest, end = _integers("low", low), _integers("high", high)
+        if (lowest >= end).any():
+            raise ValueError(f"low must be below high, got {low!r} and {high!r}")
+        above = np.floor((end - lowest) * self.random(size)).astype(np.int64)
+        drawn: NDArray[np.int64] = lowest + above
         return drawn
+
+
+def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
+    given = checks.array(name, value, "an integer or an array of integers")
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"{name} must be an integer or an array of integers, got {value!r}")
+    return given.astype(np.int64)
 
 
 class Streams(NamedTuple):

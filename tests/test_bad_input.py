@@ -23,8 +23,11 @@ from DroneSwarmSearch import (
     ResetNeeded,
     RewardScheme,
 )
+from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
+    ActionMask,
     DictObservation,
     FlatObservation,
     GlimpsesObservation,
@@ -542,6 +545,9 @@ def law_of(grid_size):
         ("n_drones", lambda: FlatObservation(DroneSwarmSearch(200, n_drones=4000))),
         ("n_drones", lambda: OtherDrones(DroneSwarmSearch(200, n_drones=4000))),
         ("n_drones", lambda: GlimpsesObservation(DroneSwarmSearch(200, n_drones=10**4))),
+        ("grid_size", lambda: action_masks([0], 2000)),
+        ("grid_size", lambda: ActionMask(DroneSwarmSearch(2000)).reset(seed=1)),
+        ("grid_size", lambda: make("random", DroneSwarmSearch(2000).scenario)),
     ],
 )
 def test_what_does_not_fit_in_memory_is_refused_by_name(small_machine, name, make):

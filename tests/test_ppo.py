@@ -77,6 +77,16 @@ class TestNetwork:
         with pytest.raises(ValueError, match="must hold the arrays weights0, biases0 and so on"):
             Network.load(path)
 
+    @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+    def test_refuses_what_may_expand_without_limit(self, tmp_path: Path, method: int) -> None:
+        whole, path = tmp_path / "whole.npz", tmp_path / "weights.npz"
+        Network(layers(LENGTH, 3, 5)).save(whole)
+        with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", method) as target:
+            for name in source.namelist():
+                target.writestr(name, source.read(name))
+        with pytest.raises(ValueError, match=r"weights.npz must .* must be stored or deflated"):
+            Network.load(path)
+
     def test_refuses_every_damaged_file(self, tmp_path: Path) -> None:
         """Whatever a flipped bit or a cut does, it is refused in words or changes nothing."""
         network, path = Network(layers(LENGTH, 3, 5)), tmp_path / "weights.npz"

@@ -242,6 +242,39 @@ class TestWriting:
         path.write_bytes(b"before")
         return path
 
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_any_name_will_do(
+        self, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        if suffix == ".mp4":
+            pytest.importorskip("imageio_ffmpeg")
+        monkeypatch.chdir(tmp_path)
+        path = Path(f"a:b -y%d{suffix}")
+        assert write_film(path, self.pictures(3), fps=5, hold=0) == 3
+        assert path.stat().st_size > 100 and len(list(tmp_path.iterdir())) == 1
+
+    @pytest.mark.parametrize(
+        ("changes", "error", "message"),
+        [
+            ({"fps": 0}, ValueError, "fps must be .* got 0"),
+            ({"fps": -1}, ValueError, "fps must be .* got -1"),
+            ({"fps": float("nan")}, ValueError, "fps must be"),
+            ({"hold": -9}, ValueError, "hold must be .* got -9"),
+            ({"hold": "1"}, TypeError, "hold must be"),
+            ({"gif_width": 0}, ValueError, "gif_width must be"),
+            ({"path": "film.gif"}, TypeError, "path must be"),
+        ],
+    )
+    def test_bad_arguments_are_refused_before_the_first_picture(
+        self, path: Path, changes: dict[str, Any], error: type[Exception], message: str
+    ) -> None:
+        taken: list[int] = []
+        pictures = (taken.append(1) or each for each in self.pictures(3))
+        given: dict[str, Any] = {"path": path, "fps": 5, "hold": 1, **changes}
+        with pytest.raises(error, match=message):
+            write_film(given.pop("path"), pictures, **given)
+        assert not taken and path.read_bytes() == b"before"
+
     @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError, StoppedError])
     @pytest.mark.parametrize("place", [0, 1, 29])
     def test_an_error_leaves_the_film_that_was_there(

@@ -187,7 +187,7 @@ def idle(env: SB3VecEnv) -> np.ndarray:
 @both_views
 def test_options_hold_for_one_reset(view: type[SearchVectorEnv]) -> None:
     env = made(view)
-    env.set_options({"drones_positions": [(3, 3), (0, 2)], "vector": (1.0, 0.0)})
+    env.set_options({"drones_positions": [(3, 3), (0, 2)], "vector": np.array([1.0, 0.0])})
     env.reset()
     assert env.batch.positions.tolist() == [[[3, 3], [0, 2]]] * 3
     env.reset()
@@ -245,6 +245,8 @@ def test_every_slot_has_a_mask_of_its_own(view: type[SearchVectorEnv], right_of_
     assert plain(env.env_method("action_masks", indices=[2, 0])) == plain([masks[2], masks[0]])
     other = env.env.action_masks(not right_of_way)
     assert plain(np.stack(env.env_method("action_masks", not right_of_way))) == plain(other)
+    by_name = env.env_method("action_masks", right_of_way=not right_of_way)
+    assert plain(np.stack(by_name)) == plain(other)
     assert plain(VecMonitor(env).env_method("action_masks")) == plain(list(masks))
     assert (masks != other).any()
 
@@ -318,5 +320,5 @@ def test_other_environments_are_refused() -> None:
 def test_step_wait_comes_after_step_async() -> None:
     env = made(DroneVectorEnv)
     env.reset()
-    with pytest.raises(AssertionError, match="step_async comes first"):
+    with pytest.raises(RuntimeError, match=r"call step_async\(\) first"):
         env.step_wait()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import io
 import math
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -771,3 +773,28 @@ def test_masks_are_told_by_whole_swarms_of_the_same_search() -> None:
         training.masks_of_flat(seen, 5)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
         training.masks_of_flat(seen, parameters, 1)  # type: ignore[arg-type]
+
+
+def test_a_swallowed_ctrl_c_is_heard_at_the_next_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Some code of libraries cannot raise: callbacks from C, for one."""
+    options = training.arguments("Train.", steps=10, short=5).parse_args(
+        ["--out", str(tmp_path / "run")]
+    )
+    run = training.Run(options, "test")
+
+    def train() -> None:
+        with run:
+            run.log(1)
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            run.log(2)
+            raise AssertionError("it trains on")
+
+    with pytest.raises(SystemExit) as stopped:
+        train()
+    assert stopped.value.code == 130
+    assert run.steps_done == 2
+    assert "interrupted before the first checkpoint" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -925,6 +925,27 @@ def test_other_sizes_of_random_numbers_are_refused(size: Any) -> None:
     assert rng.random(2).tolist() == RowNumbers(stream_keys(1)).random(2).tolist()
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "error", "message"),
+    [
+        (15, 5, ValueError, "low must be below high, got 15 and 5"),
+        (3, 3, ValueError, "low must be below high"),
+        ([0, 9], [5, 9], ValueError, "low must be below high"),
+        (0, 2.5, TypeError, "high must be an integer or an array of integers, got 2.5"),
+        (0.5, 3, TypeError, "low must be an integer"),
+        (0, np.nan, TypeError, "high must be an integer"),
+        (0, 2**70, TypeError, "high must be an integer"),
+        (0, "x", TypeError, "high must be an integer"),
+        (0, [[1], [2, 3]], ValueError, "high must be an integer"),
+    ],
+)
+def test_bounds_of_integers_are_checked(low: Any, high: Any, error: Any, message: str) -> None:
+    rng = RowNumbers(stream_keys(1))
+    with pytest.raises(error, match=message):
+        rng.integers(low, high, 2)
+    assert rng.random(2).tolist() == RowNumbers(stream_keys(1)).random(2).tolist()
+
+
 @pytest.mark.parametrize(("low", "high"), [(0, 1), (5, 6), (5, 15), (1000, 1001), (-3, 4)])
 def test_integers_stay_below_their_bound_whatever_is_drawn(
     low: int, high: int, monkeypatch: pytest.MonkeyPatch
@@ -1462,7 +1483,9 @@ def test_reset_refuses_names_that_it_does_not_know(name: str) -> None:
     batch = SearchBatch(2)
     batch.reset([1, 2])
     before = pickle.dumps(batch)
-    with pytest.raises(ValueError, match=f"vector, {PERSON}, {CONSTANT}, {DRONES}, got {name!r}"):
+    with pytest.raises(
+        ValueError, match=f"given must .*vector, {PERSON}, {CONSTANT}, {DRONES}\\), got {name!r}"
+    ):
         batch.reset([1, 2], given={"vector": (1, 1), name: 1})
     assert pickle.dumps(batch) == before
 

@@ -163,7 +163,7 @@ def _module(text: str, name: str) -> tuple[ModuleType, str]:
     """A module by its name, and a hash of its source."""
     try:
         module = importlib.import_module(name)
-    except (ModuleNotFoundError, ValueError) as error:
+    except (ModuleNotFoundError, TypeError, ValueError) as error:
         if isinstance(error, ModuleNotFoundError) and not f"{name}.".startswith(f"{error.name}."):
             raise  # the module is there; one that it imports is not
         raise ValueError(

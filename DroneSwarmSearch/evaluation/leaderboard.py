@@ -10,7 +10,7 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -284,7 +284,7 @@ class _Contest:
         bounds: bool,
     ) -> None:
         for what, names in (("policies", policies), ("searches", searches), ("added", added)):
-            if isinstance(names, str):
+            if names is not None and (isinstance(names, str) or not isinstance(names, Iterable)):
                 raise TypeError(f"{what} must be a list, got {names!r}")
         view, observation = checked_view(view, observation)
         posterior = checks.boolean("posterior", posterior)

@@ -31,6 +31,9 @@ __all__ = ["PORTION", "Cell", "evaluate"]
 PORTION = 500
 """Episodes played together, and kept together in a store."""
 
+_EPISODE_BYTES = 32
+"""What is kept of an episode at least: four numbers."""
+
 Made = bytes | Callable[..., Any]
 """A policy, pickled; itself only where it cannot be."""
 
@@ -147,6 +150,7 @@ class Cell:
         if bayesian_update is not None:
             self.search = self.search.with_posterior(bayesian_update)
         self.episodes = checks.integer("episodes", episodes, 1)
+        checks.fits("their figures", _EPISODE_BYTES * self.episodes, episodes=self.episodes)
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
         self.contestant = Contestant.of(policy, name)

@@ -111,6 +111,9 @@ def _arrays(archive: zipfile.ZipFile) -> Iterator[tuple[str, Singles]]:
     if total > LARGEST:
         raise ValueError(f"its arrays must have at most {LARGEST} bytes, got {total}")
     for member in archive.infolist():
+        # Others can expand without limit, whatever size the file states.
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"{member.filename} must be stored or deflated, as NumPy writes it")
         with archive.open(member) as file:
             version = np.lib.format.read_magic(file)
             if version not in _HEADERS:

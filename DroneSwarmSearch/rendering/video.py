@@ -19,6 +19,8 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import checks
+
 if TYPE_CHECKING:
     from PIL import Image
 
@@ -71,12 +73,17 @@ def write_film(
     Raises:
         ImportError: a package of the extra "video" is missing, or its ffmpeg.
         OSError: the file cannot be written.
-        ValueError: the suffix is none of `SUFFIXES`, or the pictures are none or differ in
-            shape.
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits, the suffix is none of `SUFFIXES`, or the
+            pictures are none or differ in shape.
     """
     # `evaluation` has a command that makes films.
     from DroneSwarmSearch.evaluation.files import replacing
 
+    if not isinstance(path, Path):
+        raise TypeError(f"path must be a pathlib.Path, got {path!r}")
+    fps, hold = checks.positive("fps", fps), checks.real("hold", hold, 0)
+    gif_width = checks.integer("gif_width", gif_width, 1)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"a film's name must end in {' or '.join(SUFFIXES)}, got {path.name!r}")
@@ -218,7 +225,7 @@ def _write_gif_frames(
     only the box that differs from the image before is written, with `UNCHANGED` for the
     pixels in it that do not. An image that does not differ at all prolongs the one before.
     """
-    duration, images = round(1000 / fps), iter(images)
+    duration, images = min(round(1000 / fps), GIF_LONGEST), iter(images)
     first = next(images)
     width, height = first.size
     file.write(b"GIF89a" + struct.pack("<HHBBB", width, height, 0xF7, 0, 0))  # 256 colours
@@ -266,7 +273,7 @@ def _write_mp4(
     command += ["-s", f"{width}x{height}", "-r", f"{fps!r}", "-i", "-", "-an"]
     if width % 2 or height % 2:  # which this pixel format cannot have
         command += ["-vf", f"scale={width + width % 2}:{height + height % 2}"]
-    command += ["-pix_fmt", "yuv420p", str(path)]
+    command += ["-pix_fmt", "yuv420p", f"file:{path}"]
     held, count = round(fps * hold), 0
     with tempfile.TemporaryFile() as complaints:
         process = subprocess.Popen(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import math
 import shutil
+import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -74,6 +76,7 @@ class Run:
                 f"choose another folder with --out, or delete {self._file}"
             )
         self.folder.mkdir(parents=True, exist_ok=True)
+        self._heard = False  # Ctrl-C
         self._curve = Curve(self._file)
         self._begin()
 
@@ -115,7 +118,8 @@ class Run:
             A context manager that hands out the path to write to.
 
         Raises:
-            StorageError: it cannot be written, because the disk is full for example.
+            StorageError: the file cannot be put in its place. What is written into it raises
+                errors of its own, of a full disk for example.
         """
         return replacing(self.folder / name)
 
@@ -194,6 +198,7 @@ class Run:
             figures: the trainer's own, losses for example; a column each.
 
         Raises:
+            KeyboardInterrupt: Ctrl-C was pressed, and a library swallowed it.
             StorageError: curve.csv cannot be written.
             ValueError: `steps` is not more than before, or a figure has a column's name.
         """
@@ -212,6 +217,8 @@ class Run:
         )
         self.steps_done = steps
         self._bar(steps, self._latest())
+        if self._heard:
+            raise KeyboardInterrupt
 
     def draw(self) -> None:
         """Draw curve.png; without matplotlib, say what is missing."""
@@ -231,7 +238,15 @@ class Run:
         return ", ".join(words)
 
     def __enter__(self) -> Run:
+        here = threading.current_thread() is threading.main_thread()
+        if here and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._hear)
         return self
+
+    def _hear(self, *_: object) -> None:
+        """Note Ctrl-C: code of libraries that cannot raise, a callback from C, swallows it."""
+        self._heard = True
+        raise KeyboardInterrupt
 
     def __exit__(
         self,
@@ -239,6 +254,8 @@ class Run:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if signal.getsignal(signal.SIGINT) == self._hear:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         self._bar.__exit__(kind, error, trace)
         interrupted = _comes_of_an_interrupt(error)
         if not interrupted:

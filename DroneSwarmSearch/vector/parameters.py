@@ -29,9 +29,6 @@ VARIABLE = ("vector", "person_initial_position", "disperse_constant", "drones_po
 _ROW_BYTES = 64
 """Rounded down, what a batch keeps for each drone of each row."""
 
-_CELL_BYTES = 96
-"""What it takes to make the table of a cell's neighbours, six integers, twice over."""
-
 _FOLLOWED_BYTES = 64
 """What following a person's law takes, for each cell along a side."""
 
@@ -177,26 +174,35 @@ class Parameters:
         values = sampler(RowNumbers(keys))
         if not isinstance(values, Mapping):
             raise TypeError(f"sampler must return a mapping, got {values!r}")
-        return self.checked_values(rows, values)
+        return self.checked_values(rows, values, "what sampler returns")
 
-    def checked_values(self, rows: int, values: Mapping[str, Any]) -> Values:
-        """Some of `VARIABLE` checked, from one value for all rows or one for each."""
+    def checked_values(self, rows: int, values: Mapping[str, Any], name: str = "given") -> Values:
+        """Some of `VARIABLE` checked, from one value for all rows or one for each.
+
+        Args:
+            rows: how many.
+            values: by name.
+            name: what the values are called in errors.
+        """
         if not isinstance(values, Mapping):
-            raise TypeError(f"given must be a mapping, got {values!r}")
+            raise TypeError(f"{name} must be a mapping, got {values!r}")
         unknown = [name for name in values if name not in VARIABLE]
         if unknown:
-            raise ValueError(f"parameters of rows are {', '.join(VARIABLE)}, got {unknown[0]!r}")
+            raise ValueError(
+                f"{name} must hold parameters that may differ between searches "
+                f"({', '.join(VARIABLE)}), got {unknown[0]!r}"
+            )
         checked: Values = {}
-        for name, value in values.items():
-            if name == "vector":
-                checked[name] = _vectors(value, rows).T
-            elif name == "disperse_constant":
-                checked[name] = _constants(value, rows)
-            elif name == "drones_positions":
-                checked[name] = _drones(value, rows, self.scenario).T
+        for parameter, value in values.items():
+            if parameter == "vector":
+                checked[parameter] = _vectors(value, rows).T
+            elif parameter == "disperse_constant":
+                checked[parameter] = _constants(value, rows)
+            elif parameter == "drones_positions":
+                checked[parameter] = _drones(value, rows, self.scenario).T
             else:
                 size, persons = self.scenario.grid_size, len(self.scenario.persons)
-                checked[name] = _by_person(_persons(value, rows, size, persons))
+                checked[parameter] = _by_person(_persons(value, rows, size, persons))
         return checked
 
     def assign_values(self, rows: Ints, values: Values) -> None:
@@ -227,7 +233,6 @@ def checked_sizes(
     rows = checks.integer(rows_name, num_rows, 1)
     size = checks.integer("grid_size", grid_size, 2)
     drones = checks.integer("n_drones", n_drones, 1, size**2)
-    checks.fits("the table of the cells' neighbours", _CELL_BYTES * size**2, grid_size=size)
     given = {rows_name: rows, "n_drones": drones}
     checks.fits("the drones", _ROW_BYTES * rows * drones, **given)
     return rows, size, drones

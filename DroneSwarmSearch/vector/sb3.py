@@ -61,7 +61,7 @@ class SB3VecEnv(VecEnv):
 
     def reset(self) -> Any:
         """Begin episodes everywhere; returns the observations."""
-        if any(options != self._options[0] for options in self._options):
+        if any(not _alike(options, self._options[0]) for options in self._options):
             raise ValueError("options must be the same for all slots: a reset is one for all")
         # `seed` of the base class notes a seed for every slot; the first begins the count.
         observations, _ = self.env.reset(seed=self._seeds[0], options=self._options[0] or None)
@@ -76,7 +76,8 @@ class SB3VecEnv(VecEnv):
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Make the step: observations, rewards, whether episodes ended, infos."""
-        assert self._actions is not None, "step_async comes first"
+        if self._actions is None:
+            raise RuntimeError("step_wait: no actions have been given; call step_async() first")
         observations, rewards, terminated, truncated, infos = self.env.step(self._actions)
         dones = terminated | truncated
         told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -116,7 +117,9 @@ class SB3VecEnv(VecEnv):
         """
         slots = self._get_indices(indices)
         if method_name == "action_masks":
-            masks = self.env.action_masks(*args or (self._right_of_way,), **kwargs)
+            if not args:
+                kwargs.setdefault("right_of_way", self._right_of_way)
+            masks = self.env.action_masks(*args, **kwargs)
             return [masks[slot] for slot in slots]
         result = getattr(self.env, method_name)(*args, **kwargs)
         return [result for _ in slots]
@@ -124,3 +127,10 @@ class SB3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Whether slots are wrapped: they are not."""
         return [False for _ in self._get_indices(indices)]
+
+
+def _alike(options: dict[str, Any], others: dict[str, Any]) -> bool:
+    """Whether options are equal, arrays among them."""
+    return options.keys() == others.keys() and all(
+        np.array_equal(value, others[name]) for name, value in options.items()
+    )
