@@ -4,6 +4,7 @@ from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
+from DroneSwarmSearch.scenario import Scenario
 
 __all__ = [
     "Action",
@@ -12,6 +13,7 @@ __all__ = [
     "ProbabilityMatrix",
     "ResetNeeded",
     "RewardScheme",
+    "Scenario",
     "__version__",
     "parallel_env",
 ]

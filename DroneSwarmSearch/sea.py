@@ -46,7 +46,7 @@ class Sea:
         self._bayesian = search.bayesian_update
         self._detections = search.detections
         self._laws = search.laws()
-        self._paths_at_start = [[y * size + x] for x, y in search.persons]
+        self._paths_at_start = [[y * size + x] for x, y in search.person_initial_position]
         self._block_steps = self._laws[0].block_steps
         self.everybody = tuple(range(len(self._laws)))
         self._law_at_start = law = self._one_law(self.everybody)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch import DroneSwarmSearch
+from DroneSwarmSearch import Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.statistics import bootstrap_mean
@@ -37,7 +37,7 @@ def drawn(rng: np.random.Generator, number: int) -> NamedSearch:
     """A search in which everything is drawn."""
     size = int(rng.choice([12, 18, 25, 35, 45]))
     drones = int(rng.choice([1, 2, 3, 5, 6]))
-    scenario = DroneSwarmSearch(
+    scenario = Scenario(
         grid_size=size,
         n_drones=drones,
         vector=rng.uniform(-0.6, 0.6, 2).round(3),
@@ -45,7 +45,7 @@ def drawn(rng: np.random.Generator, number: int) -> NamedSearch:
         disperse_constant=float(np.exp(rng.uniform(0.0, np.log(20.0))).round(3)),
         timestep_limit=int(rng.integers(2 * size, 4 * size)),
         probability_of_detection=float(rng.choice([0.4, 0.7, 0.9, 1.0])),
-    ).scenario
+    )
     cells = rng.permutation(size**2)[:drones]
     places = tuple((int(cell % size), int(cell // size)) for cell in cells)
     return NamedSearch(f"drawn-{number}", "Drawn at random.", scenario, places)

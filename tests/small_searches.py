@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 from helpers import inside, target_of
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ProbabilityMatrix
+from DroneSwarmSearch import Action, ProbabilityMatrix, Scenario
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.exact import best_success
@@ -22,7 +23,7 @@ Cell = tuple[int, int]
 
 def search(drones: Sequence[Cell], **parameters: Any) -> NamedSearch:
     """A search with drones that start in some cells."""
-    scenario = DroneSwarmSearch(n_drones=len(drones), **parameters).scenario
+    scenario = Scenario(n_drones=len(drones), **parameters)
     return NamedSearch("small", "For tests.", scenario, tuple(drones))
 
 
@@ -70,17 +71,17 @@ def best(index: int, steps: int | None = None) -> float:
 
 def shortened(of: NamedSearch, steps: int | None) -> NamedSearch:
     """The same search with an earlier end."""
-    parameters = dict(of.parameters)
-    del parameters["drones_positions"], parameters["n_drones"]
-    return search(
-        of.drones, **{**parameters, "timestep_limit": steps or parameters["timestep_limit"]}
-    )
+    scenario = of.scenario
+    return replace(of, scenario=scenario.replace(timestep_limit=steps or scenario.timestep_limit))
 
 
 def law_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
     scenario = of.scenario
     return ProbabilityMatrix(
-        scenario.grid_size, scenario.persons[person], scenario.vector, scenario.disperse_constant
+        scenario.grid_size,
+        scenario.person_initial_position[person],
+        scenario.vector,
+        scenario.disperse_constant,
     )
 
 

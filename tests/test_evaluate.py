@@ -50,7 +50,7 @@ OWN_WEIGHTS = str(OWN_WEIGHTS_PATH)
 def named(**changes: Any) -> NamedSearch:
     """A small search in which much happens: finds, misses, collisions, drones that leave."""
     drones = changes.pop("drones", ((1, 1), (4, 5), (5, 0)))
-    scenario = Scenario.checked(
+    scenario = Scenario(
         **{
             "grid_size": 6,
             "n_drones": len(drones),
@@ -135,7 +135,7 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
     drones = parameters.pop("drones_positions")
     env = DroneSwarmSearch(**parameters)
     observations, _ = env.reset(seed=seed, drones_positions=drones)
-    found_at, total, steps = [0] * len(each.scenario.persons), 0.0, 0
+    found_at, total, steps = [0] * len(each.scenario.person_initial_position), 0.0, 0
     while env.agents:
         observations, rewards, *_ = env.step(policy(observations))
         steps += 1

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, Scenario
 from DroneSwarmSearch.policies import GreedyPolicy, Policy, PosteriorGreedyPolicy, RandomPolicy
 from DroneSwarmSearch.policies.greedy import DISCOUNT, WORTHWHILE
 
@@ -27,7 +27,7 @@ def seen(
 
 
 def greedy(size: int, drones: int = 1) -> GreedyPolicy:
-    return GreedyPolicy(DroneSwarmSearch(grid_size=size, n_drones=drones).scenario)
+    return GreedyPolicy(Scenario(grid_size=size, n_drones=drones))
 
 
 def choose(

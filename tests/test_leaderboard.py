@@ -65,7 +65,7 @@ def made_up(
     """100 episodes, of which the first succeed, all in the same step."""
     where = SUITE[search]
     limit = where.scenario.timestep_limit
-    found = np.zeros((100, len(where.scenario.persons)), np.int64)
+    found = np.zeros((100, len(where.scenario.person_initial_position)), np.int64)
     found[:successes] = step
     endings = np.where(found[:, 0] > 0, 1, 4)
     episodes = Episodes(found, endings, np.full(100, limit), np.zeros(100), Reliability.empty())

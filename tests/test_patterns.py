@@ -11,7 +11,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.policies import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -235,7 +235,7 @@ class TestDatum:
 
 def policy_for(kind: type[PatternPolicy], n_drones: int, **changes: Any) -> PatternPolicy:
     parameters = {"grid_size": 40, "n_drones": n_drones, "vector": (0.2, 0.1), **changes}
-    return kind(DroneSwarmSearch(**parameters).scenario)
+    return kind(Scenario(**parameters))
 
 
 WIDE = Datum((20.0, 18.0), (4.0, 2.0), 10_000)

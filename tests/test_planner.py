@@ -166,7 +166,7 @@ class TestFlight:
 
     @pytest.mark.parametrize("bayesian_update", [False, True])
     def test_one_search_and_its_row_in_a_batch_are_flown_alike(self, bayesian_update: bool) -> None:
-        parameters = {**A_SEARCH.parameters, "bayesian_update": bayesian_update}
+        parameters = A_SEARCH.with_posterior(bayesian_update).parameters
         count = 8
         batch = SearchBatch(count, **parameters)
         policy = planner(A_SEARCH.with_posterior(bayesian_update))

@@ -32,7 +32,11 @@ def made_up(
 ) -> Evaluation:
     """An evaluation of 40 episodes of which a share succeeds, one step after another."""
     where = SUITE[search]
-    limit, n, persons = where.scenario.timestep_limit, 40, len(where.scenario.persons)
+    limit, n, persons = (
+        where.scenario.timestep_limit,
+        40,
+        len(where.scenario.person_initial_position),
+    )
     found = np.zeros((n, persons), np.int64)
     for episode in range(round(share * n)):
         found[episode] = 1 + episode % limit

@@ -30,7 +30,7 @@ NAMES = [
 
 
 def scenario(**changes: Any) -> Scenario:
-    return DroneSwarmSearch(**{"grid_size": 5, "n_drones": 2, **changes}).scenario
+    return Scenario(**{"grid_size": 5, "n_drones": 2, **changes})
 
 
 def shown(batch: SearchBatch, rows: np.ndarray) -> dict[str, np.ndarray]:
@@ -101,10 +101,10 @@ class TestEnvironmentScenario:
     def test_is_that_of_the_episode_under_way(self) -> None:
         env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
         env.reset(0, {"person_initial_position": [(1, 2), (3, 4)]}, vector=(1, 0))
-        assert env.scenario.persons == ((1, 2), (3, 4))
+        assert env.scenario.person_initial_position == ((1, 2), (3, 4))
         assert env.scenario.vector == (1, 0)
         env.reset()
-        assert (env.scenario.persons, env.scenario.vector) == (((0, 0),), (1, 0))
+        assert (env.scenario.person_initial_position, env.scenario.vector) == (((0, 0),), (1, 0))
 
 
 @pytest.mark.parametrize("bayesian_update", [False, True])

@@ -35,7 +35,7 @@ def layers(*widths: int, seed: int = 0) -> Layers:
 
 
 def scenario(**parameters: Any) -> Scenario:
-    return DroneSwarmSearch(**{"grid_size": 8, "n_drones": 2, **parameters}).scenario
+    return Scenario(**{"grid_size": 8, "n_drones": 2, **parameters})
 
 
 class TestNetwork:

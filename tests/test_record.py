@@ -48,7 +48,7 @@ def small(**changed: Any) -> NamedSearch:
         "bayesian_update": False,
         "reward_scheme": RewardScheme(),
     }
-    return NamedSearch("puddle", "For tests.", Scenario.checked(**{**parameters, **changed}))
+    return NamedSearch("puddle", "For tests.", Scenario(**{**parameters, **changed}))
 
 
 def all_do(action: Action) -> Any:

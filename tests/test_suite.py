@@ -36,7 +36,7 @@ LEFT_TO_RIGHT = {"pond", "lagoon", "open-sea", "channel", "harbour", "wreck"}
 
 
 def scenario(**changes: object) -> Scenario:
-    return Scenario.checked(
+    return Scenario(
         **{
             "grid_size": 5,
             "n_drones": 2,
@@ -65,10 +65,10 @@ def test_a_fingerprint_tells_every_parameter():
         for change in (
             {"grid_size": 26},
             {"vector": (0.1, 0.0500001)},
-            {"persons": ((8, 8), (16, 16))},
+            {"person_initial_position": ((8, 8), (16, 16))},
             {"disperse_constant": 4.5},
             {"timestep_limit": 151},
-            {"detection": 0.99},
+            {"probability_of_detection": 0.99},
             {"bayesian_update": True},
             {"reward_scheme": RewardScheme(step=2)},
         )
@@ -154,8 +154,8 @@ def test_one_may_bring_a_scenario():
     ("drones", "message"),
     [
         (((0, 0),), "drones_positions"),
-        (((0, 0), (0, 0)), r"different cells, got \[\[0, 0\], \[0, 0\]\]"),
-        (((0, 0), (5, 0)), "from 0 to 4, got 5"),
+        (((0, 0), (0, 0)), r"different cells, got \(0, 0\) for both drone0 and drone1"),
+        (((0, 0), (5, 0)), r"from 0 to 4, got \(5, 0\)"),
     ],
 )
 def test_drones_that_do_not_fit_are_refused(drones, message):

@@ -34,7 +34,7 @@ from DroneSwarmSearch import RewardScheme
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.scenario import Scenario
 
-SEARCH = NamedSearch("small", "For tests.", Scenario.checked(
+SEARCH = NamedSearch("small", "For tests.", Scenario(
     grid_size=5, n_drones=2, vector=(0, 0), person_initial_position=[(2, 2), (1, 3)],
     disperse_constant=5, timestep_limit=15, probability_of_detection=1, bayesian_update=True,
     reward_scheme=RewardScheme(),

@@ -281,7 +281,7 @@ def _list() -> None:
 def _outline(each: NamedSearch) -> str:
     """A search in a line."""
     scenario = each.scenario
-    n, persons = scenario.n_drones, len(scenario.persons)
+    n, persons = scenario.n_drones, len(scenario.person_initial_position)
     x, y = scenario.vector
     pod = " ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
     return (

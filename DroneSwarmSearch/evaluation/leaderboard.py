@@ -352,7 +352,7 @@ def _compared(
     contestants: Sequence[Contestant], searches: Sequence[NamedSearch]
 ) -> tuple[Contestant, NamedSearch] | None:
     """Whose searches show what a prior and a posterior promise: with one person that is exact."""
-    single = [each for each in searches if len(each.scenario.persons) == 1]
+    single = [each for each in searches if len(each.scenario.person_initial_position) == 1]
     if not single or not contestants:
         return None
     by_name = {each.name: each for each in contestants}
@@ -373,7 +373,7 @@ def _length(work: Cell | BoundOf) -> tuple[bool, bool, int, int]:
     return (
         isinstance(work, BoundOf),
         isinstance(work, Cell) and work.contestant.name == "planner",
-        len(scenario.persons),
+        len(scenario.person_initial_position),
         scenario.grid_size**2 * scenario.timestep_limit * (scenario.n_drones + 1),
     )
 

@@ -187,7 +187,7 @@ def _section(board: Leaderboard, search: NamedSearch) -> Iterator[str]:
     facts = [
         f"{size} × {size} cells",  # noqa: RUF001
         _number(scenario.n_drones, "drone", "drones"),
-        _number(len(scenario.persons), "person", "persons"),
+        _number(len(scenario.person_initial_position), "person", "persons"),
         f"drift ({scenario.vector[0]:g}, {scenario.vector[1]:g})",
         f"disperse constant {scenario.disperse_constant:g}",
         f"probability of detection {chances}",

@@ -263,7 +263,7 @@ class Cell:
         except ValueError:
             return False
         scenario = self.search.scenario
-        fits = episodes.found_at.shape == (len(portion), len(scenario.persons))
+        fits = episodes.found_at.shape == (len(portion), len(scenario.person_initial_position))
         if fits and episodes.steps.max() <= scenario.timestep_limit:
             self._done[portion] = episodes
         return portion in self._done

@@ -11,7 +11,7 @@ import difflib
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -19,9 +19,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import checks
-from DroneSwarmSearch.rules import RewardScheme
 from DroneSwarmSearch.scenario import Cell, Scenario
-from DroneSwarmSearch.vector.parameters import Parameters
 
 __all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
 
@@ -56,39 +54,20 @@ class NamedSearch:
         size, n = self.scenario.grid_size, self.scenario.n_drones
         cells = self.drones or tuple((cell % size, cell // size) for cell in range(n))
         object.__setattr__(self, "drones", tuple((int(x), int(y)) for x, y in cells))
-        Parameters.checked(1, **self.parameters)
+        self.scenario.drone_cells(self.drones)
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters under the names that `SearchBatch` has for them."""
-        scenario = self.scenario
-        return {
-            "grid_size": scenario.grid_size,
-            "n_drones": scenario.n_drones,
-            "vector": scenario.vector,
-            "person_initial_position": list(scenario.persons),
-            "disperse_constant": scenario.disperse_constant,
-            "timestep_limit": scenario.timestep_limit,
-            "probability_of_detection": scenario.detection,
-            "bayesian_update": scenario.bayesian_update,
-            "reward_scheme": scenario.reward_scheme,
-            "drones_positions": np.array(self.drones),
-        }
+        return {"scenario": self.scenario, "drones_positions": np.array(self.drones)}
 
     @property
     def data(self) -> dict[str, Any]:
         """The parameters as plain data, for files; neither name nor reason."""
-        scenario = self.scenario
         return {
-            "grid_size": scenario.grid_size,
-            "n_drones": scenario.n_drones,
-            "vector": list(scenario.vector),
-            "person_initial_position": [list(cell) for cell in scenario.persons],
-            "disperse_constant": scenario.disperse_constant,
-            "timestep_limit": scenario.timestep_limit,
-            "probability_of_detection": list(scenario.detections),
-            "bayesian_update": scenario.bayesian_update,
-            "reward_scheme": asdict(scenario.reward_scheme),
+            **self.scenario.to_dict(),
+            # One form for one search: a number may stand for all persons.
+            "probability_of_detection": list(self.scenario.detections),
             "drones_positions": [list(cell) for cell in self.drones],
         }
 
@@ -101,7 +80,7 @@ class NamedSearch:
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
         """The same search, showing the drones the posterior (True) or the drift alone."""
         flag = checks.boolean("bayesian_update", bayesian_update)
-        return replace(self, scenario=replace(self.scenario, bayesian_update=flag))
+        return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
 
 
 def search(name: str) -> NamedSearch:
@@ -150,12 +129,7 @@ def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
 def _named(
     *, name: str, reason: str, drones_positions: list[list[int]], **parameters: Any
 ) -> NamedSearch:
-    scenario = Scenario.checked(
-        n_drones=len(drones_positions),
-        bayesian_update=False,
-        reward_scheme=RewardScheme(),
-        **parameters,
-    )
+    scenario = Scenario.from_dict({"n_drones": len(drones_positions), **parameters})
     return NamedSearch(name, reason, scenario, tuple((x, y) for x, y in drones_positions))
 
 

@@ -516,7 +516,7 @@ def success_bound(
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
-    laws = zip(scenario.persons, scenario.detections, scenario.laws(), strict=True)
+    laws = zip(scenario.person_initial_position, scenario.detections, scenario.laws(), strict=True)
     kinds = {(cell, detection): law for cell, detection, law in laws}
     persons = [
         _PersonBound(law, detection, starts, limit, gap)

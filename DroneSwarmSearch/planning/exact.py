@@ -38,8 +38,9 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
     Raises:
         ValueError: there are several persons.
     """
-    if len(scenario.persons) > 1:
-        raise ValueError(f"scenario must have one person, got {len(scenario.persons)}")
+    persons = len(scenario.person_initial_position)
+    if persons > 1:
+        raise ValueError(f"scenario must have one person, got {persons}")
     return _Search(scenario, known).run(scenario.drone_cells(drones_positions))
 
 

@@ -13,8 +13,8 @@ from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
 from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.training.run import INTERRUPTED
-from DroneSwarmSearch.vector.engine import SearchBatch
 
 __all__ = ["BASELINES", "compare_with_baselines"]
 
@@ -88,10 +88,10 @@ def compare_with_baselines(
 
 def _search(parameters: Mapping[str, Any]) -> NamedSearch:
     """The search with these parameters, the environment's defaults for all others."""
-    scenario = SearchBatch(1, **parameters).scenario
-    cells = parameters.get("drones_positions")
+    of_scenario = dict(parameters)
+    cells = of_scenario.pop("drones_positions", None)
     drones = () if cells is None else tuple((int(x), int(y)) for x, y in cells)
-    return NamedSearch("exercise", "Given by its parameters.", scenario, drones)
+    return NamedSearch("exercise", "Given by its parameters.", Scenario(**of_scenario), drones)
 
 
 def _row(each: Evaluation, mine: Evaluation | None = None) -> list[str]:

@@ -27,7 +27,7 @@ from DroneSwarmSearch.errors import ResetNeeded
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.scenario import Scenario, check_alone
 from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.vector.collisions import Collisions
 from DroneSwarmSearch.vector.laws import Followed, Tables, check_table, choose_laws
@@ -75,6 +75,7 @@ class SearchBatch:
         probability_of_detection: one number, or one for each person.
         bayesian_update: whether matrices are posteriors, or the drift alone.
         reward_scheme: the figures of the reward table.
+        scenario: all of these but `num_rows`, in place of them.
         drones_positions: a cell (x, y) for each drone at the beginning of every episode,
             shape (n_drones, 2) or (E, n_drones, 2); without it drones stand from left
             to right from (0, 0), row by row.
@@ -104,6 +105,7 @@ class SearchBatch:
         probability_of_detection: float | Sequence[float] = 1.0,
         bayesian_update: bool = False,
         reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
+        scenario: Scenario | None = None,
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
         wants_table: bool = False,
@@ -112,29 +114,36 @@ class SearchBatch:
         if sampler is not None and not callable(sampler):
             raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
         wants_table = checks.boolean("wants_table", wants_table)
+        parameters: dict[str, Any] = {
+            "grid_size": grid_size,
+            "n_drones": n_drones,
+            "vector": vector,
+            "person_initial_position": person_initial_position,
+            "disperse_constant": disperse_constant,
+            "timestep_limit": timestep_limit,
+            "probability_of_detection": probability_of_detection,
+            "bayesian_update": bayesian_update,
+            "reward_scheme": reward_scheme,
+        }
+        if scenario is not None:
+            check_alone(scenario, parameters)
+            parameters = {name: getattr(scenario, name) for name in parameters}
         self._usual = Parameters.checked(
             num_rows,
             rows_name=rows_name,
             follows=sampler is not None,
-            grid_size=grid_size,
-            n_drones=n_drones,
-            vector=vector,
-            person_initial_position=person_initial_position,
-            disperse_constant=disperse_constant,
-            timestep_limit=timestep_limit,
-            probability_of_detection=probability_of_detection,
-            bayesian_update=bayesian_update,
-            reward_scheme=reward_scheme,
             drones_positions=drones_positions,
+            **parameters,
         )
         self._now = self._usual.copy()  # of the episodes under way
         self._varies = sampler is not None  # whether these may differ from the usual
         self._sampler = sampler
-        self._scenario = scenario = self._usual.scenario  # what all rows share in it counts
+        self._scenario = self._usual.scenario  # what all rows share in it counts
+        scenario = self._scenario
         self._wants_table = wants_table
         if wants_table:
             self._check_table(self._usual)
-        self._several = len(scenario.persons) > 1
+        self._several = len(scenario.person_initial_position) > 1
         rows, n = self._usual.num_rows, scenario.n_drones
         self._rows = np.arange(rows)
         # Drones are numbered throughout the batch: those of each row, and the row of each.
@@ -210,7 +219,7 @@ class SearchBatch:
         return replace(
             self._scenario,
             vector=(x, y),
-            persons=tuple((x, y) for x, y in start[..., row].tolist()),
+            person_initial_position=tuple((x, y) for x, y in start[..., row].tolist()),
             disperse_constant=float(constant[row]),
         )
 
@@ -690,7 +699,7 @@ class SearchBatch:
 
     def _table(self) -> Tables:
         laws, scenario = self._seas.laws, self._scenario
-        if scenario.bayesian_update or len(scenario.persons) > 1:
+        if scenario.bayesian_update or len(scenario.person_initial_position) > 1:
             raise ValueError(
                 "with bayesian_update or several persons there is no table of matrices"
             )

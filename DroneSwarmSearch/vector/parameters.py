@@ -86,7 +86,7 @@ class Parameters:
         person_initial_position: object,
         disperse_constant: object,
         drones_positions: object,
-        **shared: object,
+        **shared: Any,
     ) -> Parameters:
         """Check the arguments of `engine.SearchBatch`.
 
@@ -108,13 +108,13 @@ class Parameters:
         vectors = _vectors(vector, rows)
         persons = _persons(person_initial_position, rows, size)
         constants = _constants(disperse_constant, rows)
-        scenario = Scenario.checked(
+        scenario = Scenario(
             vector=vectors[0],
             person_initial_position=persons[0],
             disperse_constant=constants[0],
             **shared,
         )
-        number = len(scenario.persons)
+        number = len(scenario.person_initial_position)
         known = 8 * size**2 * scenario.bayesian_update + _FOLLOWED_BYTES * size * follows
         checks.fits(
             "what is known of the persons",
@@ -201,7 +201,7 @@ class Parameters:
             elif parameter == "drones_positions":
                 checked[parameter] = _drones(value, rows, self.scenario).T
             else:
-                size, persons = self.scenario.grid_size, len(self.scenario.persons)
+                size, persons = self.scenario.grid_size, len(self.scenario.person_initial_position)
                 checked[parameter] = _by_person(_persons(value, rows, size, persons))
         return checked
 

@@ -23,6 +23,7 @@ from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, StackedLayo
 from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import ENDINGS, Action, Ending
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import VARIABLE, checked_rows, checked_sizes
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
@@ -143,9 +144,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        given = {**_ENGINE_PARAMETERS, **parameters}
+        scenario = parameters.get("scenario")
+        sizes = {**_ENGINE_PARAMETERS, **parameters}
+        if isinstance(scenario, Scenario):
+            sizes = {"grid_size": scenario.grid_size, "n_drones": scenario.n_drones}
         number, self._size, self._drones = checked_sizes(
-            self._count, swarms, given["grid_size"], given["n_drones"]
+            self._count, swarms, sizes["grid_size"], sizes["n_drones"]
         )
         self.num_envs = number * self._per_swarm
         its_own = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}

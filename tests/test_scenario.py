@@ -1,0 +1,208 @@
+"""`Scenario`: validated when it is made, equal in every form, and taken wherever a search is."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import inspect
+import json
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import plain, play
+
+from DroneSwarmSearch import DroneSwarmSearch, RewardScheme, Scenario
+from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.planning import success_bound
+from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
+
+OTHER: dict[str, Any] = {
+    "grid_size": 9,
+    "n_drones": 2,
+    "vector": (0.2, -0.1),
+    "person_initial_position": ((3, 4), (5, 5)),
+    "disperse_constant": 2.5,
+    "timestep_limit": 12,
+    "probability_of_detection": (0.5, 0.25),
+    "bayesian_update": True,
+    "reward_scheme": RewardScheme(find=3.0),
+}
+
+
+def test_names_and_defaults_are_the_environments():
+    of_environment = inspect.signature(DroneSwarmSearch).parameters
+    of_scenario = inspect.signature(Scenario).parameters
+    own = {"render_mode", "render_grid", "render_gradient", "scenario"}
+    assert list(of_scenario) == [name for name in of_environment if name not in own] == list(OTHER)
+    assert Scenario() == DroneSwarmSearch().scenario
+    keyword_only = [each.name for each in of_scenario.values() if each.kind is each.KEYWORD_ONLY]
+    assert keyword_only == ["probability_of_detection", "bayesian_update", "reward_scheme"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error"),
+    [
+        ("grid_size", -3, ValueError),
+        ("grid_size", 1, ValueError),
+        ("grid_size", True, TypeError),
+        ("grid_size", 7.0, TypeError),
+        ("n_drones", 0, ValueError),
+        ("n_drones", 50, ValueError),
+        ("vector", (1, np.nan), ValueError),
+        ("vector", 3, TypeError),
+        ("person_initial_position", (7, 0), ValueError),
+        ("person_initial_position", [], ValueError),
+        ("person_initial_position", [(0, 0), (0, 0.5)], ValueError),
+        ("disperse_constant", -1, ValueError),
+        ("disperse_constant", "10", TypeError),
+        ("timestep_limit", 0, ValueError),
+        ("timestep_limit", 2**63, ValueError),
+        ("probability_of_detection", 1.5, ValueError),
+        ("probability_of_detection", (0.5, 0.5), ValueError),
+        ("bayesian_update", 1, TypeError),
+        ("reward_scheme", {}, TypeError),
+    ],
+)
+def test_bad_values_are_refused_wherever_a_scenario_is_made(name, value, error):
+    usual = Scenario()
+    for make_one in (
+        lambda: Scenario(**{name: value}),
+        lambda: usual.replace(**{name: value}),
+        lambda: dataclasses.replace(usual, **{name: value}),
+        lambda: DroneSwarmSearch(**{name: value}),
+    ):
+        with pytest.raises(error, match=rf"{name}.* got"):
+            make_one()
+    assert usual == Scenario()
+
+
+def test_it_cannot_be_changed():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Scenario().grid_size = 8  # type: ignore[misc]
+
+
+def test_the_form_of_a_value_makes_no_difference():
+    forms = [
+        Scenario(9, 2, (1, 0), (3, 4), 2, 12, probability_of_detection=1),
+        Scenario(np.int64(9), 2, [1.0, 0], [[3, 4]], 2.0, 12, probability_of_detection=1.0),
+        Scenario(9, 2, np.array([1, 0]), np.array([(3.0, 4.0)]), np.float32(2), np.uint8(12)),
+    ]
+    assert forms[0] == forms[1] == forms[2]
+    assert len({*forms}) == 1
+    assert repr(forms[0]) == repr(forms[2])
+    assert [type(value) for value in dataclasses.astuple(forms[2])[:2]] == [int, int]
+    for form in forms:
+        assert form == copy.deepcopy(form) == pickle.loads(pickle.dumps(form))
+
+
+def test_replace_changes_what_is_named():
+    other = Scenario().replace(**OTHER)
+    assert other == Scenario(**OTHER) != Scenario()
+    assert other.replace(n_drones=3).replace(n_drones=2) == other
+    with pytest.raises(TypeError, match=r"parameters grid_size, .* got 'drones'"):
+        other.replace(drones=3)
+
+
+@pytest.mark.parametrize("parameters", [{}, OTHER, {**OTHER, "probability_of_detection": 0.5}])
+def test_dicts_keep_all_of_it(parameters):
+    scenario = Scenario(**parameters)
+    text = json.dumps(scenario.to_dict(), allow_nan=False)
+    assert Scenario.from_dict(json.loads(text)) == scenario
+    assert list(scenario.to_dict()) == list(OTHER)
+    assert Scenario.from_dict({"grid_size": 9}) == Scenario(9)
+
+
+@pytest.mark.parametrize(
+    ("data", "error", "message"),
+    [
+        ([], TypeError, "data must be a mapping"),
+        ({"gird_size": 9}, ValueError, r"parameters grid_size, .* got 'gird_size'"),
+        ({"grid_size": "9"}, TypeError, "grid_size .* got '9'"),
+        ({"reward_scheme": {"finds": 1}}, ValueError, r"reward_scheme .* got 'finds'"),
+        ({"reward_scheme": 3}, TypeError, "reward_scheme must be a RewardScheme"),
+    ],
+)
+def test_bad_dicts_are_refused(data, error, message):
+    with pytest.raises(error, match=message):
+        Scenario.from_dict(data)
+
+
+# Whatever takes one.
+
+
+def test_an_environment_of_a_scenario_is_that_of_its_parameters():
+    scenario = Scenario(**OTHER)
+    env = DroneSwarmSearch(scenario=scenario, render_mode=None, render_grid=True)
+    assert env.scenario is scenario and env.render_grid
+    assert play(env, seed=3) == play(DroneSwarmSearch(**OTHER), seed=3)
+
+
+@pytest.mark.parametrize("kind", [SearchBatch, SwarmVectorEnv, DroneVectorEnv])
+def test_a_batch_of_a_scenario_is_that_of_its_parameters(kind: Any):
+    scenario = Scenario(**OTHER)
+    one, other = kind(3, scenario=scenario), kind(3, **OTHER)
+    batches = [getattr(each, "batch", each) for each in (one, other)]
+    assert batches[0].scenario == batches[1].scenario == scenario
+    for batch in batches:
+        batch.reset([1, 2, 3])
+        batch.step(np.full((3, 2), 4))
+    assert plain(batches[0].matrices_of([0, 1, 2])) == plain(batches[1].matrices_of([0, 1, 2]))
+
+
+@pytest.mark.parametrize("name", list(OTHER))
+def test_a_parameter_beside_a_scenario_is_refused(name):
+    scenario, value = Scenario(**OTHER), OTHER[name]
+    for kind in (
+        DroneSwarmSearch,
+        *(lambda each=each, **given: each(2, **given) for each in (SearchBatch, SwarmVectorEnv)),
+    ):
+        given = {name: value}
+        if name == "probability_of_detection":
+            given = {name: 0.5}
+        with pytest.raises(ValueError, match=rf"{name} .*beside.*replace\({name}=") as caught:
+            kind(scenario=scenario, **given)
+        assert "got" in str(caught.value)
+
+
+def test_defaults_beside_a_scenario_are_not_given():
+    scenario = Scenario(**OTHER)
+    usual = {"vector": np.array([-0.5, -0.5]), "person_initial_position": [[0, 0]], "grid_size": 7}
+    assert DroneSwarmSearch(scenario=scenario, **usual).scenario == scenario
+    for kind in (DroneSwarmSearch, lambda **given: SearchBatch(2, **given)):
+        for other in ({}, 7, DroneSwarmSearch(), "classic"):
+            with pytest.raises(TypeError, match="scenario must be a Scenario, got"):
+                kind(scenario=other)
+        with pytest.raises(ValueError, match=r"vector .*beside"):
+            kind(scenario=scenario, vector=[[1, 2], [3]])
+
+
+def test_policies_plans_and_evaluation_take_a_scenario():
+    scenario = Scenario(6, 1, (0, 0), (3, 3), 2, 6)
+    assert make("greedy-matrix", scenario).scenario is scenario
+    assert 0 < success_bound(scenario, [(0, 0)], sample=64).by_time[-1] <= 1
+    assert evaluate("random", scenario, episodes=5, progress=False).search.scenario == scenario
+
+
+# The example.
+
+
+def test_the_example_is_worth_searching() -> None:
+    env = DroneSwarmSearch.example()
+    env.reset(seed=0)
+    assert not {*env.frame().drones} & {*env.scenario.person_initial_position}
+    usual: dict[str, Any] = {"episodes": 1000, "progress": False}
+    random, prior, posterior = (
+        evaluate(name, env.scenario, bayesian_update=updates, **usual).success.value
+        for name, updates in (("random", False), ("greedy-matrix", False), ("greedy-matrix", True))
+    )
+    assert random < 0.1
+    assert (round(prior, 2), round(posterior, 2)) == (0.67, 0.74)  # as its docstring says
+
+
+def test_the_example_can_be_changed() -> None:
+    env = DroneSwarmSearch.example(n_drones=2, render_mode="rgb_array")
+    assert env.scenario == DroneSwarmSearch.example().scenario.replace(n_drones=2)
+    assert env.render_mode == "rgb_array"
