@@ -17,6 +17,7 @@ from DroneSwarmSearch import DroneSwarmSearch, RewardScheme, Scenario
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.training import compare_with_baselines
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 OTHER: dict[str, Any] = {
@@ -206,3 +207,11 @@ def test_the_example_can_be_changed() -> None:
     env = DroneSwarmSearch.example(n_drones=2, render_mode="rgb_array")
     assert env.scenario == DroneSwarmSearch.example().scenario.replace(n_drones=2)
     assert env.render_mode == "rgb_array"
+
+
+def test_a_comparison_of_training_takes_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+    of = {"scenario": Scenario(6, 1, (0, 0), (3, 3), 2, 6), "drones_positions": [(1, 1)]}
+    how: dict[str, Any] = {"view": "parallel", "observation": "dict", "episodes": 2}
+    mine, *_ = compare_with_baselines(lambda seen: {"drone0": 4}, of, **how)
+    assert mine.search.scenario == of["scenario"] and mine.search.drones == ((1, 1),)
+    assert capsys.readouterr().out
