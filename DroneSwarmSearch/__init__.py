@@ -1,8 +1,8 @@
 """Drones search a grid at sea for shipwrecked persons who drift: a PettingZoo ParallelEnv."""
 
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
-from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 

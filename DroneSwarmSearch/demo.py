@@ -300,7 +300,7 @@ class _Episode:
         frame = self.env.frame()
         outcome = f"stopped: {stopped}"
         if frame.ending is not None:
-            outcome = f"{frame.outcome} ({frame.ending.value})"
+            outcome = f"{frame.outcome} ({frame.ending.description})"
         lines = [
             f"outcome        {outcome}",
             f"return         {self._total:,.1f} (sum over the drones)",

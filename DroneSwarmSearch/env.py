@@ -20,11 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
-from DroneSwarmSearch import checks, rules
-from DroneSwarmSearch.actions import TurnBased, names_in_words, reader
-from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.mappings import Infos, Rewards, Start
+from DroneSwarmSearch import rules
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.actions import TurnBased, names_in_words, reader
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch._internal.grid import grid_of
+from DroneSwarmSearch._internal.mappings import Infos, Rewards, Start
+from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch.observations import (
     Observation,
     observation_space,
@@ -35,8 +37,7 @@ from DroneSwarmSearch.observations import (
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, scenario_of
-from DroneSwarmSearch.sea import Sea
-from DroneSwarmSearch.streams import Streams
+from DroneSwarmSearch.world import WorldState
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -179,7 +180,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
         # The episode; `reset` fills it in.
         self._search: Scenario | None = None
-        self._sea: Sea
+        self._world: WorldState
         self._cells: list[int] = []  # of the drones
         self._chosen = b""  # the actions of the last step
         self._ending: Ending | None = None
@@ -260,14 +261,14 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._ending = None
         if search is not self._search:
             self._search = None
-            self._sea = Sea(search)
+            self._world = WorldState(search)
             self._search = search
         self._scenario = scenario
         self._episode += 1
         if seed is not None or self._streams is None:
             self._streams = Streams.from_seed(seed)
             self._episode = 0
-        matrix = self._sea.begin(self._streams, self._episode)
+        matrix = self._world.begin(self._streams, self._episode)
         self._cells = cells
         self._chosen = self._all_idle
         self._found = False
@@ -301,7 +302,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                 "step: the episode is over, was interrupted or has not begun; call reset() first"
             )
         # 1. Every drone moves or searches.
-        cells, sea = self._cells, self._sea
+        cells, world = self._cells, self._world
         chosen, targets = self._read(actions, self._neighbours, cells)
         # Without agents until the step is complete: if it is interrupted, a reset is needed.
         agents, self.agents = self.agents, []
@@ -310,13 +311,13 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         # 2. Outcomes, rewards and the end; mostly the table's last line is all there is.
         rewards, ending = self._all_step, None
         crashed = targets is not cells and len({OFF_GRID, *targets}) <= len(targets)
-        if crashed or _SEARCH in chosen or sea.step == self._last_step:
+        if crashed or _SEARCH in chosen or world.step == self._last_step:
             rewards = rewards.copy()
             targets, ending = self._judge(targets, crashed, rewards)
         self._cells = targets
 
         # 3. The clock advances, the persons and the matrix drift.
-        matrix = sea.advance()
+        matrix = world.advance()
         if ending is None:
             over = self._all_false
             self.agents = agents
@@ -450,14 +451,14 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """
         if not self.agents and self._ending is None:
             raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
-        positions, sea = self._positions, self._sea
+        positions, world = self._positions, self._world
         return Frame(
-            matrix=sea.matrix(),
+            matrix=world.matrix(),
             drones=tuple(positions[cell] for cell in self._cells),
             searching=tuple(action == _SEARCH for action in self._chosen),
-            persons=tuple(positions[sea.person_cell(person)] for person in sea.everybody),
-            found=tuple(person not in sea.missing for person in sea.everybody),
-            step=sea.step,
+            persons=tuple(positions[world.person_cell(person)] for person in world.everybody),
+            found=tuple(person not in world.missing for person in world.everybody),
+            step=world.step,
             timestep_limit=self.timestep_limit,
             vector=self.vector,
             ending=self._ending,
@@ -479,12 +480,12 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             The drones' cells after moving, and why the episode ends, if it does.
         """
         searches = _searches(self._chosen, self._cells)
-        finders = self._sea.search(searches) if searches else set()
+        finders = self._world.search(searches) if searches else set()
         ending = None
-        if crashed or finders or self._sea.step == self._last_step:
+        if crashed or finders or self._world.step == self._last_step:
             ending = self._judge_turning_point(targets, finders, rewards)
         else:
-            self._pay_fruitless_searches(searches, rewards)
+            self._pay_unsuccessful_searches(searches, rewards)
         if OFF_GRID in targets:  # who tried to leave has stayed
             targets = [
                 cell if target == OFF_GRID else target
@@ -500,21 +501,21 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         Returns:
             Why the episode ends, if it does.
         """
-        scenario, sea, chosen = self._scenario, self._sea, self._chosen
+        scenario, world, chosen = self._scenario, self._world, self._chosen
         scheme, limit = scenario.reward_scheme, scenario.timestep_limit
-        beyond, shown, t = self._beyond_step, sea.probability, sea.step
-        time_up = t == self._last_step
+        beyond, shown, t = self._beyond_step, world.probability, world.step
+        time_limit_reached = t == self._last_step
         shared = rules.same_cell(targets)
         crashes = {*shared, OFF_GRID}
         for drone, target in enumerate(targets):
             searched = chosen[drone] == _SEARCH
-            if searched or time_up or target in crashes:
+            if searched or time_limit_reached or target in crashes:
                 points = rules.reward(
                     scheme,
                     target in shared,
                     target == OFF_GRID,
                     drone in finders,
-                    time_up,
+                    time_limit_reached,
                     drone in self._finders,
                     searched,
                     shown(self._cells[drone]) if searched else 0.0,
@@ -527,13 +528,17 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if finders:
             self._found = True
             self._finders |= finders
-        return rules.ending(not sea.missing, bool(shared), OFF_GRID in targets, time_up)
+        return rules.ending(
+            not world.missing, bool(shared), OFF_GRID in targets, time_limit_reached
+        )
 
-    def _pay_fruitless_searches(self, searches: dict[int, int], rewards: dict[str, float]) -> None:
+    def _pay_unsuccessful_searches(
+        self, searches: dict[int, int], rewards: dict[str, float]
+    ) -> None:
         """Judge a step in which nothing happened but searches that found nobody."""
-        scheme, shown = self._scenario.reward_scheme, self._sea.probability
+        scheme, shown = self._scenario.reward_scheme, self._world.probability
         for cell, drone in searches.items():
-            points = rules.fruitless_search_reward(scheme, shown(cell))
+            points = rules.unsuccessful_search_reward(scheme, shown(cell))
             rewards[self._names[drone]] = points
             self._beyond_step[drone] += points - scheme.step
 

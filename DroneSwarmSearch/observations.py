@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.mappings import Infos
+from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch.scenario import Cell
 
 __all__ = ["Observation", "observation_space", "observe", "state_planes", "state_space"]

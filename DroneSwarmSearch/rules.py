@@ -26,27 +26,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from enum import Enum, IntEnum
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 
 __all__ = [
-    "ENDINGS",
     "OFF_GRID",
     "Action",
     "Ending",
     "RewardScheme",
     "ending",
     "endings",
-    "fruitless_search_reward",
     "neighbours",
     "neighbours_of_all",
     "reward",
     "rewards",
     "same_cell",
+    "unsuccessful_search_reward",
 ]
 
 Floats = NDArray[np.float64]
@@ -64,19 +63,26 @@ class Action(IntEnum):
     IDLE = 5
 
 
-class Ending(Enum):
-    """Why an episode ended; the values are the words shown to people."""
+class Ending(IntEnum):
+    """Why an episode ended. Batches hold the numbers; 0 is an episode that goes on."""
 
-    FOUND = "every person was found"
-    COLLISION = "drones collided"
-    LEFT_GRID = "a drone left the grid"
-    TIME_UP = "the time was up"
+    FOUND = 1
+    COLLISION = 2
+    LEFT_GRID = 3
+    TIME_LIMIT = 4
+
+    @property
+    def description(self) -> str:
+        """The ending in words."""
+        return _DESCRIPTIONS[self]
 
 
-ENDINGS: tuple[Ending | None, ...] = (None, *Ending)
-"""What the numbers of `endings` stand for; 0 is no ending."""
-
-_FOUND, _COLLISION, _LEFT_GRID, _TIME_UP = map(ENDINGS.index, Ending)
+_DESCRIPTIONS = {
+    Ending.FOUND: "every person was found",
+    Ending.COLLISION: "drones collided",
+    Ending.LEFT_GRID: "a drone left the grid",
+    Ending.TIME_LIMIT: "the time limit was reached",
+}
 
 OFF_GRID = -1
 """Stands for the cell a drone tried to go to when that cell is outside the grid."""
@@ -89,7 +95,7 @@ class RewardScheme:
     Attributes:
         step: anything that no other line covers.
         search: factor of the shown probability for a search that finds nobody.
-        search_threshold: a fruitless search of a cell shown with this
+        search_threshold: a unsuccessful search of a cell shown with this
             probability or less is worth `search_unlikely` instead.
         search_unlikely: see `search_threshold`.
         find: finding a person.
@@ -212,7 +218,7 @@ def reward(
     collided: bool,
     left_grid: bool,
     found: bool,
-    time_up: bool,
+    time_limit_reached: bool,
     found_before: bool,
     searched: bool,
     probability: float,
@@ -227,7 +233,7 @@ def reward(
         collided: another drone is in its cell after moving.
         left_grid: its move led outside the grid.
         found: its search found a person in this step.
-        time_up: this is step number `timestep_limit`.
+        time_limit_reached: this is step number `timestep_limit`.
         found_before: it found a person in an earlier step of the episode.
         searched: it searched.
         probability: what the matrix it was shown says of its cell.
@@ -244,10 +250,10 @@ def reward(
         return scheme.leave_grid
     if found:
         return scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-    if time_up and not found_before:
+    if time_limit_reached and not found_before:
         return scheme.timeout - return_so_far
     if searched:
-        return fruitless_search_reward(scheme, probability)
+        return unsuccessful_search_reward(scheme, probability)
     return scheme.step
 
 
@@ -299,7 +305,7 @@ def rewards(
     return points
 
 
-def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
+def unsuccessful_search_reward(scheme: RewardScheme, probability: float) -> float:
     """The table's line for a search that found nobody, in a cell shown with a probability."""
     if probability > scheme.search_threshold:
         return scheme.search * probability
@@ -307,15 +313,15 @@ def fruitless_search_reward(scheme: RewardScheme, probability: float) -> float:
 
 
 def ending(
-    all_found: bool, any_collided: bool, any_left_grid: bool, time_up: bool
+    all_found: bool, any_collided: bool, any_left_grid: bool, time_limit_reached: bool
 ) -> Ending | None:
-    """Whether and why the episode ends with this step; success is named before mishaps.
+    """Whether and why the episode ends with this step; success is named before crashes.
 
     Args:
         all_found: all persons have been found.
         any_collided: drones have collided.
         any_left_grid: a drone has left the grid.
-        time_up: this is step number `timestep_limit`.
+        time_limit_reached: this is step number `timestep_limit`.
 
     Returns:
         The reason, or None if the episode goes on.
@@ -326,7 +332,7 @@ def ending(
         return Ending.COLLISION
     if any_left_grid:
         return Ending.LEFT_GRID
-    return Ending.TIME_UP if time_up else None
+    return Ending.TIME_LIMIT if time_limit_reached else None
 
 
 def endings(
@@ -335,7 +341,7 @@ def endings(
     all_found: Drones,
     any_collided: Drones,
     any_left_grid: Drones,
-    time_up: Drones,
+    time_limit_reached: Drones,
 ) -> NDArray[np.int8]:
     """`ending` for many searches, which are given by number, from 0 to n - 1.
 
@@ -344,17 +350,17 @@ def endings(
         all_found: where all persons have been found.
         any_collided: where drones have collided.
         any_left_grid: where a drone has left the grid.
-        time_up: where this is the last step.
+        time_limit_reached: where this is the last step.
 
     Returns:
-        int8, shape (n,), each an index to `ENDINGS`.
+        int8, shape (n,), each an `Ending`, or 0.
     """
     ended = np.zeros(searches, np.int8)
     for where, reason in (  # what comes later overrules
-        (time_up, _TIME_UP),
-        (any_left_grid, _LEFT_GRID),
-        (any_collided, _COLLISION),
-        (all_found, _FOUND),
+        (time_limit_reached, Ending.TIME_LIMIT),
+        (any_left_grid, Ending.LEFT_GRID),
+        (any_collided, Ending.COLLISION),
+        (all_found, Ending.FOUND),
     ):
         if where.size:
             ended[where] = reason

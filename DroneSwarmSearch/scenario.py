@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import RewardScheme
 
 __all__ = ["Cell", "Scenario"]
@@ -138,8 +138,8 @@ class Scenario:
             scheme = RewardScheme(**scheme)
         return cls(**{**data, "reward_scheme": scheme})
 
-    def laws(self) -> tuple[ProbabilityMatrix, ...]:
-        """Every person's law."""
+    def forecasts(self) -> tuple[ProbabilityMatrix, ...]:
+        """Every person's forecast."""
         return tuple(
             ProbabilityMatrix(self.grid_size, cell, self.vector, self.disperse_constant)
             for cell in self.person_initial_position

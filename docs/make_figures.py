@@ -40,9 +40,9 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, ProbabilityMatrix
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.probability_matrix import gaussian_cdf
 from DroneSwarmSearch.policies import GreedyPolicy
-from DroneSwarmSearch.probability_matrix import gaussian_cdf
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
@@ -194,14 +194,14 @@ def name_axes(panels: NDArray[Any]) -> None:
         axes.set_ylabel("y")
 
 
-def marginal_cdf(law: ProbabilityMatrix, step: int) -> Floats:
-    """The distribution function F of a law's column at a step: shape (N,)."""
-    return np.cumsum(law.marginals(step)[0])
+def marginal_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
+    """The distribution function F of a forecast's column at a step: shape (N,)."""
+    return np.cumsum(forecast.marginals(step)[0])
 
 
-def target_cdf(law: ProbabilityMatrix, step: int) -> Floats:
-    """The Gaussian's distribution function G for a law's column at a step: shape (N,)."""
-    size, start, drift, constant = law.parameters
+def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
+    """The Gaussian's distribution function G for a forecast's column at a step: shape (N,)."""
+    size, start, drift, constant = forecast.parameters
     values = (np.array(float(value)) for value in (start[0], drift[0], constant, step))
     return gaussian_cdf(size, *values)
 
@@ -209,12 +209,12 @@ def target_cdf(law: ProbabilityMatrix, step: int) -> Floats:
 @figure("gaussian")
 def gaussian(theme: Theme, sampling: Sampling) -> Figure:
     """The matrix at several times, with the way of its centre."""
-    law = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
+    forecast = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
     chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     for axes, step in zip(panels.flat, (2, 12, 36, 70), strict=True):
-        heat_map(axes, law.exact(step), theme)
-        (x, y), (u, v) = law.parameters[1:3]
+        heat_map(axes, forecast.exact(step), theme)
+        (x, y), (u, v) = forecast.parameters[1:3]
         end = min(x + u * step, 39.0), min(y + v * step, 39.0)
         if step > 2:
             arrow = {"arrowstyle": "-|>", "color": theme.track, "linewidth": 1.5, "shrinkB": 0}
@@ -229,7 +229,7 @@ def gaussian(theme: Theme, sampling: Sampling) -> Figure:
             axes.add_patch(box)
         axes.set(xlim=(-0.5, 39.5), ylim=(39.5, -0.5))
         axes.set_title(f"step {step}")
-        most = law.exact(step).max()
+        most = forecast.exact(step).max()
         axes.set_title(f"at most {most:.2g}", loc="right", color=theme.grey, fontsize=8.5)
     name_axes(panels)
     return chart
@@ -238,12 +238,12 @@ def gaussian(theme: Theme, sampling: Sampling) -> Figure:
 @figure("clip")
 def clip(theme: Theme, sampling: Sampling) -> Figure:
     """The Gaussian, what can be reached, and what becomes of it."""
-    law = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
+    forecast = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2)
     edges = np.arange(-0.5, 40)
     for axes, step in zip(panels.flat[:3], (1, 3, 12), strict=True):
-        before = np.concatenate(([0.0], marginal_cdf(law, step - 1), [1.0]))
+        before = np.concatenate(([0.0], marginal_cdf(forecast, step - 1), [1.0]))
         axes.fill_between(
             edges,
             np.append(before[:-2], before[-3]),
@@ -255,14 +255,18 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
             label="within reach",
         )
         axes.stairs(
-            target_cdf(law, step),
+            target_cdf(forecast, step),
             edges,
             color=theme.series[1],
             linewidth=4.0,
             label="G, the Gaussian",
         )
         axes.stairs(
-            marginal_cdf(law, step), edges, color=theme.series[0], linewidth=1.7, label="F, the law"
+            marginal_cdf(forecast, step),
+            edges,
+            color=theme.series[0],
+            linewidth=1.7,
+            label="F, the forecast",
         )
         middle = 12 + 0.6 * step
         axes.set(xlim=(middle - 6.5, middle + 6.5), ylim=(-0.02, 1.02), xlabel="x")
@@ -297,13 +301,13 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
 
 @cache
 def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
-    """A law, and the columns of some persons under it, shape (steps + 1, count)."""
-    law = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
+    """A forecast, and the columns of some persons under it, shape (steps + 1, count)."""
+    forecast = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
     envs = SwarmVectorEnv(
         count,
         grid_size=40,
-        vector=law.parameters[2],
-        person_initial_position=law.parameters[1],
+        vector=forecast.parameters[2],
+        person_initial_position=forecast.parameters[1],
         disperse_constant=10,
     )
     envs.reset(seed=4)
@@ -311,22 +315,22 @@ def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
     for _ in range(41):
         columns.append(envs.batch.person_cells[:, 0] % 40)
         envs.step(np.full((count, 1), int(Action.IDLE)))
-    return law, np.array(columns)
+    return forecast, np.array(columns)
 
 
 @figure("person")
 def person(theme: Theme, sampling: Sampling) -> Figure:
     """The moves of a person along x at one step, and some walks."""
-    law, columns = walks(6)
+    forecast, columns = walks(6)
     at = 20
     chart = Figure(figsize=(WIDTH, 7.0), layout="constrained")
-    law_axes, moves, tracks = chart.subplots(3, 1, sharex=True, height_ratios=(0.8, 1.1, 2.4))
+    forecast_axes, moves, tracks = chart.subplots(3, 1, sharex=True, height_ratios=(0.8, 1.1, 2.4))
     edges = np.arange(-0.5, 40)
-    probability = law.marginals(at)[0]
-    law_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
-    law_axes.set_ylabel("chance")
-    law_axes.set_title(f"where the person is at step {at}")
-    right, left, _, _ = law.moves(at)
+    probability = forecast.marginals(at)[0]
+    forecast_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
+    forecast_axes.set_ylabel("chance")
+    forecast_axes.set_title(f"where the person is at step {at}")
+    right, left, _, _ = forecast.moves(at)
     shown = probability > 1e-4
     bottom = np.zeros(40)
     shares = {"left": (left, 1), "stays": (1 - left - right, None), "right": (right, 0)}
@@ -343,7 +347,7 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
     for name, height in zip(shares, heights, strict=True):
         colour = theme.ink if name == "stays" else theme.ground
         moves.text(centre, height, name, ha="center", va="center", color=colour, fontsize=8.5)
-    matrix = np.array([law.marginals(step)[0] for step in range(41)])
+    matrix = np.array([forecast.marginals(step)[0] for step in range(41)])
     tracks.imshow(
         matrix,
         cmap=theme.probabilities,
@@ -366,7 +370,7 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
     tracks.axhline(at, color=theme.grey, linewidth=1.0, linestyle=(0, (3, 2)))
     tracks.set(xlim=(5.5, 34.5), ylim=(40.5, -0.5), xlabel="x", ylabel="step")
     tracks.set_title("six persons over the matrix's columns")
-    for axes in (law_axes, moves):
+    for axes in (forecast_axes, moves):
         axes.grid(axis="y")
     return chart
 
@@ -411,8 +415,8 @@ def miss(detection: float) -> Miss:
     for seed in range(1000):
         observations, _ = env.reset(seed=seed, drones_positions=AT_FIRST)
         policy.reset()
-        law = env.scenario.laws()[0]
-        belief, chosen, kept = law.exact(0), [], []
+        forecast = env.scenario.forecasts()[0]
+        belief, chosen, kept = forecast.exact(0), [], []
         positions, matrices = [env.frame().drones], [env.frame().matrix]
         for step in range(SCENE["timestep_limit"]):
             actions = policy(observations)
@@ -422,9 +426,9 @@ def miss(detection: float) -> Miss:
                 for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
                 if action == Action.SEARCH
             ]
-            belief, share = after_fruitless_search(belief, searched, detection)
+            belief, share = after_unsuccessful_search(belief, searched, detection)
             kept.append(share)
-            belief = after_drift(belief, *law.moves(step))
+            belief = after_drift(belief, *forecast.moves(step))
             observations, *_ = env.step(actions)
             positions.append(env.frame().drones)
             matrices.append(env.frame().matrix)
@@ -432,7 +436,7 @@ def miss(detection: float) -> Miss:
                 break
         if not all(env.frame().found):
             break
-    prior = np.array([law.exact(step) for step in range(len(matrices))])
+    prior = np.array([forecast.exact(step) for step in range(len(matrices))])
     return Miss(
         np.array(chosen), np.array(positions), np.array(matrices, float), prior, np.array(kept)
     )
@@ -556,15 +560,15 @@ def speed(theme: Theme, sampling: Sampling) -> Figure:
     chart = Figure(figsize=(WIDTH, 4.0), layout="constrained")
     axes = chart.subplots()
     beside = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
-    for label, contestant in BATCHED.items():
-        runs = [rates[(*contestant, count)] for count in counts]
+    for label, spec in BATCHED.items():
+        runs = [rates[(*spec, count)] for count in counts]
         median, lower, upper = ([run[key] for run in runs] for key in ("median", "lower", "upper"))
         colour = theme.grey if label in peers else next(colours)
         axes.plot(counts, median, "o-", color=colour, markersize=3.5)
         axes.fill_between(counts, lower, upper, color=colour, alpha=0.3, linewidth=0)
         axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **beside)
-    for label, contestant in ONE_BY_ONE.items():
-        rate = rates[(*contestant, None)]["median"]
+    for label, spec in ONE_BY_ONE.items():
+        rate = rates[(*spec, None)]["median"]
         colour = theme.grey if label in peers else next(colours)
         axes.axhline(rate, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
         axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **beside)

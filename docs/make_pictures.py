@@ -62,7 +62,7 @@ def main() -> None:
     logo("logo.png")
     demo.main(["--seed", str(SEED), "--record", str(IMAGES / "search.gif")])
     last_picture("found.png", Ending.FOUND)
-    last_picture("not_found.png", Ending.TIME_UP)
+    last_picture("not_found.png", Ending.TIME_LIMIT)
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def drawn(rng: np.random.Generator, number: int) -> NamedSearch:
     return NamedSearch(f"drawn-{number}", "Drawn at random.", scenario, places)
 
 
-def contestants(names: list[str]) -> Iterator[tuple[str, Any]]:
+def specs(names: list[str]) -> Iterator[tuple[str, Any]]:
     """Each policy's name, and what stands for it, perhaps after a call with the scenario."""
     for name in names:
         if name.startswith("ppo="):
@@ -79,7 +79,7 @@ def main() -> None:
     times: dict[str, list[float]] = {name: [] for name in options.policies}
     with Progress("evaluation", len(searches) * len(shares)) as bar:
         for number, search in enumerate(searches):
-            for place, (name, made) in enumerate(contestants(options.policies)):
+            for place, (name, made) in enumerate(specs(options.policies)):
                 result = evaluate(
                     made(search.scenario),
                     search,

@@ -103,9 +103,9 @@ class SearchClass(TaskClass):
 
 
 class SearchTask(Task):
-    """The searches; `SearchTask.EXERCISE.get_task(config)` takes any other parameters, too."""
+    """The searches; `SearchTask.TRAINING_TASK.get_task(config)` takes any other parameters, too."""
 
-    EXERCISE = None
+    TRAINING_TASK = None
 
     @staticmethod
     def associated_class() -> type[SearchClass]:
@@ -157,8 +157,8 @@ class Pilot:
 
     def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
         """Actions, shape (slots,), for observations of shape (slots, n)."""
-        drones = training.EXERCISE["n_drones"]
-        masks = training.masks_of_flat(seen, training.EXERCISE)
+        drones = training.TRAINING_TASK["n_drones"]
+        masks = training.masks_of_flat(seen, training.TRAINING_TASK)
         masks = masks.reshape(-1, drones, masks.shape[-1])
         observations = seen.reshape(len(masks), drones, -1)
         shown = {
@@ -220,7 +220,7 @@ def main() -> None:
     title = f"BenchMARL, {options.algorithm.upper()}"
     with training.Run(options, title, "*/checkpoints/checkpoint_*.pt") as run:
         experiment = Saved(
-            task=SearchTask.EXERCISE.get_task(training.EXERCISE),
+            task=SearchTask.TRAINING_TASK.get_task(training.TRAINING_TASK),
             algorithm_config=algorithm,
             model_config=model,
             critic_model_config=of_state if options.algorithm == "mappo" else None,
@@ -234,7 +234,7 @@ def main() -> None:
         experiment.run()
     training.compare_with_baselines(
         Pilot(experiment.policy),
-        training.EXERCISE,
+        training.TRAINING_TASK,
         episodes=options.episodes,
         name=f"benchmarl-{options.algorithm}",
         folder=run.folder,

@@ -5,7 +5,7 @@
 Trains the policy "ppo" of the package. Every episode is another search: drift, the person's
 start, how fast they stray and the drones' places are drawn at random, on grids of three sizes
 with one to eight drones. What a drone is shown has the same form in all of them
-(observation="glimpses"), so that one network learns from all and flies in any. The folder gets
+(observation="crops"), so that one network learns from all and flies in any. The folder gets
 the weights as policy.npz, which the package runs without PyTorch:
 
     PPOPolicy(env.scenario, "runs/ppo/policy.npz")
@@ -35,11 +35,10 @@ from torch import nn
 
 from DroneSwarmSearch import Action, Ending
 from DroneSwarmSearch.evaluation import search
-from DroneSwarmSearch.masks import choose_in_turn
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
-from DroneSwarmSearch.rules import ENDINGS
 from DroneSwarmSearch.training import Run, arguments, compare_with_baselines
 from DroneSwarmSearch.vector import DroneVectorEnv, Sampler
+from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 Parameters = dict[str, Any]
 
@@ -65,7 +64,7 @@ ENTROPY = 0.003  # its weight in the loss at the beginning; falls to nothing
 ACTIONS = len(Action) - 1  # without idling: a search costs nothing here
 
 Singles = NDArray[np.float32]
-FOUND = ENDINGS.index(Ending.FOUND)
+FOUND = Ending.FOUND
 
 
 def sampler(grid_size: int, n_drones: int) -> Sampler:
@@ -123,7 +122,7 @@ class Swarms:
     """A batch of searches, stepped by scores of actions."""
 
     def __init__(self, seed: int, **parameters: Any) -> None:
-        self.env = DroneVectorEnv(observation="glimpses", **parameters)
+        self.env = DroneVectorEnv(observation="crops", **parameters)
         self.batch = self.env.batch
         scenario = self.batch.scenario_of(0)
         self.size, self.drones = scenario.grid_size, scenario.n_drones

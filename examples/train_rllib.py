@@ -37,7 +37,7 @@ from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LI
 from DroneSwarmSearch import DroneSwarmSearch, training
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
-SEARCH = training.EXERCISE
+SEARCH = training.TRAINING_TASK
 
 NETWORK = "drone"
 """The name of the network that all drones share."""

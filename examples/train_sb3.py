@@ -23,14 +23,14 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from DroneSwarmSearch import DroneSwarmSearch, training
 from DroneSwarmSearch.rules import RewardScheme
-from DroneSwarmSearch.training import EXERCISE
+from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
 
 CHECKPOINT = "model.zip"
 
-DRONES = EXERCISE["n_drones"]
+DRONES = TRAINING_TASK["n_drones"]
 
 SCALE = 2.0**-17
 """Of the rewards: brings those of up to 100 000 points near 1, which PPO's critic needs."""
@@ -47,7 +47,7 @@ PARAMETERS = {
     "gamma": 0.99,
     "gae_lambda": 0.95,
     "ent_coef": 0.002,
-    # In rollouts without a find all that differs is that fruitless searches cost a little.
+    # In rollouts without a find all that differs is that unsuccessful searches cost a little.
     # Normalised, that little would teach the drones not to search at all.
     "normalize_advantage": False,
     "policy_kwargs": {"net_arch": [128, 128]},
@@ -68,7 +68,7 @@ def batched(swarms: int, seed: int) -> VecEnv:
             observation="flat",
             autoreset_mode="SameStep",
             reward_scale=SCALE,
-            **EXERCISE,
+            **TRAINING_TASK,
         ),
         right_of_way=True,  # of the masks, if they are asked for
     )
@@ -80,7 +80,7 @@ def wrapped(swarms: int, seed: int) -> VecEnv:
     """The same from single environments, through the wrappers and SuperSuit."""
     import supersuit
 
-    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**EXERCISE), SCALE))
+    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), SCALE))
     slots = supersuit.pettingzoo_env_to_vec_env_v1(env)
     together = supersuit.concat_vec_envs_v1(slots, swarms, base_class="stable_baselines3")
     together.venv.reset(seed=seed)  # SuperSuit's form for Stable-Baselines3 takes no seeds
@@ -132,7 +132,7 @@ class Trained:
 
     def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
         """Actions, shape (drones,), for flat observations, one for each drone."""
-        masks = {"action_masks": training.masks_of_flat(seen, EXERCISE)} if self.masked else {}
+        masks = {"action_masks": training.masks_of_flat(seen, TRAINING_TASK)} if self.masked else {}
         return self.model.predict(seen, deterministic=True, **masks)[0]
 
 
@@ -170,7 +170,7 @@ def main() -> None:
     way.add_argument(
         "--supersuit", action="store_true", help="step single environments through SuperSuit"
     )
-    way.add_argument("--mask", action="store_true", help="mask actions that lead to mishaps")
+    way.add_argument("--mask", action="store_true", help="mask actions that lead to crashes")
     parser.add_argument(
         "--num-envs", metavar="N", type=int, default=32, help="searches at a time (32)"
     )
@@ -178,7 +178,7 @@ def main() -> None:
     model = train(options)
     training.compare_with_baselines(
         Trained(model, options.mask),
-        EXERCISE,
+        TRAINING_TASK,
         episodes=options.episodes,
         name="ppo",
         folder=options.out,

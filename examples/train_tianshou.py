@@ -29,12 +29,12 @@ from tianshou.utils.logger.logger_base import LazyLogger
 from tianshou.utils.net.common import Net
 
 from DroneSwarmSearch import DroneSwarmSearch, training
-from DroneSwarmSearch.training import EXERCISE
+from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
 CHECKPOINT = "model.pt"
 
-DRONES = EXERCISE["n_drones"]
+DRONES = TRAINING_TASK["n_drones"]
 
 SCALE = 2.0**-17
 """Of the rewards: brings those of up to 100 000 points near 1, as networks want them."""
@@ -62,7 +62,7 @@ def search() -> PettingZooEnv:
     The drones see how many steps are left and are punished when there are none: the time limit
     is a true end of their task, after which there is no value to be estimated.
     """
-    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**EXERCISE), SCALE))
+    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), SCALE))
     return PettingZooEnv(parallel_to_aec(ActionMask(env, in_observation=True, right_of_way=True)))
 
 
@@ -170,7 +170,7 @@ class Trained:
 
     def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
         """Actions, shape (drones,), for flat observations, one for each drone."""
-        masks = training.masks_of_flat(seen, EXERCISE)
+        masks = training.masks_of_flat(seen, TRAINING_TASK)
         with torch.no_grad():
             return self.policy(Batch(obs=Batch(obs=seen, mask=masks), info=Batch())).act
 
@@ -184,7 +184,7 @@ def main() -> None:
     options = parser.parse_args()
     dqn = train(options)
     training.compare_with_baselines(
-        Trained(dqn), EXERCISE, episodes=options.episodes, name="dqn", folder=options.out
+        Trained(dqn), TRAINING_TASK, episodes=options.episodes, name="dqn", folder=options.out
     )
 
 

@@ -58,7 +58,7 @@ warnings.filterwarnings("ignore", "PettingZoo in TorchRL is tested using")
 
 def make_swarm(with_state: bool) -> EnvBase:
     """An environment, its drones as one group; moves that may end in a crash are masked."""
-    env: Any = DroneSwarmSearch(**training.EXERCISE)
+    env: Any = DroneSwarmSearch(**training.TRAINING_TASK)
     env = FlatObservation(ScaledRewards(env, SCALE))
     env = ActionMask(env, right_of_way=True)  # in the infos, where TorchRL looks for it
     groups = {"drones": env.possible_agents}
@@ -94,7 +94,7 @@ class Pilot:
         """Actions, shape (slots,), for observations of shape (slots, n)."""
         with torch.no_grad():
             logits = self.network(torch.from_numpy(seen))
-        masks = training.masks_of_flat(seen, training.EXERCISE)
+        masks = training.masks_of_flat(seen, training.TRAINING_TASK)
         logits[~torch.from_numpy(masks)] = -torch.inf
         actions: NDArray[np.int64] = logits.argmax(dim=-1).numpy()
         return actions
@@ -237,7 +237,7 @@ def main() -> None:
         collector.shutdown()
     training.compare_with_baselines(
         Pilot(network),
-        training.EXERCISE,
+        training.TRAINING_TASK,
         episodes=options.episodes,
         name="torchrl-ppo",
         folder=run.folder,

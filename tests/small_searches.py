@@ -75,7 +75,7 @@ def shortened(of: NamedSearch, steps: int | None) -> NamedSearch:
     return replace(of, scenario=scenario.replace(timestep_limit=steps or scenario.timestep_limit))
 
 
-def law_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
+def forecast_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
     scenario = of.scenario
     return ProbabilityMatrix(
         scenario.grid_size,
@@ -90,7 +90,10 @@ def targets_of(of: NamedSearch, knowledge: Knowledge | None = None) -> list[Targ
     known = Knowledge(of.scenario) if knowledge is None else knowledge
     end, detections = of.scenario.timestep_limit, of.scenario.detections
     return [
-        Target(Chain(law_of(of, person), detections[person], known.step, end), known.belief(person))
+        Target(
+            Chain(forecast_of(of, person), detections[person], known.step, end),
+            known.belief(person),
+        )
         for person in known.missing
     ]
 
@@ -141,12 +144,12 @@ def flown(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
 
 
 def found_in_each_step(
-    law: ProbabilityMatrix, detection: float, schedule: Sequence[Sequence[int]]
+    forecast: ProbabilityMatrix, detection: float, schedule: Sequence[Sequence[int]]
 ) -> list[float]:
     """The chance that a person is found in each step, by following every way there is.
 
     Args:
-        law: the person's.
+        forecast: the person's.
         detection: the probability of detection.
         schedule: the cells searched in each step, y * N + x.
     """
@@ -157,16 +160,16 @@ def found_in_each_step(
             return
         left = chance
         for cell in schedule[step]:
-            if cell == y * law.grid_size + x:
+            if cell == y * forecast.grid_size + x:
                 left *= 1 - detection
         found[step] += chance - left
-        right, left_x, down, up = law.moves(step)
+        right, left_x, down, up = forecast.moves(step)
         for dx, across in ((1, right[x]), (-1, left_x[x]), (0, 1 - right[x] - left_x[x])):
             for dy, along in ((1, down[y]), (-1, up[y]), (0, 1 - down[y] - up[y])):
                 if left * across * along > 0:
                     follow(step + 1, x + dx, y + dy, left * across * along)
 
-    follow(0, *law.parameters[1], 1.0)
+    follow(0, *forecast.parameters[1], 1.0)
     return found
 
 

@@ -23,18 +23,18 @@ from DroneSwarmSearch import (
     ResetNeeded,
     RewardScheme,
 )
-from DroneSwarmSearch.masks import action_masks
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
+    CropsObservation,
     DictObservation,
     FlatObservation,
-    GlimpsesObservation,
     OtherDrones,
     PlanesObservation,
     ScaledRewards,
 )
+from DroneSwarmSearch.wrappers.masks import action_masks
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -517,12 +517,12 @@ def small_machine(monkeypatch):
 
 
 @pytest.mark.parametrize("grid_size", [10**6, 10**7 + 1, 2**63, 10**30])
-@pytest.mark.parametrize("make", [DroneSwarmSearch, lambda grid_size: law_of(grid_size)])
+@pytest.mark.parametrize("make", [DroneSwarmSearch, lambda grid_size: forecast_of(grid_size)])
 def test_a_grid_beyond_every_memory_is_refused_at_once(make, grid_size):
     refused(lambda: make(grid_size), ValueError, "grid_size", f"grid_size={grid_size}", "GiB")
 
 
-def law_of(grid_size):
+def forecast_of(grid_size):
     return ProbabilityMatrix(grid_size, (0, 0), (0, 0), 1)
 
 
@@ -537,14 +537,14 @@ def law_of(grid_size):
                 800, bayesian_update=True, person_initial_position=[(0, 0)] * 9
             ),
         ),
-        ("grid_size", lambda: law_of(4100)),
+        ("grid_size", lambda: forecast_of(4100)),
         ("n_drones", lambda: DroneSwarmSearch(1000, n_drones=10**6)),
         ("grid_size", lambda: FlatObservation(DroneSwarmSearch(2800))),
         ("grid_size", lambda: PlanesObservation(DroneSwarmSearch(1400))),
         ("grid_size", lambda: DictObservation(DroneSwarmSearch(700, n_drones=30))),
         ("n_drones", lambda: FlatObservation(DroneSwarmSearch(200, n_drones=4000))),
         ("n_drones", lambda: OtherDrones(DroneSwarmSearch(200, n_drones=4000))),
-        ("n_drones", lambda: GlimpsesObservation(DroneSwarmSearch(200, n_drones=10**4))),
+        ("n_drones", lambda: CropsObservation(DroneSwarmSearch(200, n_drones=10**4))),
         ("grid_size", lambda: action_masks([0], 2000)),
         ("grid_size", lambda: ActionMask(DroneSwarmSearch(2000)).reset(seed=1)),
         ("grid_size", lambda: make("random", DroneSwarmSearch(2000).scenario)),
@@ -587,12 +587,14 @@ def test_where_the_system_does_not_say_its_memory_much_is_taken(monkeypatch, err
         (np.int64(-1), ValueError),
     ],
 )
-def test_a_law_refuses_what_is_no_step(ask, step, error):
-    law = law_of(7)
-    law.at(40)
-    refused(lambda: getattr(law, ask)(step), error, "step must be an integer of at least 0", "got")
+def test_a_forecast_refuses_what_is_no_step(ask, step, error):
+    forecast = forecast_of(7)
+    forecast.at(40)
+    refused(
+        lambda: getattr(forecast, ask)(step), error, "step must be an integer of at least 0", "got"
+    )
     for same in (np.int64(3), np.uint8(3), np.array(3)):
-        assert law.at(same).tolist() == law.at(3).tolist()
+        assert forecast.at(same).tolist() == forecast.at(3).tolist()
 
 
 @pytest.mark.parametrize("scale", [1e304, 1.7e308])

@@ -1,4 +1,4 @@
-"""Bayes' rule and the drift of a belief, against oracles and the law."""
+"""Bayes' rule and the drift of a belief, against oracles and the forecast."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search, normalise
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, normalise
 
 
 def test_oracle_of_two_cells() -> None:
-    belief, kept = after_fruitless_search(np.array([[0.6, 0.4]]), [0], 0.8)
+    belief, kept = after_unsuccessful_search(np.array([[0.6, 0.4]]), [0], 0.8)
     np.testing.assert_allclose(belief, [[0.230769, 0.769231]], atol=1e-6)
     assert kept == pytest.approx(0.52)
 
@@ -22,55 +22,57 @@ def test_repeated_searches_in_any_order() -> None:
     for order in (searches, searches[::-1]):
         belief, chance = prior, 1.0
         for cell in order:
-            belief, kept = after_fruitless_search(belief, [cell], 0.7)
+            belief, kept = after_unsuccessful_search(belief, [cell], 0.7)
             chance *= kept
         np.testing.assert_allclose(belief, expected / expected.sum())
         assert chance == pytest.approx(expected.sum())
-    together, kept = after_fruitless_search(prior, searches, 0.7)
+    together, kept = after_unsuccessful_search(prior, searches, 0.7)
     np.testing.assert_allclose(together, expected / expected.sum())
     assert kept == pytest.approx(expected.sum())
 
 
 def test_detection_that_never_and_always_succeeds() -> None:
     prior = np.array([[0.1, 0.2], [0.3, 0.4]])
-    belief, kept = after_fruitless_search(prior, [2, 3], 0.0)
+    belief, kept = after_unsuccessful_search(prior, [2, 3], 0.0)
     np.testing.assert_array_equal(belief, prior)
     assert kept == 1.0
-    belief, kept = after_fruitless_search(prior, [2, 3], 1.0)
+    belief, kept = after_unsuccessful_search(prior, [2, 3], 1.0)
     assert belief[1, 0] == belief[1, 1] == 0.0
     assert kept == pytest.approx(0.3)
 
 
 def test_a_search_that_contradicts_the_belief_leaves_it() -> None:
     prior = np.array([[0.0, 1.0]])
-    belief, kept = after_fruitless_search(prior, [1], 1.0)
+    belief, kept = after_unsuccessful_search(prior, [1], 1.0)
     np.testing.assert_array_equal(belief, prior)
     assert kept == 0.0
 
 
 @pytest.mark.parametrize("drift", [(0, 0), (0.5, 0.5), (0.3, -0.2), (3.5, -0.5)])
 @pytest.mark.parametrize("constant", [0, 1, 10, 100])
-def test_belief_without_searches_is_the_law(drift: tuple[float, float], constant: float) -> None:
-    law = ProbabilityMatrix(15, (2, 11), drift, constant)
-    belief = law.exact(0)
+def test_belief_without_searches_is_the_forecast(
+    drift: tuple[float, float], constant: float
+) -> None:
+    forecast = ProbabilityMatrix(15, (2, 11), drift, constant)
+    belief = forecast.exact(0)
     for t in range(80):
-        belief = after_drift(belief, *law.moves(t))
-        np.testing.assert_allclose(belief, law.exact(t + 1), atol=1e-13)
+        belief = after_drift(belief, *forecast.moves(t))
+        np.testing.assert_allclose(belief, forecast.exact(t + 1), atol=1e-13)
 
 
 def test_drift_takes_batches() -> None:
-    laws = [ProbabilityMatrix(9, (4, 4), (drift, 0.1), 5) for drift in (-0.4, 0.0, 0.9)]
+    forecasts = [ProbabilityMatrix(9, (4, 4), (drift, 0.1), 5) for drift in (-0.4, 0.0, 0.9)]
     t = 6
     batch = after_drift(
-        np.stack([law.exact(t) for law in laws], axis=-1),
+        np.stack([forecast.exact(t) for forecast in forecasts], axis=-1),
         *(
             np.stack(tables, axis=-1)
-            for tables in zip(*(law.moves(t) for law in laws), strict=True)
+            for tables in zip(*(forecast.moves(t) for forecast in forecasts), strict=True)
         ),
     )
-    for k, law in enumerate(laws):
-        np.testing.assert_allclose(batch[..., k], law.exact(t + 1), atol=1e-14)
-        alone = after_drift(law.exact(t), *law.moves(t))
+    for k, forecast in enumerate(forecasts):
+        np.testing.assert_allclose(batch[..., k], forecast.exact(t + 1), atol=1e-14)
+        alone = after_drift(forecast.exact(t), *forecast.moves(t))
         np.testing.assert_array_equal(batch[..., k], alone)
 
 

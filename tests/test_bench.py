@@ -17,8 +17,8 @@ import pytest
 import DroneSwarmSearch
 from DroneSwarmSearch import __main__ as command
 from DroneSwarmSearch import bench, demo
-from DroneSwarmSearch.bench import contestants, memory, peers, turns
-from DroneSwarmSearch.bench.contestants import Size
+from DroneSwarmSearch.bench import cases, memory, peers, turns
+from DroneSwarmSearch.bench.cases import Size
 from DroneSwarmSearch.bench.groups import COIN_GAME_RATIOS, GROUPS
 from DroneSwarmSearch.vector import threads
 
@@ -97,7 +97,7 @@ class TestGroups:
     def test_where_it_was_measured_is_told(
         self, capsys: pytest.CaptureFixture[str], tmp_path: Path
     ) -> None:
-        arguments = ["--short", "--only", "laws", "--sizes", "3x1", "4x2", "--num-envs", "2"]
+        arguments = ["--short", "--only", "forecasts", "--sizes", "3x1", "4x2", "--num-envs", "2"]
         told = measured(tmp_path / "with a blank.json", *arguments)
         line = f"python -m DroneSwarmSearch bench {' '.join(arguments)} --json '"
         assert told["command"].startswith(line)
@@ -188,7 +188,7 @@ class TestGroups:
     def test_what_takes_too_much_memory_is_left_out(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
-        monkeypatch.setattr(contestants, "MOST_BYTES", 4 * 25 * 3)
+        monkeypatch.setattr(cases, "MOST_BYTES", 4 * 25 * 3)
         told = measured(tmp_path / "all.json", *SHORT, "--only", "views")
         (size,) = told["sizes"]
         assert "left out: DroneVectorEnv, 6 matrices a step take" in capsys.readouterr().out
@@ -200,23 +200,23 @@ class TestGroups:
 
 class TestContestants:
     @pytest.mark.parametrize(
-        "contestant",
+        "case",
         list(dict.fromkeys(each for name in COMPARED for ratio in GROUPS[name] for each in ratio)),
         ids=lambda each: each.name,
     )
-    def test_makes_the_steps_asked_for(self, contestant: contestants.Contestant) -> None:
-        num_envs = 4 if contestant.batched else 1
-        run = contestant.make(Size(7, 2), num_envs)
+    def test_makes_the_steps_asked_for(self, case: cases.BenchmarkCase) -> None:
+        num_envs = 4 if case.batched else 1
+        run = case.make(Size(7, 2), num_envs)
         assert run(1) == num_envs, "at first no row begins anew"
         made = run(200)
-        if contestant.batched and contestant is not contestants.GATHER:
+        if case.batched and case is not cases.GATHER:
             assert 100 * num_envs < made < 200 * num_envs, "rows that begin anew do not count"
         else:
             assert made == 200 * num_envs
 
     def test_each_row_of_actions_differs(self) -> None:
-        rows = contestants.random_actions(3, 2)
-        assert len(rows) == contestants.ACTION_ROWS
+        rows = cases.random_actions(3, 2)
+        assert len(rows) == cases.ACTION_ROWS
         assert {row.shape for row in rows} == {(3, 2)}
         assert set(np.unique(rows)) == set(range(6))
         assert not any(np.shares_memory(a, b) for a, b in pairwise(rows))
@@ -224,13 +224,13 @@ class TestContestants:
     @pytest.mark.parametrize("grid_size", range(2, 9))
     def test_drones_stand_apart(self, grid_size: int) -> None:
         for n_drones in range(1, grid_size**2 + 1):
-            cells = contestants.spread_cells(grid_size, n_drones)
+            cells = cases.spread_cells(grid_size, n_drones)
             assert len(cells) == len(set(cells)) == n_drones
             assert all(0 <= x < grid_size and 0 <= y < grid_size for x, y in cells)
 
     def test_drones_keep_away_from_the_border(self) -> None:
-        assert contestants.spread_cells(7, 1) == [(3, 3)]
-        assert contestants.spread_cells(20, 4) == [(6, 6), (13, 6), (6, 13), (13, 13)]
+        assert cases.spread_cells(7, 1) == [(3, 3)]
+        assert cases.spread_cells(20, 4) == [(6, 6), (13, 6), (6, 13), (13, 13)]
 
 
 def test_turns_are_interleaved_and_go_to_and_fro() -> None:
@@ -266,7 +266,7 @@ def test_spread_is_the_median_and_the_quartiles() -> None:
 
 def test_a_duel_is_what_coin_game_is_compared_in() -> None:
     assert peers.COIN_GAME_SIZE.n_drones == 2
-    assert all(ratio.of is contestants.INDEX for ratio in COIN_GAME_RATIOS)
+    assert all(ratio.of is cases.INDEX for ratio in COIN_GAME_RATIOS)
 
 
 class TestCommandLine:
@@ -340,7 +340,7 @@ class TestCommandLine:
         assert re.search(r"^  bench +\S", text, re.MULTILINE)
 
     def test_the_package_runs_the_benchmark(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert command.main(["bench", *SHORT, "--only", "laws"]) == 0
+        assert command.main(["bench", *SHORT, "--only", "forecasts"]) == 0
         assert f"python -m DroneSwarmSearch bench {' '.join(SHORT)}" in capsys.readouterr().out
 
     @pytest.mark.parametrize(

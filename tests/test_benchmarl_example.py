@@ -63,7 +63,7 @@ from torchrl.envs import check_env_specs
 from DroneSwarmSearch import training
 
 example = runpy.run_path(sys.argv[1])
-task = example["SearchTask"].EXERCISE.get_task(training.EXERCISE)
+task = example["SearchTask"].TRAINING_TASK.get_task(training.TRAINING_TASK)
 make = task.get_env_fun(num_envs=2, continuous_actions=False, seed=4, device="cpu")
 envs = [make(), make()]
 env = envs[0]
@@ -104,7 +104,7 @@ from DroneSwarmSearch import DroneSwarmSearch, training
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation
 
 example = runpy.run_path(sys.argv[1])
-env = ActionMask(FlatObservation(DroneSwarmSearch(**training.EXERCISE)), right_of_way=True)
+env = ActionMask(FlatObservation(DroneSwarmSearch(**training.TRAINING_TASK)), right_of_way=True)
 shown, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
 masks = [infos[drone]["action_mask"].astype(bool).tolist() for drone in env.possible_agents]
 

@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_searches import SMALL, best, chances, flown, law_of, search, shortened
+from small_searches import SMALL, best, chances, flown, forecast_of, search, shortened
 
 from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch.erf import erf
+from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.planning import SuccessBound, success_bound
 from DroneSwarmSearch.planning.bound import (
     AlongChain,
-    AlongWays,
+    AlongTrajectories,
     Effort,
     anywhere,
     chernoff_limit,
-    enumerated_ways,
+    enumerated_trajectories,
     flights,
     frank_wolfe,
-    sampled_ways,
+    sampled_trajectories,
 )
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import values_to_go
@@ -267,8 +267,8 @@ class TestChernoff:
 class TestWays:
     LAW = ProbabilityMatrix(5, (1, 3), (0.4, -0.2), 8)
 
-    def test_all_of_them_are_the_law(self) -> None:
-        ways = enumerated_ways(self.LAW, 5)
+    def test_all_of_them_are_the_forecast(self) -> None:
+        ways = enumerated_trajectories(self.LAW, 5)
         assert ways is not None
         assert ways.chances.sum() == pytest.approx(1.0, rel=1e-12)
         assert len(np.unique(ways.cells, axis=1).T) == len(ways.chances)
@@ -286,16 +286,18 @@ class TestWays:
                 )
         np.testing.assert_allclose(ways.chances, product, rtol=1e-12)
 
-    def test_a_sample_of_them_follows_the_law(self) -> None:
+    def test_a_sample_of_them_follows_the_forecast(self) -> None:
         count = 20_000
-        ways = sampled_ways(self.LAW, 12, count)
-        assert enumerated_ways(self.LAW, 12) is None
+        ways = sampled_trajectories(self.LAW, 12, count)
+        assert enumerated_trajectories(self.LAW, 12) is None
         assert ways.cells.shape == (12, count)
         assert (ways.chances == 1 / count).all()
         for step in range(12):
             shares = np.bincount(ways.cells[step], minlength=25).reshape(5, 5) / count
-            law = self.LAW.exact(step)
-            assert (abs(shares - law) <= 4.5 * np.sqrt(law * (1 - law) / count) + 1e-12).all()
+            forecast = self.LAW.exact(step)
+            assert (
+                abs(shares - forecast) <= 4.5 * np.sqrt(forecast * (1 - forecast) / count) + 1e-12
+            ).all()
         y, x = np.divmod(ways.cells, 5)
         assert max(abs(np.diff(x, axis=0)).max(), abs(np.diff(y, axis=0)).max()) == 1
         # From one cell in one step, the moves are those of the chain.
@@ -306,7 +308,7 @@ class TestWays:
             assert abs(share - chance) < 4 * math.sqrt(chance * (1 - chance) / here.sum())
 
     def test_their_beginnings(self) -> None:
-        ways = enumerated_ways(self.LAW, 5)
+        ways = enumerated_trajectories(self.LAW, 5)
         assert np.array_equal(ways.until(3).cells, ways.cells[:3])
         assert ways.until(3).chances is ways.chances
 
@@ -329,7 +331,7 @@ class TestObjectives:
         [(0, 0), (2, 0)], grid_size=5, person_initial_position=(2, 3), vector=(0.2, -0.4),
         disperse_constant=6, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
-    LAW = law_of(OF)
+    LAW = forecast_of(OF)
     SHAPE = (5, 5, 5)
 
     def chain(self, effort: Floats, rate: Any) -> AlongChain:
@@ -345,7 +347,7 @@ class TestObjectives:
             effort[steps, path.cells[steps]] += 1.0
         exact = self.chain(effort, -math.log(0.4)).value()
         assert exact == pytest.approx(expected, rel=1e-12)
-        ways = enumerated_ways(self.LAW, 5)
+        ways = enumerated_trajectories(self.LAW, 5)
         assert along(ways, effort, 0.6) == pytest.approx(expected, rel=1e-12)
 
     def test_along_the_chain_tangents_touch_and_lie_above(self) -> None:
@@ -370,8 +372,8 @@ class TestObjectives:
     @pytest.mark.parametrize("detection", [1.0, 0.6])
     def test_along_the_ways_tangents_lie_above(self, detection: float) -> None:
         rng = np.random.default_rng(1)
-        ways = enumerated_ways(self.LAW, 5)
-        objective = AlongWays(ways, 5, detection)
+        ways = enumerated_trajectories(self.LAW, 5)
+        objective = AlongTrajectories(ways, 5, detection)
         assert objective.value() == 0.0
         for _ in range(12):
             intercept, gains = objective.tangent()
@@ -387,17 +389,17 @@ class TestObjectives:
     @pytest.mark.parametrize("detection", [1.0, 0.6])
     def test_along_the_ways_the_point_is_on_the_line_to_the_target(self, detection: float) -> None:
         """Towards half a search of every cell in the last step, nearly the whole way."""
-        ways = enumerated_ways(self.LAW, 5)
+        ways = enumerated_trajectories(self.LAW, 5)
         target = np.zeros(self.SHAPE)
         target[4] = 0.5
-        objective = AlongWays(ways, 5, detection)
+        objective = AlongTrajectories(ways, 5, detection)
         objective.approach(effort_of(target))
         assert along(ways, target, detection) == pytest.approx(detection / 2)
         assert 0.9 * detection / 2 < objective.value() <= detection / 2
 
     def test_the_function_along_the_chain_is_the_larger_one(self) -> None:
         oracle = flights([0, 2])
-        ways = AlongWays(enumerated_ways(self.LAW, 5), 5, 0.6)
+        ways = AlongTrajectories(enumerated_trajectories(self.LAW, 5), 5, 0.6)
         chain = self.chain(np.zeros(125), -math.log(0.4))
         lower = frank_wolfe(ways, oracle, gap=0.005, iterations=300)
         upper = frank_wolfe(chain, oracle, gap=0.005, iterations=300)
@@ -407,11 +409,13 @@ class TestObjectives:
 
     def test_a_sample_comes_near_the_whole(self) -> None:
         """Twelve steps: more ways than are enumerated, of which the sampled value is a mean."""
-        law = self.LAW
-        chain = AlongChain(Chain(law, 0.6, 0, 12), law.exact(0), -math.log(0.4), np.zeros(300))
-        ways = sampled_ways(law, 12, 4000)
+        forecast = self.LAW
+        chain = AlongChain(
+            Chain(forecast, 0.6, 0, 12), forecast.exact(0), -math.log(0.4), np.zeros(300)
+        )
+        ways = sampled_trajectories(forecast, 12, 4000)
         oracle = flights([0, 2])
-        sampled = frank_wolfe(AlongWays(ways, 5, 0.6), oracle, gap=0.02, iterations=60)
+        sampled = frank_wolfe(AlongTrajectories(ways, 5, 0.6), oracle, gap=0.02, iterations=60)
         exact = frank_wolfe(chain, oracle, gap=0.02, iterations=60)
         assert sampled.value <= exact.limit + 4 * math.sqrt(0.25 / 4000)
 
@@ -463,7 +467,7 @@ class TestEffortAnywhere:
 
     @classmethod
     def normal(cls) -> Floats:
-        """A circular normal law over fine cells: float64, shape (N, N)."""
+        """A circular normal forecast over fine cells: float64, shape (N, N)."""
         edges = (np.arange(cls.SIDE + 1) - cls.SIDE / 2) / cls.SIGMA
         chances = np.diff(erf(edges / math.sqrt(2))) / 2
         return np.multiply.outer(chances, chances) / chances.sum() ** 2

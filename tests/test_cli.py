@@ -260,7 +260,7 @@ def test_a_view_and_a_layout_can_be_asked_for(capsys, tmp_path):
         answer(capsys, "evaluate", f"{path}:act", "harbour", "--episodes", 2, "--json", *view).out
     )
     assert (told["view"], told["observation"]) == ("drone", "flat")
-    assert told["endings"]["time_up"] == 2
+    assert told["endings"]["time_limit"] == 2
 
 
 def test_results_are_written_and_a_rerun_goes_on(capsys, own, tmp_path, monkeypatch):

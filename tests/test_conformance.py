@@ -28,8 +28,8 @@ from DroneSwarmSearch import (
     RewardScheme,
     drone_swarm_search_v0,
 )
-from DroneSwarmSearch.actions import TurnBased
-from DroneSwarmSearch.mappings import Infos, Rewards
+from DroneSwarmSearch._internal.actions import TurnBased
+from DroneSwarmSearch._internal.mappings import Infos, Rewards
 
 with warnings.catch_warnings():
     # PettingZoo's tests import an environment of its own in a way that it calls deprecated.

@@ -121,7 +121,7 @@ class TestText:
     def test_summary(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", *SHORT]) == 0
         summary = figures(capsys.readouterr().out)
-        assert summary["outcome"] == "The target was not found (the time was up)"
+        assert summary["outcome"] == "The target was not found (the time limit was reached)"
         assert summary["return"] == "-400,000.0 (sum over the drones)"
         assert summary["steps"] == "8 of at most 8"
         assert summary["persons found"] == "0 of 1"
@@ -162,7 +162,7 @@ class TestText:
             step=3,
             timestep_limit=10,
             vector=(0.5, -0.25),
-            ending=Ending.TIME_UP,
+            ending=Ending.TIME_LIMIT,
         )
         columns, rows = terminal
         lines = demo._fitted(frame, columns, rows)
@@ -394,7 +394,7 @@ class TestWindow:
         shown = script(monkeypatch, *[key(pygame.K_RIGHT), key(pygame.K_LEFT)] * 20)
         arguments = ["--manual", "--fps", "50", "--drones", "6", "--grid-size", "4"]
         demo.main([*arguments, "--timestep-limit", "40", "--probability-of-detection", "0"])
-        assert shown[-1].ending is Ending.TIME_UP
+        assert shown[-1].ending is Ending.TIME_LIMIT
 
     def test_manual_without_a_display(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

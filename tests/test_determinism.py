@@ -376,8 +376,13 @@ def test_nothing_done_to_handed_out_arrays_changes_an_episode(parameters):
                 log.append((shown.tolist(), env.frame().matrix.tolist(), env.state().tolist()))
                 for array in (shown, env.frame().matrix, env.state()):
                     touch(array)
-                for law in env.scenario.laws():
-                    for array in (law.at(3), law.exact(3), *law.marginals(3), *law.moves(3)):
+                for forecast in env.scenario.forecasts():
+                    for array in (
+                        forecast.at(3),
+                        forecast.exact(3),
+                        *forecast.marginals(3),
+                        *forecast.moves(3),
+                    ):
                         touch(array)
                 observations, *results = env.step(actions)
                 log.append(results)

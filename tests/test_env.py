@@ -138,7 +138,7 @@ def test_the_limit_is_the_number_of_steps(limit: int) -> None:
         total += rewards["drone0"]
         assert terminations == truncations == {"drone0": step == limit}
     assert total == -100_000 and not infos["Found"]
-    assert env.frame().ending is Ending.TIME_UP
+    assert env.frame().ending is Ending.TIME_LIMIT
 
 
 def test_a_finder_is_spared_when_the_time_is_up() -> None:

@@ -37,10 +37,9 @@ from DroneSwarmSearch.evaluation import (
     search,
 )
 from DroneSwarmSearch.evaluation.episodes import play
-from DroneSwarmSearch.evaluation.run import Cell
+from DroneSwarmSearch.evaluation.run import EvaluationTask
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS as OWN_WEIGHTS_PATH
-from DroneSwarmSearch.rules import ENDINGS
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
@@ -158,7 +157,7 @@ def test_episodes_are_those_of_the_single_environment(changes):
     for i in range(40):
         single = alone(in_parallel, each, 7 + i)
         assert got.found_at[i].tolist() == single["found_at"]
-        assert ENDINGS[got.endings[i]] is single["ending"]
+        assert got.endings[i] == single["ending"]
         assert got.steps[i] == single["steps"]
         assert got.returns[i] == pytest.approx(single["return"], rel=1e-15)
         seen.add(single["ending"])
@@ -364,7 +363,7 @@ def test_a_class_is_made_for_the_search():
 
     got = evaluate(Mine, named(), episodes=3, progress=False)
     assert got.policy == "Mine"
-    assert got.endings[Ending.TIME_UP] == 3
+    assert got.endings[Ending.TIME_LIMIT] == 3
     with pytest.raises(TypeError, match=r"a class whose objects can be called, got .*Uncalled"):
         evaluate(Uncalled, named(), episodes=3, progress=False)
 
@@ -476,7 +475,7 @@ def made(
         "dict",
         Episodes(
             found,
-            np.where(everybody, ENDINGS.index(Ending.FOUND), ENDINGS.index(Ending.TIME_UP)),
+            np.where(everybody, Ending.FOUND, Ending.TIME_LIMIT),
             np.where(everybody, found.max(axis=1), limit),
             np.arange(n) * 1.0 if returns is None else np.array(returns),
             Reliability.empty(),
@@ -502,7 +501,7 @@ def test_an_episode_succeeds_when_the_last_person_is_found():
         Ending.FOUND: 2,
         Ending.COLLISION: 0,
         Ending.LEFT_GRID: 0,
-        Ending.TIME_UP: 2,
+        Ending.TIME_LIMIT: 2,
     }
     assert got.mean_return.value == 1.5
     assert got.mean_return.low <= 1.5 <= got.mean_return.high
@@ -542,7 +541,7 @@ def test_a_posterior_is_calibrated_and_a_prior_is_not():
 
 
 def test_calibration_counts_every_search_and_every_find():
-    """Several persons of one law and one chance: the promise is exact, and sums over both."""
+    """Several persons of one forecast and one chance: the promise is exact, and sums over both."""
     each = named(
         person_initial_position=[(2, 2), (2, 2)],
         probability_of_detection=0.5,
@@ -1191,7 +1190,7 @@ def test_csv_has_a_row_for_each_episode_and_one_for_each_evaluation(tmp_path):
             "found_by": "7", "person0_found_at": "2", "person1_found_at": "7",
         },
         {
-            "seed": "6", "success": "0", "ending": "time_up", "steps": "10", "return": "-2.25",
+            "seed": "6", "success": "0", "ending": "time_limit", "steps": "10", "return": "-2.25",
             "found_by": "0", "person0_found_at": "3", "person1_found_at": "0",
         },
     ]  # fmt: skip
@@ -1200,7 +1199,7 @@ def test_csv_has_a_row_for_each_episode_and_one_for_each_evaluation(tmp_path):
     assert float(plain["success"]) == 0.5
     assert float(plain["success_low"]) == got.success.low
     assert float(plain["restricted_mean_time_high"]) == got.time.high
-    assert (plain["found"], plain["time_up"], plain["collision"]) == ("1", "1", "0")
+    assert (plain["found"], plain["time_limit"], plain["collision"]) == ("1", "1", "0")
     assert (plain["share_of_bound"], plain["bound"]) == ("", "")
     assert float(bounded["share_of_bound"]) == 1.0
     with pytest.raises(ValueError, match="evaluations must be at least one, got none"):
@@ -1208,7 +1207,7 @@ def test_csv_has_a_row_for_each_episode_and_one_for_each_evaluation(tmp_path):
 
 
 def test_a_cell_has_no_result_before_its_jobs_are_done():
-    cell = Cell(in_swarms, "pond", episodes=600)
+    cell = EvaluationTask(in_swarms, "pond", episodes=600)
     assert not cell.is_done
     with pytest.raises(RuntimeError, match="2 of 2 portions have not been played"):
         cell.evaluation()

@@ -123,10 +123,10 @@ def test_a_matrix_beside_the_truth_is_noticed() -> None:
 
 def test_the_floor_is_the_mean_distance_of_true_samples() -> None:
     rng = np.random.default_rng(3)
-    law = rng.dirichlet(np.ones(50) / 2)
-    samples = rng.multinomial(400, law, size=20_000) / 400
-    sampled = (np.abs(samples - law).sum(axis=1) / 2).mean()
-    assert calibration.floor(law, 400) == pytest.approx(sampled, rel=0.003)
+    forecast = rng.dirichlet(np.ones(50) / 2)
+    samples = rng.multinomial(400, forecast, size=20_000) / 400
+    sampled = (np.abs(samples - forecast).sum(axis=1) / 2).mean()
+    assert calibration.floor(forecast, 400) == pytest.approx(sampled, rel=0.003)
 
 
 def test_who_is_outside_of_the_grid_is_in_no_cell() -> None:

@@ -165,7 +165,7 @@ def test_never_collides_nor_leaves_the_grid(
         np.random.default_rng(seed).shuffle(cells)
         policy.reset()
         play(env, policy, seed, cells[:drones])
-        assert env.frame().ending in (Ending.FOUND, Ending.TIME_UP)
+        assert env.frame().ending in (Ending.FOUND, Ending.TIME_LIMIT)
 
 
 def test_is_deterministic() -> None:
@@ -231,7 +231,7 @@ class TestSuccess:
 
 
 def test_the_posterior_greedy_passes_over_slight_chances() -> None:
-    # Law and posterior are alike before the first search: a spread from the middle.
+    # Forecast and posterior are alike before the first search: a spread from the middle.
     env = a_search(
         20,
         1,

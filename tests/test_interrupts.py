@@ -20,7 +20,8 @@ import pytest
 from helpers import observed, plain, play, play_on
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, probability_matrix
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch.drift import probability_matrix
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
 from DroneSwarmSearch.vector.threads import run_in_parts
 
@@ -140,7 +141,7 @@ def test_an_interrupted_reset_of_an_environment() -> None:
 ROWS = 5
 BATCHES: dict[str, dict[str, Any]] = {
     "the drift alone": {},
-    "one law for each search": {"vector": np.linspace(-0.4, 0.4, 2 * ROWS).reshape(ROWS, 2)},
+    "one forecast for each search": {"vector": np.linspace(-0.4, 0.4, 2 * ROWS).reshape(ROWS, 2)},
     "posterior, several persons": {
         "bayesian_update": True,
         "person_initial_position": [(1, 0), (2, 2)],

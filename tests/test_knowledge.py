@@ -56,7 +56,7 @@ def test_of_one_person_it_is_the_matrix_shown_to_the_last_bit(
         assert knowledge.missing == (0,)
         assert np.array_equal(knowledge.shown(), matrix)
         assert knowledge.beliefs.shape == (1, *matrix.shape)
-        # From the first search on the matrix is the posterior; before, the law, whose own
+        # From the first search on the matrix is the posterior; before, the forecast, whose own
         # matrix is a product of singles.
         np.testing.assert_allclose(knowledge.belief(0), matrix, rtol=1e-6)
         assert not searched or np.array_equal(knowledge.belief(0).astype(np.float32), matrix)
@@ -197,9 +197,9 @@ def test_copies_know_the_same_and_part_from_then_on(way: Any) -> None:
     assert not np.array_equal(twin.beliefs, before)
 
 
-def test_deep_copies_share_laws() -> None:
+def test_deep_copies_share_forecasts() -> None:
     knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
-    assert copy.deepcopy(knowledge).laws is knowledge.laws
+    assert copy.deepcopy(knowledge).forecasts is knowledge.forecasts
 
 
 def test_nothing_done_to_handed_out_arrays_changes_what_is_known() -> None:

@@ -12,11 +12,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from layouts_by_hand import TOP_CELLS, drone_by_hand, swarm_by_hand, top_cells
 
-from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, StackedLayout, share_left
-from DroneSwarmSearch.layouts.layout import mark, own_first, scaled_matrices, scaled_positions
-from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
+from DroneSwarmSearch.wrappers.layouts import (
+    JOINT_LAYOUTS,
+    LAYOUTS,
+    Layout,
+    StackedLayout,
+    remaining_time_fraction,
+)
+from DroneSwarmSearch.wrappers.layouts.layout import (
+    mark,
+    own_first,
+    scaled_matrices,
+    scaled_positions,
+)
+from DroneSwarmSearch.wrappers.layouts.top_cells import TopCellsLayout, likeliest_cells
 
-BY_HAND = [name for name in LAYOUTS if name != "glimpses"]  # which are in test_glimpses.py
+BY_HAND = [name for name in LAYOUTS if name != "crops"]  # which are in test_glimpses.py
 
 by_hand_too = pytest.mark.parametrize("name", BY_HAND)
 every_layout = pytest.mark.parametrize("name", LAYOUTS)
@@ -33,7 +44,7 @@ def seas(searches: int = 5, size: int = 6, drones: int = 3) -> Seas:
     matrices[-1] = 0.0
     matrices[-1, 2, 3] = 1.0
     matrices /= matrices.sum(axis=(1, 2), keepdims=True)
-    return positions, matrices, share_left(np.arange(searches), 7)
+    return positions, matrices, remaining_time_fraction(np.arange(searches), 7)
 
 
 def made(name: str, size: int = 6, drones: int = 3) -> tuple[Layout, Layout]:
@@ -147,8 +158,10 @@ def test_equally_near_drones_come_by_number() -> None:
 
 
 def test_the_share_left_falls_from_one_to_zero() -> None:
-    assert plain(share_left([0, 1, 2, 3, 4], 4)) == plain(np.float32([1, 0.75, 0.5, 0.25, 0]))
-    assert plain(share_left([1], 3)) == plain(np.float32([2 / 3]))
+    assert plain(remaining_time_fraction([0, 1, 2, 3, 4], 4)) == plain(
+        np.float32([1, 0.75, 0.5, 0.25, 0])
+    )
+    assert plain(remaining_time_fraction([1], 3)) == plain(np.float32([2 / 3]))
 
 
 def test_every_drone_comes_first_in_its_own_order() -> None:

@@ -18,7 +18,13 @@ from DroneSwarmSearch import Action
 from DroneSwarmSearch import __main__ as command
 from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, Reliability, bounds, page, run
 from DroneSwarmSearch.evaluation.files import Store
-from DroneSwarmSearch.evaluation.leaderboard import THEORY, Leaderboard, Rung, leaderboard, main
+from DroneSwarmSearch.evaluation.leaderboard import (
+    THEORY,
+    Leaderboard,
+    PairwiseComparison,
+    leaderboard,
+    main,
+)
 from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -83,7 +89,7 @@ class TestFigures:
                 made_up("planner", "night", 40, step=50, bound=0.5),
             )
         )
-        (standing,) = board.standings
+        (standing,) = board.summaries
         assert standing.success.value == pytest.approx((0.8 + 0.4) / 2)
         times = (0.8 * 10 + 0.2 * 40) / 40, (0.4 * 50 + 0.6 * 200) / 200
         assert standing.time.value == pytest.approx(sum(times) / 2)
@@ -96,17 +102,17 @@ class TestFigures:
         board = Leaderboard(
             (made_up("planner", "pond", 52), made_up("greedy-posterior", "pond", 42))
         )
-        (rung,) = board.rungs
+        (rung,) = board.comparisons
         assert (rung.ahead, rung.behind) == ("planner", "greedy-posterior")
         assert rung.success.value == pytest.approx(0.1)
-        apart = board.standings[0].success.high - board.standings[0].success.low
+        apart = board.summaries[0].success.high - board.summaries[0].success.low
         assert rung.success.high - rung.success.low < 0.75 * apart
         assert rung.verdict == "finds more, and sooner"
 
     def test_everybody_is_compared_with_the_next_rank_of_theory_that_is_there(self) -> None:
         names = ["mine", "planner", "greedy-matrix", "sector-search", "random"]
         board = Leaderboard(tuple(made_up(name, "pond", 50) for name in names), ("mine",))
-        assert [(rung.ahead, rung.behind) for rung in board.rungs] == [
+        assert [(rung.ahead, rung.behind) for rung in board.comparisons] == [
             ("mine", "planner"),
             ("planner", "greedy-matrix"),
             ("planner", "sector-search"),
@@ -129,7 +135,7 @@ class TestFigures:
     def test_verdicts_follow_from_the_intervals(
         self, success: tuple[float, ...], time: tuple[float, ...], verdict: str
     ) -> None:
-        assert Rung("a", "b", Estimate(*success), Estimate(*time)).verdict == verdict
+        assert PairwiseComparison("a", "b", Estimate(*success), Estimate(*time)).verdict == verdict
 
     def test_who_exceeds_the_bound_beyond_the_interval_is_named(self) -> None:
         within = made_up("planner", "pond", 80, bound=0.75)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.masks import action_masks, choose_in_turn
+from DroneSwarmSearch.wrappers.masks import action_masks, choose_in_turn
 
 Cell = tuple[int, int]
 

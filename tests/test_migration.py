@@ -244,10 +244,10 @@ def test_names_that_the_guides_import_exist(page):
 
 def spreads(constant: float, drift: float, steps: list[int]) -> list[tuple[float, float]]:
     """How far the mean has drifted from cell 20 of 61, and the standard deviation, at steps."""
-    law = ProbabilityMatrix(61, (20, 20), (drift, 0), constant)
+    forecast = ProbabilityMatrix(61, (20, 20), (drift, 0), constant)
     cells, told = np.arange(61), []
     for step in steps:
-        chances, _ = law.marginals(step)
+        chances, _ = forecast.marginals(step)
         mean = (chances * cells).sum()
         told.append((mean - 20, np.sqrt((chances * (cells - mean) ** 2).sum())))
     return told

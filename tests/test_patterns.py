@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.policies import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -29,7 +30,6 @@ from DroneSwarmSearch.policies.tracks import (
     strips,
     sweep,
 )
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.scenario import Cell
 
 PATTERNS = [ParallelSweepPolicy, CreepingLinePolicy, ExpandingSquarePolicy, SectorSearchPolicy]
@@ -205,13 +205,13 @@ class TestCells:
 class TestDatum:
     LAW = ProbabilityMatrix(40, (10, 20), (0.3, -0.2), 3.0)
 
-    def test_is_the_mean_of_the_law_and_drifts_with_it(self) -> None:
+    def test_is_the_mean_of_the_forecast_and_drifts_with_it(self) -> None:
         for step in (0, 10, 40):
-            datum = Datum.of_law(self.LAW, step, 100)
+            datum = Datum.of_forecast(self.LAW, step, 100)
             assert datum.mean == pytest.approx((10 + 0.3 * step, 20 - 0.2 * step), abs=0.1)
 
-    def test_spread_is_the_deviation_of_the_law(self) -> None:
-        datum = Datum.of_law(self.LAW, 40, 100)
+    def test_spread_is_the_deviation_of_the_forecast(self) -> None:
+        datum = Datum.of_forecast(self.LAW, 40, 100)
         assert datum.spread == pytest.approx([math.sqrt(2 / 3 * 3 / 8 * 40)] * 2, rel=0.02)
 
     def test_area_reaches_two_deviations_around_it(self) -> None:

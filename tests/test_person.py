@@ -6,28 +6,28 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch.person import walk
+from DroneSwarmSearch.drift.person import walk
 
 
 def test_numbers_choose_right_left_and_stay() -> None:
-    law = ProbabilityMatrix(9, (4, 4), (0.1, -0.1), 10)
-    right, left, down, up = law.moves(0)
+    forecast = ProbabilityMatrix(9, (4, 4), (0.1, -0.1), 10)
+    right, left, down, up = forecast.moves(0)
     eps = 1e-9
     to_right, to_left, stay = right[4] - eps, right[4] + left[4] - eps, right[4] + left[4] + eps
     for u, x in ((0.0, 5), (to_right, 5), (right[4] + eps, 3), (to_left, 3), (stay, 4), (0.999, 4)):
-        assert walk(law, 0, 4 * 9 + 4, [u], [0.9999]) == [4 * 9 + x]
+        assert walk(forecast, 0, 4 * 9 + 4, [u], [0.9999]) == [4 * 9 + x]
     for v, y in ((0.0, 5), (down[4] + eps, 3), (down[4] + up[4] + eps, 4)):
-        assert walk(law, 0, 4 * 9 + 4, [0.9999], [v]) == [y * 9 + 4]
+        assert walk(forecast, 0, 4 * 9 + 4, [0.9999], [v]) == [y * 9 + 4]
 
 
 def test_a_walk_in_pieces_is_the_walk() -> None:
-    law = ProbabilityMatrix(20, (10, 10), (0.3, 0.2), 10)
+    forecast = ProbabilityMatrix(20, (10, 10), (0.3, 0.2), 10)
     numbers = np.random.default_rng(5)
     for_x, for_y = numbers.random((2, 32)).tolist()
-    whole = walk(law, 0, 210, for_x, for_y)
-    first = walk(law, 0, 210, for_x[:8], for_y[:8])
-    assert first + walk(law, 8, first[-1], for_x[8:], for_y[8:]) == whole
-    assert len(walk(law, 24, 210, for_x, for_y)) == 8, "a walk ends with the block of tables"
+    whole = walk(forecast, 0, 210, for_x, for_y)
+    first = walk(forecast, 0, 210, for_x[:8], for_y[:8])
+    assert first + walk(forecast, 8, first[-1], for_x[8:], for_y[8:]) == whole
+    assert len(walk(forecast, 24, 210, for_x, for_y)) == 8, "a walk ends with the block of tables"
 
 
 @pytest.mark.parametrize(
@@ -49,12 +49,12 @@ def test_persons_are_where_the_matrix_says(
 ) -> None:
     """Pearson's chi-square over the cells that hold enough, at three steps of 4,000 walks."""
     size, walks = 20, 4000
-    law = ProbabilityMatrix(size, start, drift, constant)
+    forecast = ProbabilityMatrix(size, start, drift, constant)
     numbers = np.random.default_rng(20).random((walks, 2, 32)).tolist()
-    paths = np.array([walk(law, 0, start[1] * size + start[0], *pair) for pair in numbers])
+    paths = np.array([walk(forecast, 0, start[1] * size + start[0], *pair) for pair in numbers])
     for t in (1, 7, 31):
         counts = np.bincount(paths[:, t - 1], minlength=size**2)
-        expected = walks * law.exact(t).ravel()
+        expected = walks * forecast.exact(t).ravel()
         assert not counts[expected == 0].any(), "a person stands where the matrix says nobody can"
         common = expected >= 5
         groups = np.append(counts[common], counts[~common].sum())

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from small_searches import (
     assert_legal,
     chances,
+    forecast_of,
     found_in_each_step,
-    law_of,
     schedule_of,
     search,
     targets_of,
@@ -91,7 +91,7 @@ def test_value_and_chances_are_those_of_all_ways_together(
     targets[-1].weight = weight
     plan = Plan(targets, worth, 0, paths)
     found = [
-        found_in_each_step(law_of(of, person), target.chain.detection, schedule_of(paths))
+        found_in_each_step(forecast_of(of, person), target.chain.detection, schedule_of(paths))
         for person, target in enumerate(targets)
     ]
     np.testing.assert_allclose(plan.chances(), [sum(steps) for steps in found], atol=1e-12)
@@ -106,13 +106,13 @@ def test_a_plan_from_a_later_step_follows_the_person_from_there() -> None:
         disperse_constant=5, timestep_limit=6, probability_of_detection=0.7,
     )  # fmt: skip
     paths = random_paths(of, 6, 3)
-    whole = np.array(found_in_each_step(law_of(of), 0.7, schedule_of(paths)))
+    whole = np.array(found_in_each_step(forecast_of(of), 0.7, schedule_of(paths)))
     idle = [Path(p.cells, np.where(np.arange(6) < 3, False, p.searches)) for p in paths]
-    late = np.array(found_in_each_step(law_of(of), 0.7, schedule_of(idle)))
+    late = np.array(found_in_each_step(forecast_of(of), 0.7, schedule_of(idle)))
     assert whole[:3].sum() > 0.0
     assert late[3:].sum() > 0.0
     (target,) = targets_of(of)
-    target.belief = law_of(of).exact(3)
+    target.belief = forecast_of(of).exact(3)
     rest = [Path(path.cells[3:], path.searches[3:]) for path in paths]
     assert Plan([target], np.ones(3), 3, rest).value() == pytest.approx(late.sum(), rel=1e-12)
 
@@ -269,7 +269,7 @@ def test_improvement_is_worth_its_while() -> None:
 def of_all_plans(of: NamedSearch) -> float:
     """The chance of the best plan, by trying every one."""
     size, steps = of.scenario.grid_size, of.scenario.timestep_limit
-    law, (detection,) = law_of(of), of.scenario.detections
+    forecast, (detection,) = forecast_of(of), of.scenario.detections
 
     def ways(cell: tuple[int, int], step: int) -> list[list[tuple[tuple[int, int], bool]]]:
         if step == steps:
@@ -297,7 +297,7 @@ def of_all_plans(of: NamedSearch) -> float:
             for place in zip(*(way[:-1] for way in flight), strict=True)
         )
         if schedule not in known:
-            known[schedule] = sum(found_in_each_step(law, detection, schedule))
+            known[schedule] = sum(found_in_each_step(forecast, detection, schedule))
         most = max(most, known[schedule])
     return most
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 
 from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch.belief import after_drift
+from DroneSwarmSearch.drift.belief import after_drift
 from DroneSwarmSearch.planning.chain import Chain, transitions
 from DroneSwarmSearch.planning.paths import NOWHERE, best_path, values_to_go
 
@@ -122,7 +122,7 @@ def test_what_was_given_is_not_changed() -> None:
 
 
 @st.composite
-def laws(draw: st.DrawFn) -> ProbabilityMatrix:
+def forecasts(draw: st.DrawFn) -> ProbabilityMatrix:
     size = draw(st.integers(2, 7))
     cell = st.integers(0, size - 1)
     drift = st.sampled_from([0.0, 0.3, -0.5, 1.0, -2.5])
@@ -134,74 +134,76 @@ def laws(draw: st.DrawFn) -> ProbabilityMatrix:
     )
 
 
-def masses(law: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarray:
-    return np.random.default_rng(seed).random((*axes, law.grid_size, law.grid_size))
+def masses(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarray:
+    return np.random.default_rng(seed).random((*axes, forecast.grid_size, forecast.grid_size))
 
 
 @settings(deadline=None, max_examples=50, derandomize=True)
-@given(laws(), st.integers(0, 12), st.integers(1, 6), st.integers(0, 99))
+@given(forecasts(), st.integers(0, 12), st.integers(1, 6), st.integers(0, 99))
 def test_forth_is_the_drift_of_a_belief(
-    law: ProbabilityMatrix, begin: int, steps: int, seed: int
+    forecast: ProbabilityMatrix, begin: int, steps: int, seed: int
 ) -> None:
-    chain = Chain(law, 0.5, begin, begin + steps)
+    chain = Chain(forecast, 0.5, begin, begin + steps)
     for step in range(begin, begin + steps):
-        mass = masses(law, seed + step)
-        after = chain.forth(mass, step)
-        np.testing.assert_allclose(after, after_drift(mass, *law.moves(step)), atol=1e-13)
+        mass = masses(forecast, seed + step)
+        after = chain.forward(mass, step)
+        np.testing.assert_allclose(after, after_drift(mass, *forecast.moves(step)), atol=1e-13)
         assert after.sum() == pytest.approx(mass.sum(), rel=1e-12)
         assert (after >= 0).all()
         np.testing.assert_allclose(
-            chain.forth(law.exact(step), step), law.exact(step + 1), atol=1e-13
+            chain.forward(forecast.exact(step), step), forecast.exact(step + 1), atol=1e-13
         )
 
 
 @settings(deadline=None, max_examples=50, derandomize=True)
-@given(laws(), st.integers(0, 12), st.integers(0, 99))
-def test_back_is_the_adjoint_of_forth(law: ProbabilityMatrix, step: int, seed: int) -> None:
-    chain = Chain(law, 1.0, step, step + 1)
-    mass, value = masses(law, seed), masses(law, seed + 1)
-    now = float(np.vdot(chain.back(value, step), mass))
-    assert now == pytest.approx(float(np.vdot(value, chain.forth(mass, step))), rel=1e-12)
-    np.testing.assert_allclose(chain.back(np.ones_like(mass), step), 1.0, rtol=1e-12)
+@given(forecasts(), st.integers(0, 12), st.integers(0, 99))
+def test_back_is_the_adjoint_of_forth(forecast: ProbabilityMatrix, step: int, seed: int) -> None:
+    chain = Chain(forecast, 1.0, step, step + 1)
+    mass, value = masses(forecast, seed), masses(forecast, seed + 1)
+    now = float(np.vdot(chain.backward(value, step), mass))
+    assert now == pytest.approx(float(np.vdot(value, chain.forward(mass, step))), rel=1e-12)
+    np.testing.assert_allclose(chain.backward(np.ones_like(mass), step), 1.0, rtol=1e-12)
 
 
 def test_a_value_seen_from_a_corner_is_the_mean_over_the_moves_there() -> None:
-    law = ProbabilityMatrix(4, (0, 3), (0.4, 0.1), 10)
-    right, left, down, up = law.moves(2)
-    value = masses(law, 3)
+    forecast = ProbabilityMatrix(4, (0, 3), (0.4, 0.1), 10)
+    right, left, down, up = forecast.moves(2)
+    value = masses(forecast, 3)
     expected = 0.0
     for dx, across in ((0, 1 - right[0] - left[0]), (1, right[0])):
         for dy, along in ((0, 1 - down[3] - up[3]), (-1, up[3])):
             expected += across * along * value[3 + dy, dx]
-    seen = Chain(law, 1.0, 0, 5).back(value, 2)[3, 0]
+    seen = Chain(forecast, 1.0, 0, 5).backward(value, 2)[3, 0]
     assert seen == pytest.approx(expected, rel=1e-12)
     assert 0.0 < right[0] < 1.0
     assert 0.0 < up[3] < 1.0
 
 
 def test_steps_keep_their_numbers_wherever_a_chain_begins() -> None:
-    law = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
-    mass = masses(law, 4)
-    whole, part = Chain(law, 0.7, 0, 9), Chain(law, 0.7, 4, 7)
+    forecast = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
+    mass = masses(forecast, 4)
+    whole, part = Chain(forecast, 0.7, 0, 9), Chain(forecast, 0.7, 4, 7)
     assert (whole.detection, part.detection) == (0.7, 0.7)
     for step in (4, 5, 6):
-        assert np.array_equal(whole.forth(mass, step), part.forth(mass, step))
-        assert np.array_equal(whole.back(mass, step), part.back(mass, step))
+        assert np.array_equal(whole.forward(mass, step), part.forward(mass, step))
+        assert np.array_equal(whole.backward(mass, step), part.backward(mass, step))
 
 
 def test_leading_axes_are_carried_along() -> None:
-    law = ProbabilityMatrix(5, (2, 3), (0.3, -0.2), 5)
-    chain, many = Chain(law, 1.0, 0, 3), masses(law, 5, 2, 3)
+    forecast = ProbabilityMatrix(5, (2, 3), (0.3, -0.2), 5)
+    chain, many = Chain(forecast, 1.0, 0, 3), masses(forecast, 5, 2, 3)
     way: Any
-    for way in (chain.forth, chain.back):
+    for way in (chain.forward, chain.backward):
         together = way(many, 1)
         for i, j in np.ndindex(2, 3):
             np.testing.assert_allclose(together[i, j], way(many[i, j], 1), rtol=1e-13)
 
 
 def test_transitions_are_stochastic_and_tridiagonal() -> None:
-    law = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
-    right, left, *_ = (np.array(chances) for chances in zip(*map(law.moves, range(4)), strict=True))
+    forecast = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
+    right, left, *_ = (
+        np.array(chances) for chances in zip(*map(forecast.moves, range(4)), strict=True)
+    )
     matrices = transitions(right, left)
     np.testing.assert_allclose(matrices.sum(axis=2), 1.0, rtol=1e-12)
     i, j = np.indices((6, 6))

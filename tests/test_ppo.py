@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
-from DroneSwarmSearch.layouts.glimpses import LENGTH
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.ppo import LARGEST, OWN_WEIGHTS, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
 

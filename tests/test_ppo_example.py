@@ -13,9 +13,9 @@ from trainer_examples import check_folder, check_table, interrupt, module, rows,
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import search
-from DroneSwarmSearch.layouts.glimpses import LENGTH
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
-from DroneSwarmSearch.rules import ENDINGS, Ending
+from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
 
 torch = pytest.importorskip("torch")
 
@@ -69,7 +69,7 @@ def test_rewards_are_the_chances_of_the_searches(example: ModuleType) -> None:
         paid = data["rewards"][data["real"]].astype(np.float64)
         assert (paid[data["actions"][data["real"]] != Action.SEARCH] == 0).all()
         chances, spread = chances + paid.sum(), spread + (paid * (1 - paid)).sum()
-        found += int((swarms.batch.endings == ENDINGS.index(Ending.FOUND)).sum())
+        found += int((swarms.batch.endings == Ending.FOUND).sum())
     assert found > 100
     assert abs(found - chances) < 5 * np.sqrt(spread)
 
@@ -77,7 +77,7 @@ def test_rewards_are_the_chances_of_the_searches(example: ModuleType) -> None:
 def test_drones_never_collide_nor_leave_while_they_learn(example: ModuleType) -> None:
     swarms = swarms_of(example, grid_size=3)
     rng, tally = np.random.default_rng(1), example.Tally()
-    harmless = (0, ENDINGS.index(Ending.FOUND), ENDINGS.index(Ending.TIME_UP))
+    harmless = (0, Ending.FOUND, Ending.TIME_LIMIT)
     for _ in range(100):
         swarms.step(np.zeros((swarms.env.num_envs, example.ACTIONS), np.float32), rng, tally)
         assert np.isin(swarms.batch.endings, harmless).all()

@@ -1,4 +1,4 @@
-"""The law against the mathematics it comes from, written out plainly here."""
+"""The forecast against the mathematics it comes from, written out plainly here."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch import probability_matrix as module
-from DroneSwarmSearch.erf import erf
-from DroneSwarmSearch.probability_matrix import dispersion_rate
+from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift import probability_matrix as module
+from DroneSwarmSearch.drift.probability_matrix import dispersion_rate
 
 DRIFTS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
 CONSTANTS = [0, 0.5, 3, 10, 100, 1e308]
@@ -50,30 +50,30 @@ def plain_cdfs(size: int, start: int, drift: float, constant: float, steps: int)
 
 @pytest.mark.parametrize("drift", DRIFTS)
 @pytest.mark.parametrize("constant", CONSTANTS)
-def test_law_is_the_clipped_gaussian(drift: tuple[float, float], constant: float) -> None:
+def test_forecast_is_the_clipped_gaussian(drift: tuple[float, float], constant: float) -> None:
     size, start, steps = 11, (4, 9), 70
-    law = ProbabilityMatrix(size, start, drift, constant)
+    forecast = ProbabilityMatrix(size, start, drift, constant)
     columns, rows = (
         np.diff(plain_cdfs(size, start[axis], drift[axis], constant, steps), prepend=0.0)
         for axis in (0, 1)
     )
     for t in range(steps + 1):
-        x, y = law.marginals(t)
+        x, y = forecast.marginals(t)
         np.testing.assert_allclose(x, columns[t], atol=1e-12)
         np.testing.assert_allclose(y, rows[t], atol=1e-12)
-        np.testing.assert_allclose(law.at(t), np.outer(rows[t], columns[t]), atol=1e-7)
+        np.testing.assert_allclose(forecast.at(t), np.outer(rows[t], columns[t]), atol=1e-7)
 
 
 @pytest.mark.parametrize("drift", DRIFTS)
 @pytest.mark.parametrize("constant", CONSTANTS)
-def test_moves_carry_each_law_into_the_next_exactly(
+def test_moves_carry_each_forecast_into_the_next_exactly(
     drift: tuple[float, float], constant: float
 ) -> None:
-    law = ProbabilityMatrix(11, (4, 9), drift, constant)
+    forecast = ProbabilityMatrix(11, (4, 9), drift, constant)
     for t in range(100):
-        right, left, down, up = law.moves(t)
+        right, left, down, up = forecast.moves(t)
         for axis, (higher, lower) in enumerate(((right, left), (down, up))):
-            now, after = law.marginals(t)[axis], law.marginals(t + 1)[axis]
+            now, after = forecast.marginals(t)[axis], forecast.marginals(t + 1)[axis]
             stay = 1 - higher - lower
             assert min(higher.min(), lower.min(), stay.min()) >= -1e-12
             moved = now * stay
@@ -149,23 +149,23 @@ def test_steps_come_in_any_order() -> None:
 
 
 def test_matrices_are_new_arrays() -> None:
-    law = ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5)
-    expected = law.at(7)
-    for array in (law.at(7), law.exact(7), *law.marginals(7), *law.moves(7)):
+    forecast = ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5)
+    expected = forecast.at(7)
+    for array in (forecast.at(7), forecast.exact(7), *forecast.marginals(7), *forecast.moves(7)):
         array[...] = 5.0
-    for same in (law, copy.deepcopy(law), pickle.loads(pickle.dumps(law))):
+    for same in (forecast, copy.deepcopy(forecast), pickle.loads(pickle.dumps(forecast))):
         np.testing.assert_array_equal(same.at(7), expected)
         assert same.exact(7).sum() == pytest.approx(1)
         assert max(chances.max() for chances in same.moves(7)) <= 1
 
 
 def test_a_million_steps_keep_bounded_memory() -> None:
-    """Tables are kept within their limit, whatever the law and however far it is asked for."""
-    law = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
+    """Tables stay within their limit, whatever the forecast and step."""
+    forecast = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
     for t in range(6000):
-        law.at(t)
+        forecast.at(t)
     again = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
-    assert law.block(3) is again.block(3), "the earliest are kept"
+    assert forecast.block(3) is again.block(3), "the earliest are kept"
     for start in range(40):
         other = ProbabilityMatrix(64, (start, 4), (0.1, 0.2), 5)
         for t in range(100):
@@ -179,7 +179,7 @@ def test_a_million_steps_keep_bounded_memory() -> None:
     )
     assert 0 < in_use < kept._bytes <= module.KEPT_BYTES < 64 * 2**20
     assert kept._bytes == sum(size for _, size in kept._blocks.values())
-    assert kept._bytes == sum(kept._of_law.values())
+    assert kept._bytes == sum(kept._of_forecast.values())
 
 
 def test_a_huge_grid_keeps_small_blocks() -> None:

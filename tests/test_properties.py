@@ -64,10 +64,10 @@ def episodes(draw: st.DrawFn) -> Episode:
 
 
 class Belief:
-    """Where one person may be, by the law of the drift and Bayes' rule: a dict of cells."""
+    """Where one person may be, by the forecast of the drift and Bayes' rule: a dict of cells."""
 
     def __init__(self, grid_size: int, start: Cell, vector: Any, constant: float) -> None:
-        self.law = ProbabilityMatrix(grid_size, start, tuple(vector), constant)
+        self.forecast = ProbabilityMatrix(grid_size, start, tuple(vector), constant)
         self.mass = {start: 1.0}
 
     def fruitless_searches(self, cells: list[Cell], detection: float) -> None:
@@ -79,7 +79,7 @@ class Belief:
         self.mass = {cell: chance / kept for cell, chance in after.items()}
 
     def drift(self, step: int) -> None:
-        right, left, down, up = self.law.moves(step)
+        right, left, down, up = self.forecast.moves(step)
         after: Counter[Cell] = Counter()
         for (x, y), chance in self.mass.items():
             for dx, along_x in ((1, right[x]), (-1, left[x]), (0, 1 - right[x] - left[x])):
@@ -137,7 +137,7 @@ class Model:
         self.note(before, targets, left, collided, finders, found, in_reach, persons, searches)
         self.missing -= found
 
-        time_up = self.t == self.limit - 1
+        time_limit_reached = self.t == self.limit - 1
         rewards = []
         for i, (x, y) in enumerate(before):
             p = float(shown[y, x])
@@ -145,7 +145,7 @@ class Model:
                 points = -100_000.0
             elif i in finders:
                 points = 10_000 + 10_000 * (1 - self.t / self.limit)
-            elif time_up and i not in self.successful:
+            elif time_limit_reached and i not in self.successful:
                 points = -self.returns[i] - 100_000
             elif i in searches:
                 points = 10_000 * p if 100 * p > 1 else -100.0
@@ -162,8 +162,8 @@ class Model:
             self.ending = Ending.COLLISION
         elif any(left):
             self.ending = Ending.LEFT_GRID
-        elif time_up:
-            self.ending = Ending.TIME_UP
+        elif time_limit_reached:
+            self.ending = Ending.TIME_LIMIT
         self.drones = [
             cell if gone else target
             for cell, target, gone in zip(before, targets, left, strict=True)
@@ -264,7 +264,7 @@ def check_step(model: Model, env: DroneSwarmSearch, result: Any, expected: list[
         assert observations[name]["observation"][0] == cell
     assert frame.drones == tuple(model.drones)
     assert frame.step == model.t
-    if model.ending is Ending.TIME_UP:
+    if model.ending is Ending.TIME_LIMIT:
         for i in set(range(len(model.names))) - model.successful:
             # The comparison is exact: what a user adds up comes to -100000, to the bit.
             assert model.returns[i] == -100_000

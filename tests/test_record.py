@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import RewardScheme
 from DroneSwarmSearch import __main__ as command
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record
 from DroneSwarmSearch.evaluation.record import frames
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rendering.colours import BANNER_LOST
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
@@ -82,14 +82,14 @@ class TestFrames:
         for prior, posterior in pairs:
             same = replace(posterior, matrix=prior.matrix)
             assert vars(same) == vars(prior)
-        law = ProbabilityMatrix(5, (1, 2), (0.0, 0.0), 1)
-        belief = law.exact(0)
+        forecast = ProbabilityMatrix(5, (1, 2), (0.0, 0.0), 1)
+        belief = forecast.exact(0)
         for (_, before), (prior, after) in pairwise(pairs):
             looked = [cell for cell, s in zip(before.drones, after.searching, strict=True) if s]
             if looked and not any(after.found):
-                belief, _ = after_fruitless_search(belief, [y * 5 + x for x, y in looked], 1.0)
-            belief = after_drift(belief, *law.moves(before.step))
-            assert np.array_equal(prior.matrix, law.at(after.step))
+                belief, _ = after_unsuccessful_search(belief, [y * 5 + x for x, y in looked], 1.0)
+            belief = after_drift(belief, *forecast.moves(before.step))
+            assert np.array_equal(prior.matrix, forecast.at(after.step))
             if not any(after.found):
                 np.testing.assert_allclose(after.matrix, belief, atol=1e-6)
         assert any(after.searching[0] for _, after in pairs)
@@ -157,7 +157,7 @@ class TestPicture:
             (None, 3, ""),
             (Ending.FOUND, 1, "found in 1 step"),
             (Ending.FOUND, 12, "found in 12 steps"),
-            (Ending.TIME_UP, 100, "not found in 100 steps"),
+            (Ending.TIME_LIMIT, 100, "not found in 100 steps"),
             (Ending.COLLISION, 4, "drones collided in step 4"),
             (Ending.LEFT_GRID, 5, "a drone left the grid in step 5"),
         ],
@@ -170,7 +170,7 @@ class TestFilm:
     def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"
         last = record.record(all_do(Action.IDLE), small(), path, name="lazy")
-        assert (last.step, last.ending) == (8, Ending.TIME_UP)
+        assert (last.step, last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as film:
             # Pictures that are all alike are kept as one that stays longer.
             assert 1 < film.n_frames <= 9

@@ -29,7 +29,6 @@ from DroneSwarmSearch.rules import Ending
 pygame = pytest.importorskip("pygame")
 
 SIZES = (2, 7, 20, 50, 100)
-ENDINGS = (Ending.FOUND, Ending.COLLISION, Ending.LEFT_GRID, Ending.TIME_UP)
 
 
 def make_frame(
@@ -138,7 +137,7 @@ class TestText:
             ending=Ending.COLLISION,
         )
         assert render_text(frame).split("\n")[1:-1] == [
-            f"The target was not found ({Ending.COLLISION.value})",
+            f"The target was not found ({Ending.COLLISION.description})",
             "         0       1",
             "0        @       @",
             "1        @ 0+1P2F@",
@@ -147,7 +146,7 @@ class TestText:
     def test_the_outcome_of_a_success(self) -> None:
         frame = make_frame(2, found=(0,), ending=Ending.FOUND)
         line = render_text(frame).split("\n")[1]
-        assert line == f"The target was found in 3 moves ({Ending.FOUND.value})"
+        assert line == f"The target was found in 3 moves ({Ending.FOUND.description})"
 
     def test_the_width_stays_when_a_drone_starts_to_search(self) -> None:
         idle = make_frame(4, drones=((0, 0), (3, 3)))
@@ -178,7 +177,7 @@ class TestText:
         assert [int(number) for number in crowded.split()] == list(range(0, 1200, 2))
 
     def test_it_is_plain_ascii(self) -> None:
-        for ending in (None, *ENDINGS):
+        for ending in (None, *Ending):
             text = render_text(make_frame(20, ending=ending))
             assert text.isascii()
             assert all(character == "\n" or character.isprintable() for character in text)
@@ -439,7 +438,7 @@ class TestPanel:
 class TestEndScreens:
     @pytest.mark.parametrize("grid_size", SIZES)
     @pytest.mark.parametrize("gradient", [True, False])
-    @pytest.mark.parametrize("ending", ENDINGS)
+    @pytest.mark.parametrize("ending", list(Ending))
     def test_green_for_found_and_red_for_not_found(
         self, grid_size: int, gradient: bool, ending: Ending
     ) -> None:
@@ -452,7 +451,7 @@ class TestEndScreens:
 
     @pytest.mark.parametrize("grid_size", SIZES)
     def test_the_map_stays_visible(self, grid_size: int) -> None:
-        frame = bare(make_frame(grid_size, ending=Ending.TIME_UP))
+        frame = bare(make_frame(grid_size, ending=Ending.TIME_LIMIT))
         other = make_frame(grid_size).matrix[::-1, ::-1]
         changed = draw(frame) != draw(replace(frame, matrix=other))
         assert board_of(changed, grid_size).any()
@@ -470,12 +469,14 @@ class TestEndScreens:
         assert columns[-1] <= 0.97 * board.shape[1]
 
     def test_a_reason_is_given_for_a_failure(self) -> None:
-        pictures = [board_of(draw(bare(make_frame(ending=ending))), 7) for ending in ENDINGS[1:]]
+        pictures = [
+            board_of(draw(bare(make_frame(ending=ending))), 7) for ending in list(Ending)[1:]
+        ]
         assert all((a != b).any() for a, b in pairwise(pictures))
 
     def test_the_banner_leaves_symbols_visible_where_it_can(self) -> None:
         for row in (0, 9, 19):
-            frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_UP)
+            frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_LIMIT)
             changed = draw(frame) != draw(replace(frame, searching=(True,)))
             assert cell_of(changed, 20, 10, row).any(axis=2).mean() > 0.3
 

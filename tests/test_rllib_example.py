@@ -106,7 +106,7 @@ forced = Action.IDLE
 forced = Action.LEFT  # off the grid, whatever the mask says
 [crashed] = runner.sample(num_episodes=1)
 
-view = DroneVectorEnv(1, observation="flat", **training.EXERCISE)
+view = DroneVectorEnv(1, observation="flat", **training.TRAINING_TASK)
 views, first = iter(shown), example["APART"] + 5
 for episode in [*free, idle, crashed]:
     seen, _ = view.reset(seed=first if episode in (free[0], idle, crashed) else None)
@@ -119,7 +119,7 @@ for episode in [*free, idle, crashed]:
         masks = view.action_masks(right_of_way=True)
         assert network_saw["observations"].tobytes() == seen[order].tobytes()
         assert network_saw["action_mask"].tolist() == masks[order].tolist()
-        assert training.masks_of_flat(seen, training.EXERCISE).tolist() == masks.tolist()
+        assert training.masks_of_flat(seen, training.TRAINING_TASK).tolist() == masks.tolist()
         actions = [part.get_actions(step) for part in parts]
         seen, rewards, terminated, truncated, _ = view.step(np.array(actions))
         assert [part.get_rewards(step) for part in parts] == (rewards * example["SCALE"]).tolist()

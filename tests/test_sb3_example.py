@@ -13,7 +13,7 @@ import pytest
 from trainer_examples import check_folder, check_table, interrupt, module, run
 
 from DroneSwarmSearch import Action, training
-from DroneSwarmSearch.rules import ENDINGS, Ending
+from DroneSwarmSearch.rules import Ending
 
 pytest.importorskip("stable_baselines3")
 
@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 EXAMPLE = "train_sb3"
-FOUND = ENDINGS.index(Ending.FOUND)
+FOUND = Ending.FOUND
 
 
 def needs(name: str) -> pytest.MarkDecorator:
@@ -76,7 +76,7 @@ def test_masks_read_from_observations_are_the_views(example: ModuleType) -> None
         masks = np.stack(env.env_method("action_masks"))
         actions = np.array([rng.choice(mask.nonzero()[0]) for mask in masks])
         seen, _, _, _ = env.step(actions)
-        read = training.masks_of_flat(seen, training.EXERCISE)
+        read = training.masks_of_flat(seen, training.TRAINING_TASK)
         assert (read == np.stack(env.env_method("action_masks"))).all()
         masked_out += int((~masks).sum())
     assert masked_out > 100
@@ -116,7 +116,7 @@ def test_the_record_has_every_episode(
 ) -> None:
     apart = {"drones_positions": [(0, 0), (5, 5)]}  # who is hit while finding is not paid for it
     near = {"grid_size": 6, "person_initial_position": (1, 0), "vector": (0.0, 0.0)}
-    monkeypatch.setattr(example, "EXERCISE", {**training.EXERCISE, **near, **apart})
+    monkeypatch.setattr(example, "TRAINING_TASK", {**training.TRAINING_TASK, **near, **apart})
 
     class Count(BaseCallback):
         """Counts episodes by what the engine says of them."""

@@ -9,7 +9,7 @@ import pickle
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.streams import EpisodeStream, episode_keys, numbers, stream_keys
+from DroneSwarmSearch._internal.streams import EpisodeStream, episode_keys, numbers, stream_keys
 
 
 def stream(seed: int = 1) -> EpisodeStream:

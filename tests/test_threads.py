@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
 from DroneSwarmSearch.vector.threads import run_in_parts, usual_number
 from DroneSwarmSearch.vector.views import SearchVectorEnv
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 
 def helpers(number: int) -> threads._Helpers:

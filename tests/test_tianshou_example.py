@@ -78,7 +78,7 @@ def collected(example: ModuleType, steps: int) -> tuple[VectorReplayBuffer, Coll
 def test_a_return_over_a_turn_of_every_drone_is_the_environments(example: ModuleType) -> None:
     """The rewards of each drone, added up over as many choices as there are drones."""
     buffer, _ = collected(example, 80)
-    env = DroneSwarmSearch(**training.EXERCISE)
+    env = DroneSwarmSearch(**training.TRAINING_TASK)
     env.reset(seed=4)
     n = example.DRONES
     assert example.learner().n_step % n == 0

@@ -15,9 +15,9 @@ from trainer_examples import EXAMPLES, check_folder, check_table, interrupt, pyt
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.wrappers import (
     ActionMask,
+    CropsObservation,
     DictObservation,
     FlatObservation,
-    GlimpsesObservation,
     OtherDrones,
     PlanesObservation,
     ScaledRewards,
@@ -44,7 +44,7 @@ LAYOUTS: dict[str, Callable[[Any], Any]] = {
     "flat": FlatObservation,
     "planes": PlanesObservation,
     "top cells": TopCellsObservation,
-    "glimpses": GlimpsesObservation,
+    "crops": CropsObservation,
 }
 
 
@@ -55,7 +55,7 @@ def example() -> dict[str, Any]:
 
 
 def search(**arguments: Any) -> DroneSwarmSearch:
-    return DroneSwarmSearch(**{**training.EXERCISE, **arguments})
+    return DroneSwarmSearch(**{**training.TRAINING_TASK, **arguments})
 
 
 def wrapped(env: Any, **arguments: Any) -> EnvBase:
@@ -165,7 +165,9 @@ def test_the_policy_is_masked_in_the_evaluation(example: dict[str, Any]) -> None
     observations, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
     seen = np.stack(list(observations.values()))
     masks = np.stack([infos[drone]["action_mask"] for drone in env.possible_agents])
-    assert training.masks_of_flat(seen, training.EXERCISE).tolist() == masks.astype(bool).tolist()
+    assert (
+        training.masks_of_flat(seen, training.TRAINING_TASK).tolist() == masks.astype(bool).tolist()
+    )
     assert not masks.all()
 
     def wants(closed: int) -> Callable[[torch.Tensor], torch.Tensor]:

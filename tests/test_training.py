@@ -52,8 +52,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_the_exercise_is_a_search_that_can_be_sent_elsewhere() -> None:
-    assert pickle.loads(pickle.dumps(training.EXERCISE)) == training.EXERCISE
-    env = DroneSwarmSearch(**training.EXERCISE)
+    assert pickle.loads(pickle.dumps(training.TRAINING_TASK)) == training.TRAINING_TASK
+    env = DroneSwarmSearch(**training.TRAINING_TASK)
     env.reset(seed=0)
     assert (env.grid_size, len(env.agents), env.timestep_limit) == (10, 2, 50)
     assert env.scenario.bayesian_update
@@ -715,10 +715,10 @@ def test_masks_told_by_flat_observations_are_those_of_the_view(
 @pytest.mark.parametrize(
     ("view", "shown"),
     [
-        (DroneVectorEnv, {"observation": "glimpses", "grid_size": 5, "n_drones": 3}),
+        (DroneVectorEnv, {"observation": "crops", "grid_size": 5, "n_drones": 3}),
         # As many numbers as "flat" shows: 202, 3 k + 2 n + 1 for k = N² / 3, and n swarms.
-        (DroneVectorEnv, {"observation": "glimpses", "grid_size": 13, "n_drones": 16}),
-        (DroneVectorEnv, {"observation": "glimpses", "grid_size": 9, "n_drones": 60}),
+        (DroneVectorEnv, {"observation": "crops", "grid_size": 13, "n_drones": 16}),
+        (DroneVectorEnv, {"observation": "crops", "grid_size": 9, "n_drones": 60}),
         (
             DroneVectorEnv,
             {"observation": "top-cells", "top_cells": 12, "grid_size": 6, "n_drones": 2},

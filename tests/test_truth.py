@@ -17,12 +17,12 @@ def distance(counts: np.ndarray, matrix: np.ndarray) -> tuple[float, float]:
     The second figure is the mean distance of as many true samples, and four of their
     standard deviations more.
     """
-    law = matrix.astype(float).ravel() / matrix.sum(dtype=float)
+    forecast = matrix.astype(float).ravel() / matrix.sum(dtype=float)
     n = int(counts.sum())
     rng = np.random.default_rng(0)
-    samples = rng.multinomial(n, law, size=200) / n
-    floors = np.abs(samples - law).sum(axis=1) / 2
-    found = np.abs(counts.ravel() / n - law).sum() / 2
+    samples = rng.multinomial(n, forecast, size=200) / n
+    floors = np.abs(samples - forecast).sum(axis=1) / 2
+    found = np.abs(counts.ravel() / n - forecast).sum() / 2
     return found, float(floors.mean() + 4 * floors.std())
 
 

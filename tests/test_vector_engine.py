@@ -27,12 +27,16 @@ from DroneSwarmSearch import (
     ProbabilityMatrix,
     ResetNeeded,
 )
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbers, stream_keys
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rules import ENDINGS
-from DroneSwarmSearch.streams import RowNumbers, episode_keys, numbers, stream_keys
-from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, laws, threads
-from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables, choose_laws
+from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, forecasts, threads
+from DroneSwarmSearch.vector.forecasts import (
+    DriftParameters,
+    OnTheFlyForecasts,
+    TabulatedForecasts,
+    choose_forecasts,
+)
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -134,7 +138,7 @@ class Twins:
             assert batch.matrices_of(rows).tobytes() == expected[rows].tobytes()
         assert batch.rewards.tobytes() == self.rewards.tobytes()
         endings = [frame.ending for frame in frames]
-        assert [ENDINGS[code] for code in batch.endings] == endings
+        assert batch.endings.tolist() == [ending or 0 for ending in endings]
         assert batch.over.tolist() == [ending is not None for ending in endings]
         drones = [[list(cell) for cell in frame.drones] for frame in frames]
         assert batch.positions.tolist() == drones
@@ -189,7 +193,7 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
     finders = {i for i in searches if drones[i] in {before.persons[k] for k in found}}
     last, several = after.step == after.timestep_limit, len(persons) > 1
     collided, over = max(crowd) > 1, max(crowd) > 1 or any(left)
-    fruitless = [
+    unsuccessful = [
         before.matrix[drones[i][::-1]]
         for i in searches
         if crowd[i] == 1 and i not in finders and (not last or i in successful)
@@ -216,8 +220,8 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
         "all of several found": several and bool(found) and found == missing,
         "find beside a collision": bool(found) and collided,
         "missed in the right cell": bool(in_reach - found),
-        "search of a likely cell": any(chance > 0.01 for chance in fruitless),
-        "search of an unlikely cell": any(chance <= 0.01 for chance in fruitless),
+        "search of a likely cell": any(chance > 0.01 for chance in unsuccessful),
+        "search of an unlikely cell": any(chance <= 0.01 for chance in unsuccessful),
         "search of a cell where somebody was found": any(
             drones[i] in where_found and i not in finders for i in searches
         ),
@@ -334,10 +338,10 @@ def check_case(case: Case) -> Counter[str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
         patch.setattr(beliefs, "_BEGUN_AT_ONCE", 2)
-        patch.setattr(laws, "_CHUNK_BYTES", 500)  # so that there are several
+        patch.setattr(forecasts, "_CHUNK_BYTES", 500)  # so that there are several
         patch.setattr(collisions, "_FEW", case.few_drones)
         if case.followed:
-            patch.setattr(laws, "TABLE_BYTES", 0)
+            patch.setattr(forecasts, "TABLE_BYTES", 0)
         if case.shared:
             share_all(patch)
         twins = Twins(case.rows, case.parameters)
@@ -361,7 +365,9 @@ def check_case(case: Case) -> Counter[str]:
                 twins.reset([rng.choice([None, rng.randrange(99)]) for _ in rows], rows, given)
                 for row in rows:
                     successful[row] = set()
-        assert isinstance(twins.batch._seas.laws, Followed if case.followed else Tables)
+        assert isinstance(
+            twins.batch._state.forecasts, OnTheFlyForecasts if case.followed else TabulatedForecasts
+        )
     return events
 
 
@@ -385,19 +391,21 @@ def test_all_that_can_happen_happens_alike() -> None:
     assert {event: events[event] for event in EVENTS if events[event] < 5} == {}
 
 
-# Kinds of laws, tiles of beliefs, parameters of each row, long episodes.
+# Kinds of forecasts, tiles of beliefs, parameters of each row, long episodes.
 
 
 @pytest.fixture(params=["tables", "followed"])
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The laws that the batches of a test have."""
+    """The forecasts that the batches of a test have."""
     if request.param == "followed":
-        monkeypatch.setattr(laws, "TABLE_BYTES", 0)
+        monkeypatch.setattr(forecasts, "TABLE_BYTES", 0)
     return str(request.param)
 
 
-def has_laws(batch: SearchBatch, kind: str) -> bool:
-    return isinstance(batch._seas.laws, {"tables": Tables, "followed": Followed}[kind])
+def has_forecasts(batch: SearchBatch, kind: str) -> bool:
+    return isinstance(
+        batch._state.forecasts, {"tables": TabulatedForecasts, "followed": OnTheFlyForecasts}[kind]
+    )
 
 
 def play(twins: Twins, steps: int, seed: int = 0) -> None:
@@ -410,7 +418,7 @@ def play(twins: Twins, steps: int, seed: int = 0) -> None:
 def test_episodes_of_many_blocks_are_those_of_the_single_environment(
     kind: str, bayesian: bool
 ) -> None:
-    """Laws are worked out 32 steps at a time, and rows cross these edges at different times."""
+    """Tables come in blocks of 32 steps; rows cross their edges at different times."""
     twins = Twins(
         3,
         {
@@ -433,7 +441,7 @@ def test_episodes_of_many_blocks_are_those_of_the_single_environment(
             twins.reset(rows=[1])
     assert longest == 150
     assert len(set(twins.batch.steps.tolist())) > 1
-    assert has_laws(twins.batch, kind)
+    assert has_forecasts(twins.batch, kind)
 
 
 @pytest.mark.parametrize("tile_rows", [2, 3])
@@ -454,11 +462,11 @@ def test_beliefs_may_lie_in_several_tiles(
     )
     twins.reset(list(range(7)))
     play(twins, 60)
-    assert [tile.shape[-1] for tile in twins.batch._seas._beliefs._tiles] == {
+    assert [tile.shape[-1] for tile in twins.batch._state._beliefs._tiles] == {
         2: [2, 2, 2, 1],
         3: [3, 3, 1],
     }[tile_rows]
-    assert has_laws(twins.batch, kind)
+    assert has_forecasts(twins.batch, kind)
 
 
 def test_searches_that_contradict_a_belief_leave_it_as_it_was(
@@ -468,8 +476,8 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     monkeypatch.setattr(beliefs, "_TILE_ROWS", 2)
     start = np.array([[[1, 1, 0], [1, 1, 0]]])
     still = np.zeros((2, 3)), np.array([0.0, 9.0, 0.0])
-    followed = Followed(4, LawParameters(start, *still))
-    followed.assign(np.arange(3), LawParameters(start, *still))
+    followed = OnTheFlyForecasts(4, DriftParameters(start, *still))
+    followed.assign(np.arange(3), DriftParameters(start, *still))
     followed.begin(np.arange(3))
     followed.advance(np.empty(0, np.int64))  # the person of row 1 may now be in any of nine cells
     known = beliefs.Beliefs(4, (1.0,), 3)
@@ -478,10 +486,10 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     known.go_on(np.arange(3), cells, everybody, everybody, followed, None, lambda: None)
     matrices = known.matrices(np.arange(3), everybody)
     for row, cell in enumerate(cells.tolist()):
-        law = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
-        learned, kept = after_fruitless_search(law.exact(1), [cell], 1.0)
+        forecast = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
+        learned, kept = after_unsuccessful_search(forecast.exact(1), [cell], 1.0)
         assert (kept == 0.0) == (row != 1)
-        after = after_drift(learned, *law.moves(1))
+        after = after_drift(learned, *forecast.moves(1))
         assert matrices[row].tobytes() == after.astype(np.float32).tobytes()
 
 
@@ -514,7 +522,7 @@ def test_rows_may_have_parameters_of_their_own(kind: str, persons: int, bayesian
     assert parameters.keys() == own.keys()
     for name, value in own.items():
         np.testing.assert_array_equal(parameters[name], value)
-    assert has_laws(twins.batch, kind)
+    assert has_forecasts(twins.batch, kind)
 
 
 def test_arrays_that_are_handed_out_have_the_types_documented() -> None:
@@ -563,7 +571,7 @@ def test_persons_walk_by_the_numbers_of_their_addresses(kind: str) -> None:
         **parameters,
     )  # fmt: skip
     batch.reset(seeds)
-    assert has_laws(batch, kind)
+    assert has_forecasts(batch, kind)
     matrices = [ProbabilityMatrix(size, start, *parameters.values()) for start in starts]
     for episode in range(2):
         drift = [episode_numbers(seed, episode, steps, len(starts))[0] for seed in seeds]
@@ -589,7 +597,7 @@ def test_searches_succeed_by_the_numbers_of_their_addresses(kind: str) -> None:
         person_initial_position=[(0, 0), (0, 0)], probability_of_detection=pods,
     )  # fmt: skip
     batch.reset(range(rows))
-    assert has_laws(batch, kind)
+    assert has_forecasts(batch, kind)
     times = Counter[int]()
     detection = [[episode_numbers(r, e, steps, 2)[1] for e in range(20)] for r in range(rows)]
     episode, found = [0] * rows, np.zeros((rows, 2), bool)
@@ -669,23 +677,23 @@ def test_a_vector_given_stays_and_the_rest_is_for_the_episode(
             expected_row = of_row(values, row)[name] if stays else usual[name][row]
             np.testing.assert_array_equal(value[row], expected_row)
     play(twins, 10)
-    assert has_laws(twins.batch, kind)
+    assert has_forecasts(twins.batch, kind)
 
 
-def test_laws_are_followed_once_resets_have_brought_too_many(
+def test_forecasts_are_followed_once_resets_have_brought_too_many(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     twins = Twins(6, {"timestep_limit": 40, "vector": (0.1, 0.2)})
     twins.reset(list(range(6)))
     play(twins, 7)
-    assert has_laws(twins.batch, "tables")
-    monkeypatch.setattr(laws, "TABLE_BYTES", 66_000)  # three laws of 41 steps
+    assert has_forecasts(twins.batch, "tables")
+    monkeypatch.setattr(forecasts, "TABLE_BYTES", 66_000)  # three forecasts of 41 steps
     twins.reset([3], [3], {"vector": (0.3, 0.2)})
-    assert has_laws(twins.batch, "tables")
+    assert has_forecasts(twins.batch, "tables")
     play(twins, 5)
     vectors = np.random.default_rng(1).uniform(-1, 1, (6, 2))
     twins.reset([3, 4, 5], [3, 4, 5], {"vector": vectors})
-    assert has_laws(twins.batch, "followed")
+    assert has_forecasts(twins.batch, "followed")
     play(twins, 100)
 
 
@@ -772,7 +780,7 @@ def test_arrays_of_actions_are_only_read(read_only: bool) -> None:
 # Samplers.
 
 
-def everything_sampled(rng: RowNumbers) -> dict[str, Any]:
+def everything_sampled(rng: RowGenerator) -> dict[str, Any]:
     """Two drones in different halves of a grid of 6 x 6, one person anywhere."""
     return {
         "vector": rng.uniform(-1, 1, 2),
@@ -874,14 +882,14 @@ def test_what_reset_is_given_is_not_sampled_for_that_episode() -> None:
 
 
 def test_row_numbers_have_the_ranges_and_shapes_asked_for() -> None:
-    rng = RowNumbers(stream_keys(1))
+    rng = RowGenerator(stream_keys(1))
     assert len(rng) == 3
     for size, shape in (((), (3,)), (4, (3, 4)), ((2, 5), (3, 2, 5)), (0, (3, 0))):
         drawn = rng.random(size)
         assert drawn.shape == shape and drawn.dtype == np.float64
         assert rng.uniform(2, 3, size).shape == shape
         assert rng.integers(2, 9, size).shape == shape
-    wide = RowNumbers(np.arange(4, dtype=np.uint64))
+    wide = RowGenerator(np.arange(4, dtype=np.uint64))
     uniform = wide.uniform([-3.0, 10.0], [-1.0, 11.0], (5000, 2))
     for column, (low, high) in enumerate([(-3, -1), (10, 11)]):
         drawn = uniform[..., column]
@@ -899,30 +907,30 @@ def test_row_numbers_have_the_ranges_and_shapes_asked_for() -> None:
 
 def test_row_numbers_go_on_and_do_not_depend_on_the_other_rows() -> None:
     keys = stream_keys(7)
-    together = RowNumbers(keys)
+    together = RowGenerator(keys)
     drawn = [together.random(3), together.uniform(0, 2), together.integers(0, 100, (2, 2))]
     for row in range(3):
-        alone = RowNumbers(keys[row : row + 1])
+        alone = RowGenerator(keys[row : row + 1])
         again = [alone.random(3), alone.uniform(0, 2), alone.integers(0, 100, (2, 2))]
         assert [plain(one[0]) for one in again] == [plain(one[row]) for one in drawn]
-    assert RowNumbers(keys).random(3).tolist() == drawn[0].tolist()
+    assert RowGenerator(keys).random(3).tolist() == drawn[0].tolist()
     assert not set(together.random(3).ravel()) & set(drawn[0].ravel())
 
 
 @pytest.mark.parametrize("size", [np.int64(3), np.uint8(3), (3,), [np.int32(3)], np.array([3])])
 def test_sizes_of_random_numbers_may_be_numpy_integers(size: Any) -> None:
     keys = stream_keys(1)
-    assert RowNumbers(keys).random(size).tolist() == RowNumbers(keys).random(3).tolist()
-    assert RowNumbers(keys).integers(0, 9, size).shape == (3, 3)
+    assert RowGenerator(keys).random(size).tolist() == RowGenerator(keys).random(3).tolist()
+    assert RowGenerator(keys).integers(0, 9, size).shape == (3, 3)
 
 
 @pytest.mark.parametrize("size", [2.0, True, -1, "3", (2, None), [(1, 2), 3], None])
 def test_other_sizes_of_random_numbers_are_refused(size: Any) -> None:
-    rng = RowNumbers(stream_keys(1))
+    rng = RowGenerator(stream_keys(1))
     for draw in (rng.random, rng.uniform):
         with pytest.raises((TypeError, ValueError), match="size must be an integer of at least 0"):
             draw(size=size)
-    assert rng.random(2).tolist() == RowNumbers(stream_keys(1)).random(2).tolist()
+    assert rng.random(2).tolist() == RowGenerator(stream_keys(1)).random(2).tolist()
 
 
 @pytest.mark.parametrize(
@@ -940,17 +948,17 @@ def test_other_sizes_of_random_numbers_are_refused(size: Any) -> None:
     ],
 )
 def test_bounds_of_integers_are_checked(low: Any, high: Any, error: Any, message: str) -> None:
-    rng = RowNumbers(stream_keys(1))
+    rng = RowGenerator(stream_keys(1))
     with pytest.raises(error, match=message):
         rng.integers(low, high, 2)
-    assert rng.random(2).tolist() == RowNumbers(stream_keys(1)).random(2).tolist()
+    assert rng.random(2).tolist() == RowGenerator(stream_keys(1)).random(2).tolist()
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 1), (5, 6), (5, 15), (1000, 1001), (-3, 4)])
 def test_integers_stay_below_their_bound_whatever_is_drawn(
     low: int, high: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rng = RowNumbers(stream_keys(1))
+    rng = RowGenerator(stream_keys(1))
     for number, expected in ((0.0, low), (1 - 2.0**-53, high - 1)):
         monkeypatch.setattr(rng, "random", lambda size=(), number=number: np.full(3, number))
         assert rng.integers(low, high).tolist() == [expected] * 3
@@ -961,7 +969,7 @@ class Switched:
 
     told: Any = None
 
-    def __call__(self, rng: RowNumbers) -> Any:
+    def __call__(self, rng: RowGenerator) -> Any:
         if isinstance(self.told, Exception):
             raise self.told
         return self.told
@@ -1298,7 +1306,9 @@ def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(
     monkeypatch.setattr(  # 4 MiB
         os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**10}.get, raising=False
     )
-    with pytest.raises(ValueError, match=r"timestep_limit must be smaller: .* 8 different laws"):
+    with pytest.raises(
+        ValueError, match=r"timestep_limit must be smaller: .* 8 different forecasts"
+    ):
         batch.reset(range(8), given={"vector": np.linspace(0, 1, 16).reshape(8, 2)})
     assert pickle.dumps(batch) == before
 
@@ -1544,7 +1554,7 @@ def test_nothing_grows_with_the_steps(kind: str, bayesian: bool) -> None:
         4, grid_size=5, n_drones=2, timestep_limit=20, bayesian_update=bayesian,
         probability_of_detection=0.3, person_initial_position=[(2, 2), (1, 3)],
     )  # fmt: skip
-    assert has_laws(batch, kind)
+    assert has_forecasts(batch, kind)
     batch.reset(range(4))
     actions = np.random.default_rng(1).choice([1, 0, 2, 3, 4, 4, 4, 4, 5, 5], (400, 4, 2))
     tracemalloc.start()
@@ -1570,18 +1580,18 @@ def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> No
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert has_laws(batch, "followed")
+    assert has_forecasts(batch, "followed")
     assert most < 2**20
 
 
-# The laws by themselves.
+# The forecasts by themselves.
 
 
 def parameters_of(
     starts: list[list[tuple[int, int]]], drifts: list[tuple[float, float]], constants: list[float]
-) -> LawParameters:
-    """Laws of some rows: the persons' starts, the drift and the constant of each."""
-    return LawParameters(
+) -> DriftParameters:
+    """Forecasts of some rows: the persons' starts, the drift and the constant of each."""
+    return DriftParameters(
         np.array(starts).transpose(1, 2, 0).copy(), np.array(drifts).T.copy(), np.array(constants)
     )
 
@@ -1591,11 +1601,11 @@ SIZE = 6
 STARTS = [[(0, 0), (2, 3)], [(5, 1), (5, 1)], [(2, 3), (0, 0)]]
 DRIFTS = [(0.3, -0.2), (-0.5, 0.0), (0.3, -0.2)]
 CONSTANTS = [3.0, 0.0, 3.0]
-SIX = parameters_of(STARTS, DRIFTS, CONSTANTS)  # of the six laws three differ
+SIX = parameters_of(STARTS, DRIFTS, CONSTANTS)  # of the six forecasts three differ
 
 
-def check_laws(made: laws.Laws, steps: list[int]) -> None:
-    """The laws of the three rows at some steps are those of `ProbabilityMatrix`."""
+def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
+    """The forecasts of the three rows at some steps are those of `ProbabilityMatrix`."""
     every = np.arange(3)
     for person in range(2):
         of = [
@@ -1604,24 +1614,29 @@ def check_laws(made: laws.Laws, steps: list[int]) -> None:
         ]
         out = np.empty((3, SIZE, SIZE), np.float32)
         made.write_matrices(person, slice(None), out)
-        matrices = np.stack([law.at(step) for law, step in zip(of, steps, strict=True)])
+        matrices = np.stack([forecast.at(step) for forecast, step in zip(of, steps, strict=True)])
         assert out.tobytes() == matrices.tobytes()
         for cell in (0, 13, 35):
             shown = made.shown(person, every, np.full(3, cell))
             assert shown.tolist() == matrices.reshape(3, -1)[:, cell].tolist()
         x, y = made.marginals(person, every)
         right, left, down, up = made.moves(person, slice(None))
-        for row, (law, step) in enumerate(zip(of, steps, strict=True)):
-            assert plain([x[row], y[row]]) == plain(list(law.marginals(step)))
+        for row, (forecast, step) in enumerate(zip(of, steps, strict=True)):
+            assert plain([x[row], y[row]]) == plain(list(forecast.marginals(step)))
             moves = [chances[:, row] for chances in (right, left, down, up)]
-            assert plain(moves) == plain(list(law.moves(step)))
+            assert plain(moves) == plain(list(forecast.moves(step)))
         for axis, (higher, lower) in enumerate(((right, left), (down, up))):
             for at in range(SIZE):
                 check_walk(made, person, axis, at, higher, lower)
 
 
 def check_walk(
-    made: laws.Laws, person: int, axis: int, at: int, higher: np.ndarray, lower: np.ndarray
+    made: forecasts.Forecasts,
+    person: int,
+    axis: int,
+    at: int,
+    higher: np.ndarray,
+    lower: np.ndarray,
 ) -> None:
     """From a cell persons walk as their chances say, to the last bit of the numbers drawn."""
     for chances in (higher[at], higher[at] + lower[at]):
@@ -1637,10 +1652,10 @@ def check_walk(
 
 
 class Held:
-    """Laws of three rows, with places that begin and grow as those in `Seas` do."""
+    """Forecasts of three rows, with places that begin and grow as those in `Seas` do."""
 
-    def __init__(self, made: laws.Laws) -> None:
-        self.laws = made
+    def __init__(self, made: forecasts.Forecasts) -> None:
+        self.forecasts = made
         self._now, self._first = (np.zeros((len(made.growth), 3), np.int64) for _ in range(2))
         made.bind(self._now, self._first)
         made.assign(np.arange(3), SIX)
@@ -1648,20 +1663,24 @@ class Held:
 
     def begin(self, rows: list[int]) -> None:
         self._now[:, rows] = self._first[:, rows]
-        self.laws.begin(np.array(rows))
+        self.forecasts.begin(np.array(rows))
 
     def advance(self, beginning: Sequence[int] = ()) -> None:
         rows = np.array(beginning, np.int64)
-        self._now += self.laws.growth
+        self._now += self.forecasts.growth
         self._now[:, rows] = self._first[:, rows]
-        self.laws.advance(rows)
+        self.forecasts.advance(rows)
 
 
-@pytest.mark.parametrize("make", [lambda: Tables(SIZE, 80, SIX), lambda: Followed(SIZE, SIX)])
-def test_laws_are_those_of_the_matrix_at_every_rows_step(make: Callable[[], laws.Laws]) -> None:
+@pytest.mark.parametrize(
+    "make", [lambda: TabulatedForecasts(SIZE, 80, SIX), lambda: OnTheFlyForecasts(SIZE, SIX)]
+)
+def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
+    make: Callable[[], forecasts.Forecasts],
+) -> None:
     held, steps = Held(make()), [0, 0, 0]
     for step in range(80):
-        check_laws(held.laws, steps)
+        check_forecasts(held.forecasts, steps)
         held.advance([2] if step == 20 else [])
         steps = [one + 1 for one in steps]
         if step == 20:
@@ -1669,14 +1688,14 @@ def test_laws_are_those_of_the_matrix_at_every_rows_step(make: Callable[[], laws
         if step in (5, 40):
             held.begin([1, 2])
             steps[1:] = 0, 0
-    check_laws(held.laws, [80, 39, 39])
+    check_forecasts(held.forecasts, [80, 39, 39])
     again = Held(make())
-    again.laws.catch_up(np.array([70, 0, 33]))
-    check_laws(again.laws, [70, 0, 33])
+    again.forecasts.catch_up(np.array([70, 0, 33]))
+    check_forecasts(again.forecasts, [70, 0, 33])
 
 
 def test_tables_fill_as_far_as_the_rows_come() -> None:
-    tables = Tables(SIZE, 100, SIX)
+    tables = TabulatedForecasts(SIZE, 100, SIX)
     held = Held(tables)
     filled = []
     for step in range(100):
@@ -1693,31 +1712,31 @@ def test_tables_fill_as_far_as_the_rows_come() -> None:
     assert tables._matrices.shape[:2] == (3, 101)
 
 
-def test_equal_laws_are_held_once_whatever_the_sign_of_their_zeros() -> None:
+def test_equal_forecasts_are_held_once_whatever_the_sign_of_their_zeros() -> None:
     other = parameters_of([[(0, 0)]] * 3, [(0.0, 1.0), (-0.0, 1.0), (0.0, 2.0)], [0.0, -0.0, 0.0])
-    assert len(Tables(SIZE, 5, other)._laws) == 2
-    twice = Tables(SIZE, 5, SIX, SIX)
-    assert len(twice._laws) == 3
+    assert len(TabulatedForecasts(SIZE, 5, other)._forecasts) == 2
+    twice = TabulatedForecasts(SIZE, 5, SIX, SIX)
+    assert len(twice._forecasts) == 3
     assert twice.matrices.shape == (3 * 6, SIZE, SIZE)
 
 
-def test_laws_are_tabulated_where_tables_are_small_or_asked_for(
+def test_forecasts_are_tabulated_where_tables_are_small_or_asked_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # A step of a law takes its matrix in single precision, and of each axis the chances of
+    # A step of a forecast takes its matrix in single precision, and of each axis the chances of
     # every cell, and of a move up and down, and what decides moves, 8 bytes each.
     step_bytes = 4 * SIZE**2 + 2 * 5 * 8 * SIZE
-    monkeypatch.setattr(laws, "TABLE_BYTES", 3 * 101 * step_bytes)
-    assert isinstance(choose_laws(SIZE, 100, SIX), Tables)
-    assert isinstance(choose_laws(SIZE, 101, SIX), Followed)
-    assert isinstance(choose_laws(SIZE, 101, SIX, wants_table=True), Tables)
+    monkeypatch.setattr(forecasts, "TABLE_BYTES", 3 * 101 * step_bytes)
+    assert isinstance(choose_forecasts(SIZE, 100, SIX), TabulatedForecasts)
+    assert isinstance(choose_forecasts(SIZE, 101, SIX), OnTheFlyForecasts)
+    assert isinstance(choose_forecasts(SIZE, 101, SIX, wants_table=True), TabulatedForecasts)
     fourth = parameters_of([[(4, 4), (5, 1)]] * 3, [(-0.5, 0.0)] * 3, [0.0] * 3)
-    assert isinstance(choose_laws(SIZE, 100, SIX, fourth), Followed)
-    assert isinstance(choose_laws(SIZE, 100, SIX, SIX), Tables)
-    tables = Tables(SIZE, 100, SIX)
+    assert isinstance(choose_forecasts(SIZE, 100, SIX, fourth), OnTheFlyForecasts)
+    assert isinstance(choose_forecasts(SIZE, 100, SIX, SIX), TabulatedForecasts)
+    tables = TabulatedForecasts(SIZE, 100, SIX)
     chances = (tables._probability, tables._moves)
     arrays = (tables._matrices, *chances, tables._higher, tables._either)
-    assert sum(array.nbytes for array in arrays) == laws.TABLE_BYTES
+    assert sum(array.nbytes for array in arrays) == forecasts.TABLE_BYTES
 
 
 # What a policy is made from.

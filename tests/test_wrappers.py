@@ -21,21 +21,21 @@ from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
 
 import DroneSwarmSearch.wrappers as all_wrappers
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
-from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.mappings import Infos, Rewards
-from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch._internal.mappings import Infos, Rewards
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
+    CropsObservation,
     DictObservation,
     FlatObservation,
-    GlimpsesObservation,
     OtherDrones,
     PlanesObservation,
     ScaledRewards,
     SeparateFlags,
     TopCellsObservation,
 )
+from DroneSwarmSearch.wrappers.masks import action_masks
 
 with warnings.catch_warnings():
     # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
@@ -59,7 +59,7 @@ LAYOUTS: dict[str, Wrap] = {
     "flat": FlatObservation,
     "planes": PlanesObservation,
     "top-cells": TopCellsObservation,
-    "glimpses": GlimpsesObservation,
+    "crops": CropsObservation,
 }
 WRAPPERS: dict[str, Wrap] = {
     **LAYOUTS,
@@ -142,7 +142,7 @@ def test_aec_seed(wrap: Wrap) -> None:
 
 @unknown_option_is_warned_about
 @other_names_are_recommended
-@pytest.mark.parametrize("name", ["flat", "planes", "top-cells", "glimpses"])
+@pytest.mark.parametrize("name", ["flat", "planes", "top-cells", "crops"])
 def test_aec_api(name: str) -> None:
     env = ScaledRewards(SeparateFlags(WRAPPERS[name](DroneSwarmSearch(**SMALL))))
     api_test(parallel_to_aec(env), num_cycles=50)
@@ -488,8 +488,8 @@ def test_the_time_limit_alone_is_truncation(case: dict[str, Any]) -> None:
             observations, _, terminations, truncations, _ = env.step(actions)
             ending = env.frame().ending
             assert list(terminations) == list(truncations) == env.possible_agents
-            assert {*terminations.values()} == {ending not in (None, Ending.TIME_UP)}
-            assert {*truncations.values()} == {ending is Ending.TIME_UP}
+            assert {*terminations.values()} == {ending not in (None, Ending.TIME_LIMIT)}
+            assert {*truncations.values()} == {ending is Ending.TIME_LIMIT}
         met.add(ending)
     assert met == {*Ending} - ({Ending.COLLISION} if case is ALONE else set())
 
@@ -572,7 +572,7 @@ def test_drones_that_give_way_come_to_no_harm(
             for agent in env.agents
         }
         *_, infos = env.step(actions)
-    assert env.frame().ending is Ending.TIME_UP
+    assert env.frame().ending is Ending.TIME_LIMIT
 
 
 def test_without_right_of_way_no_drone_leaves_nor_hits_one_that_stays() -> None:
@@ -592,7 +592,7 @@ def test_without_right_of_way_no_drone_leaves_nor_hits_one_that_stays() -> None:
                 assert inside(target, env.grid_size)
                 assert target == cell or target not in before
         endings.add(env.frame().ending)
-    assert endings == {Ending.FOUND, Ending.COLLISION, Ending.TIME_UP}
+    assert endings == {Ending.FOUND, Ending.COLLISION, Ending.TIME_LIMIT}
 
 
 def test_actions_can_be_sampled_by_the_mask() -> None:
@@ -604,7 +604,7 @@ def test_actions_can_be_sampled_by_the_mask() -> None:
             for agent in env.agents
         }
         observations, *_ = env.step(actions)
-    assert env.frame().ending in (Ending.FOUND, Ending.TIME_UP)
+    assert env.frame().ending in (Ending.FOUND, Ending.TIME_LIMIT)
 
 
 def test_masks_need_an_episode_and_flags() -> None:

@@ -1,6 +1,6 @@
 """The benchmark: `python -m DroneSwarmSearch bench`.
 
-`contestants` and `peers` say what is measured, `groups` what is compared with what,
+`cases` and `peers` say what is measured, `groups` what is compared with what,
 `turns` and `memory` measure, `report` tells.
 """
 
@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch.bench import groups, memory, report
-from DroneSwarmSearch.bench.contestants import (
+from DroneSwarmSearch.bench.cases import (
     TIMESTEP_LIMIT,
-    Contestant,
+    BenchmarkCase,
     LeftOutError,
     Run,
     Size,
@@ -34,13 +34,13 @@ __all__ = ["main"]
 PROGRAM = "python -m DroneSwarmSearch bench"
 
 DESCRIPTION = """\
-Measures speed, as ratios between contestants taken in turns within one process, and
+Measures speed, as ratios between cases taken in turns within one process, and
 memory. Absolute figures swing with the machine; the ratios hold.
 """
 
 EPILOG = """\
 groups: batch (the engine, by index and with matrices, and one environment), posterior,
-laws (a drift for each row, or for each episode), views (Gymnasium's vector environments),
+forecasts (a drift for each row, or for each episode), views (Gymnasium's vector environments),
 peers (DSSE, JaxMARL's coin_game, where they are installed), memory.
 """
 
@@ -58,8 +58,8 @@ MEMORY_STEPS, MEMORY_STEPS_SHORT = (100, 300), (10, 30)
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
-Competitor = tuple[Contestant, int | None]
-"""A contestant and the number of searches; None where that makes no difference."""
+Competitor = tuple[BenchmarkCase, int | None]
+"""A case and the number of searches; None where that makes no difference."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
         help=f"searches in a batch ({' '.join(map(str, USUAL['num_envs']))})",
     )
     parser.add_argument(
-        "--rounds", metavar="N", type=_count, help=f"turns of each contestant ({USUAL['rounds']})"
+        "--rounds", metavar="N", type=_count, help=f"turns of each case ({USUAL['rounds']})"
     )
     parser.add_argument("--seconds", type=_seconds, help=f"for a turn, about ({USUAL['seconds']})")
     parser.add_argument(
@@ -244,16 +244,16 @@ def _prepared(
     size: Size, ratios: Sequence[Ratio], counts: Sequence[int], progress: report.Progress
 ) -> tuple[dict[Competitor, Run], list[str]]:
     """All that the ratios need, and what of it is left out."""
-    contestants = dict.fromkeys(each for ratio in ratios for each in ratio)
-    wanted = dict.fromkeys(_competitor(each, n) for each in contestants for n in counts)
+    cases = dict.fromkeys(each for ratio in ratios for each in ratio)
+    wanted = dict.fromkeys(_competitor(each, n) for each in cases for n in counts)
     runs: dict[Competitor, Run] = {}
     left_out: dict[str, None] = {}
-    for contestant, num_envs in wanted:
-        progress(f"{size}: preparing {_named(contestant, num_envs)}")
+    for case, num_envs in wanted:
+        progress(f"{size}: preparing {_named(case, num_envs)}")
         try:
-            runs[contestant, num_envs] = contestant.make(size, num_envs or 1)
+            runs[case, num_envs] = case.make(size, num_envs or 1)
         except LeftOutError as error:
-            left_out[f"{contestant.name}, {error}"] = None
+            left_out[f"{case.name}, {error}"] = None
     compared = {
         each
         for _, _, of, to in _pairs(ratios, counts)
@@ -273,14 +273,14 @@ def _pairs(
             yield ratio, num_envs, of, to
 
 
-def _competitor(contestant: Contestant, num_envs: int) -> Competitor:
-    return contestant, num_envs if contestant.batched else None
+def _competitor(case: BenchmarkCase, num_envs: int) -> Competitor:
+    return case, num_envs if case.batched else None
 
 
-def _named(contestant: Contestant, num_envs: int | None) -> str:
+def _named(case: BenchmarkCase, num_envs: int | None) -> str:
     if num_envs is None:
-        return contestant.name
-    return f"{contestant.name}, {num_envs} search{'' if num_envs == 1 else 'es'}"
+        return case.name
+    return f"{case.name}, {num_envs} search{'' if num_envs == 1 else 'es'}"
 
 
 def _teller(

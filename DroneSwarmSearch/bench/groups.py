@@ -1,10 +1,10 @@
-"""Which contestants are measured together, and which ratios are formed."""
+"""Which cases are measured together, and which ratios are formed."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from DroneSwarmSearch.bench.contestants import (
+from DroneSwarmSearch.bench.cases import (
     DRONE_VIEW,
     DRONE_VIEW_INDEX,
     GATHER,
@@ -17,7 +17,7 @@ from DroneSwarmSearch.bench.contestants import (
     SINGLE_POSTERIOR,
     SWARM_VIEW,
     SWARM_VIEW_INDEX,
-    Contestant,
+    BenchmarkCase,
 )
 from DroneSwarmSearch.bench.peers import COIN_GAME, COIN_GAME_SCAN, DSSE
 
@@ -25,10 +25,10 @@ __all__ = ["COIN_GAME_RATIOS", "GROUPS", "MEMORY", "PEERS", "Ratio"]
 
 
 class Ratio(NamedTuple):
-    """How many times the speed of another a contestant has."""
+    """How many times the speed of another a case has."""
 
-    of: Contestant
-    to: Contestant
+    of: BenchmarkCase
+    to: BenchmarkCase
 
     def __str__(self) -> str:
         return f"{self.of.name} / {self.to.name}"
@@ -39,7 +39,7 @@ MEMORY, PEERS = "memory", "peers"
 GROUPS = {
     "batch": (Ratio(INDEX, SINGLE), Ratio(MATRICES, SINGLE), Ratio(MATRICES, GATHER)),
     "posterior": (Ratio(POSTERIOR, SINGLE_POSTERIOR),),
-    "laws": (Ratio(OWN_LAWS, MATRICES), Ratio(SAMPLER, MATRICES)),
+    "forecasts": (Ratio(OWN_LAWS, MATRICES), Ratio(SAMPLER, MATRICES)),
     "views": (
         Ratio(SWARM_VIEW, MATRICES),
         Ratio(SWARM_VIEW_INDEX, INDEX),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import DroneSwarmSearch
-from DroneSwarmSearch.bench.contestants import INDEX, LeftOutError, Size
+from DroneSwarmSearch.bench.cases import INDEX, LeftOutError, Size
 
 __all__ = ["Figures", "measure"]
 

@@ -13,9 +13,9 @@ from unittest import mock
 
 import numpy as np
 
-from DroneSwarmSearch.bench.contestants import (
+from DroneSwarmSearch.bench.cases import (
     TIMESTEP_LIMIT,
-    Contestant,
+    BenchmarkCase,
     LeftOutError,
     Run,
     Size,
@@ -138,6 +138,6 @@ def _coin_game_scan(_: Size, num_envs: int) -> Run:
     return run
 
 
-DSSE = Contestant("DSSE", _dsse, batched=False)
-COIN_GAME = Contestant("JaxMARL coin_game", _coin_game_steps)
-COIN_GAME_SCAN = Contestant("JaxMARL coin_game, scan", _coin_game_scan)
+DSSE = BenchmarkCase("DSSE", _dsse, batched=False)
+COIN_GAME = BenchmarkCase("JaxMARL coin_game", _coin_game_steps)
+COIN_GAME_SCAN = BenchmarkCase("JaxMARL coin_game, scan", _coin_game_scan)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import DroneSwarmSearch
-from DroneSwarmSearch.bench.contestants import Size
+from DroneSwarmSearch.bench.cases import Size
 from DroneSwarmSearch.bench.memory import Figures
 from DroneSwarmSearch.bench.turns import Spread
 from DroneSwarmSearch.vector import threads

@@ -1,4 +1,4 @@
-"""Measuring contestants in turns, so that what slows the machine down slows all of them."""
+"""Measuring cases in turns, so that what slows the machine down slows all of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from DroneSwarmSearch.bench.contestants import Run
+from DroneSwarmSearch.bench.cases import Run
 
 __all__ = ["Spread", "take_turns"]
 
@@ -37,10 +37,10 @@ def take_turns(
     warm_up: int,
     tell: Callable[[Key, int], object],
 ) -> dict[Key, list[float]]:
-    """Environment steps per second of every contestant in every round.
+    """Environment steps per second of every case in every round.
 
     Args:
-        runs: the contestants.
+        runs: the cases.
         rounds: how often each has its turn; every second round goes backwards.
         seconds: for a turn, about.
         warm_up: steps beforehand, after which searches begun together stand apart.

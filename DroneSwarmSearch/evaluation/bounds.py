@@ -18,7 +18,7 @@ __all__ = ["BoundOf"]
 
 
 class BoundOf:
-    """The upper bound of a search: the jobs to do, as in `run.Cell`, and then the result.
+    """The upper bound of a search: the jobs to do, as in `run.EvaluationTask`, and then the result.
 
     Args:
         search: a name of the suite, a `NamedSearch`, or a `Scenario`. What the drones are

@@ -15,8 +15,8 @@ from typing import Any, NoReturn
 from DroneSwarmSearch import policies
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundOf
-from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.files import StorageError, Store
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import (
     Evaluation,
@@ -25,11 +25,11 @@ from DroneSwarmSearch.evaluation.results import (
     save_episodes,
     save_json,
 )
-from DroneSwarmSearch.evaluation.run import Cell
+from DroneSwarmSearch.evaluation.run import EvaluationTask
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
 from DroneSwarmSearch.evaluation.workers import WorkerCrashed
-from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 __all__ = ["bound_main", "evaluate_main", "guarded"]
 
@@ -95,10 +95,10 @@ def evaluate_main(argv: Sequence[str]) -> int:
         parser.error("POLICY and SEARCH are needed; `evaluate --list` shows those there are")
     store = options.out and Store(options.out / PORTIONS)
     try:
-        contestant = Contestant.of(options.policy)
+        spec = PolicySpec.of(options.policy)
         cells = [
-            Cell(
-                contestant,
+            EvaluationTask(
+                spec,
                 each,
                 episodes=options.episodes,
                 seed=options.seed,
@@ -292,11 +292,11 @@ def _outline(each: NamedSearch) -> str:
     )
 
 
-def _evaluate(cells: list[Cell], bounds: list[BoundOf], options: Any) -> None:
+def _evaluate(cells: list[EvaluationTask], bounds: list[BoundOf], options: Any) -> None:
     jobs = [job for each in bounds for job in each.jobs()]
     jobs += [job for cell in cells for job in cell.jobs()]
     total = sum(cell.episodes for cell in cells) + BoundOf.WEIGHT * len(bounds)
-    what = f"{cells[0].contestant.name} on {len(cells)} search{'es' * (len(cells) > 1)}"
+    what = f"{cells[0].spec.name} on {len(cells)} search{'es' * (len(cells) > 1)}"
     try:
         with Progress(what, total) as bar:
             work.run(jobs, workers=options.workers, ray=options.ray, progress=bar)
@@ -322,11 +322,13 @@ def _tell(evaluations: list[Evaluation], options: Any) -> None:
     if options.csv:
         print(csv_text(evaluations), end="")
         return
-    headers = ["policy", "search", "success, %", "time, steps", "return", "mishaps"]
+    headers = ["policy", "search", "success, %", "time, steps", "return", "crashes"]
     rows = []
     for each in evaluations:
-        mishaps = len(each.episodes) - sum(
-            count for ending, count in each.endings.items() if ending.name in ("FOUND", "TIME_UP")
+        crashes = len(each.episodes) - sum(
+            count
+            for ending, count in each.endings.items()
+            if ending.name in ("FOUND", "TIME_LIMIT")
         )
         rows.append(
             [
@@ -335,7 +337,7 @@ def _tell(evaluations: list[Evaluation], options: Any) -> None:
                 percent(each.success),
                 figure(each.time),
                 f"{each.mean_return.value:,.0f}",
-                str(mishaps),
+                str(crashes),
             ]
         )
         if options.bound:

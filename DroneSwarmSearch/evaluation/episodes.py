@@ -12,16 +12,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.evaluation.results import Episodes
 from DroneSwarmSearch.evaluation.statistics import Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.views import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 __all__ = ["VIEWS", "checked_view", "play"]
 

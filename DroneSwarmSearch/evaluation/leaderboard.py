@@ -22,24 +22,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 import DroneSwarmSearch
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation import page
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundOf
 from DroneSwarmSearch.evaluation.cli import PORTIONS, guarded
-from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.episodes import checked_view
 from DroneSwarmSearch.evaluation.files import Store, write_text
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import Bound, Evaluation, save_csv
-from DroneSwarmSearch.evaluation.run import Cell
+from DroneSwarmSearch.evaluation.run import EvaluationTask
 from DroneSwarmSearch.evaluation.statistics import Estimate, bootstrap_mean
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, as_named
 from DroneSwarmSearch.evaluation.tables import print_table
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
-__all__ = ["Leaderboard", "Rung", "Standing", "leaderboard", "main"]
+__all__ = ["Leaderboard", "PairwiseComparison", "PolicySummary", "leaderboard", "main"]
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ THEORY: tuple[tuple[str, ...], ...] = (
 )
 """Who should be ahead of whom, from the first to the last; within a group nothing is said.
 
-A plan made with the person's law is an optimal policy's form, one look ahead with the right
+A plan made with the person's forecast is an optimal policy's form, one look ahead with the right
 belief is its heuristic, which a network may better or fall short of, effort that ignores what
 was searched is worth less, and effort that ignores where the person may be is worth least
 (Stone, Theory of Optimal Search, 1975; Brown, Operations Research 28:1275, 1980)."""
@@ -61,7 +61,7 @@ ILLUSTRATED = "classic"
 
 
 @dataclass(frozen=True)
-class Standing:
+class PolicySummary:
     """A policy on all searches together, each counting alike.
 
     Attributes:
@@ -78,7 +78,7 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Rung:
+class PairwiseComparison:
     """Two policies on the same seas, the one that theory puts ahead first.
 
     Attributes:
@@ -145,12 +145,12 @@ class Leaderboard:
         return self.cells[self.policies[0], search].bound
 
     @cached_property
-    def standings(self) -> tuple[Standing, ...]:
+    def summaries(self) -> tuple[PolicySummary, ...]:
         """Every policy on all searches together."""
         return tuple(self._standing(policy) for policy in self.policies)
 
     @cached_property
-    def rungs(self) -> tuple[Rung, ...]:
+    def comparisons(self) -> tuple[PairwiseComparison, ...]:
         """Every policy against those that theory puts next below it.
 
         Those added stand against the first of its order that was evaluated.
@@ -171,7 +171,7 @@ class Leaderboard:
             if each.bound is not None and each.success.low > each.bound.by_time[-1]
         )
 
-    def _standing(self, policy: str) -> Standing:
+    def _standing(self, policy: str) -> PolicySummary:
         several = self.of_policy(policy)
         bounds = [each.bound for each in several]
         share = None
@@ -183,16 +183,16 @@ class Leaderboard:
                     if bound is not None
                 )
             )
-        return Standing(
+        return PolicySummary(
             policy,
             bootstrap_mean(*map(_found, several)),
             bootstrap_mean(*map(_lateness, several)),
             share,
         )
 
-    def _rung(self, ahead: str, behind: str) -> Rung:
+    def _rung(self, ahead: str, behind: str) -> PairwiseComparison:
         pairs = list(zip(self.of_policy(ahead), self.of_policy(behind), strict=True))
-        return Rung(
+        return PairwiseComparison(
             ahead,
             behind,
             bootstrap_mean(*(_found(one) - _found(other) for one, other in pairs)),
@@ -289,16 +289,16 @@ class _Contest:
         view, observation = checked_view(view, observation)
         posterior = checks.boolean("posterior", posterior)
         bounds = checks.boolean("bounds", bounds)
-        usual = [Contestant.of(name) for name in (_ranked() if policies is None else policies)]
-        strangers = [Contestant.of(each) for each in added]
+        usual = [PolicySpec.of(name) for name in (_ranked() if policies is None else policies)]
+        strangers = [PolicySpec.of(each) for each in added]
         named = [as_named(each) for each in (SUITE if searches is None else searches)]
         _all_different("policies", [each.name for each in (*strangers, *usual)])
         _all_different("searches", [each.name for each in named])
 
-        def cell(contestant: Contestant, search: NamedSearch, updated: bool | None) -> Cell:
-            mine = contestant in strangers
-            return Cell(
-                contestant,
+        def cell(spec: PolicySpec, search: NamedSearch, updated: bool | None) -> EvaluationTask:
+            mine = spec in strangers
+            return EvaluationTask(
+                spec,
                 search,
                 episodes=episodes,
                 seed=seed,
@@ -319,7 +319,7 @@ class _Contest:
         """Do what is left to do."""
         cells = [*self._cells, *([self._posterior] if self._posterior else [])]
         total = sum(each.episodes for each in cells) + BoundOf.WEIGHT * len(self._bounds)
-        wanted: list[Cell | BoundOf] = [*self._bounds.values(), *cells]
+        wanted: list[EvaluationTask | BoundOf] = [*self._bounds.values(), *cells]
         wanted.sort(key=_length, reverse=True)
         jobs = [job for each in wanted for job in each.jobs()]
         with Progress("leaderboard", total, progress) as bar:
@@ -349,21 +349,21 @@ def _all_different(what: str, names: Sequence[str]) -> None:
 
 
 def _compared(
-    contestants: Sequence[Contestant], searches: Sequence[NamedSearch]
-) -> tuple[Contestant, NamedSearch] | None:
+    specs: Sequence[PolicySpec], searches: Sequence[NamedSearch]
+) -> tuple[PolicySpec, NamedSearch] | None:
     """Whose searches show what a prior and a posterior promise: with one person that is exact."""
     single = [each for each in searches if len(each.scenario.person_initial_position) == 1]
-    if not single or not contestants:
+    if not single or not specs:
         return None
-    by_name = {each.name: each for each in contestants}
-    return by_name.get("greedy-posterior", contestants[0]), _illustrated(single)
+    by_name = {each.name: each for each in specs}
+    return by_name.get("greedy-posterior", specs[0]), _illustrated(single)
 
 
 def _illustrated(searches: Sequence[NamedSearch]) -> NamedSearch:
     return next((each for each in searches if each.name == ILLUSTRATED), searches[0])
 
 
-def _length(work: Cell | BoundOf) -> tuple[bool, bool, int, int]:
+def _length(work: EvaluationTask | BoundOf) -> tuple[bool, bool, int, int]:
     """For sorting: how long a bound or a cell may take.
 
     Bounds and planning take longest. Then comes what cannot be shared: with several persons
@@ -372,13 +372,13 @@ def _length(work: Cell | BoundOf) -> tuple[bool, bool, int, int]:
     scenario = work.search.scenario
     return (
         isinstance(work, BoundOf),
-        isinstance(work, Cell) and work.contestant.name == "planner",
+        isinstance(work, EvaluationTask) and work.spec.name == "planner",
         len(scenario.person_initial_position),
         scenario.grid_size**2 * scenario.timestep_limit * (scenario.n_drones + 1),
     )
 
 
-def settle(board: Leaderboard) -> None:
+def fit(board: Leaderboard) -> None:
     """Work out all intervals now, under a progress bar: they are kept in the objects.
 
     Resampling takes about a minute for the whole suite.
@@ -388,8 +388,8 @@ def settle(board: Leaderboard) -> None:
         (each, figure, 1) for each in board.evaluations for figure in ("time", "mean_return")
     ]
     tasks += [
-        (board, "standings", 3 * len(board.policies) * searches),
-        (board, "rungs", 4 * len(board.policies) * searches),
+        (board, "summaries", 3 * len(board.policies) * searches),
+        (board, "comparisons", 4 * len(board.policies) * searches),
     ]
     done = 0
     with Progress("intervals", sum(weight for *_, weight in tasks)) as bar:
@@ -441,7 +441,7 @@ def _data(board: Leaderboard, command: str) -> dict[str, Any]:
                 "restricted_mean_time_over_limit": each.time._asdict(),
                 "share_of_bound": each.share_of_bound and each.share_of_bound._asdict(),
             }
-            for each in board.standings
+            for each in board.summaries
         ],
         "order": [
             {
@@ -451,7 +451,7 @@ def _data(board: Leaderboard, command: str) -> dict[str, Any]:
                 "restricted_mean_time_over_limit": each.time._asdict(),
                 "verdict": each.verdict,
             }
-            for each in board.rungs
+            for each in board.comparisons
         ],
         "evaluations": [each.data for each in board.evaluations],
     }
@@ -533,7 +533,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def work_out() -> None:
         board = contest.run(workers=options.workers, ray=options.ray, progress=True)
-        settle(board)
+        fit(board)
         show(board)
         files = write(board, options.out, command)
         print(f"\nwritten to {options.out}: {', '.join(path.name for path in files)}")

@@ -115,9 +115,9 @@ def overview(board: Leaderboard, best: str = "**{}**") -> Table:
 
 def suite_table(board: Leaderboard) -> Table:
     """A row for each policy: its figures on all searches together, in percent."""
-    bounded = all(each.share_of_bound is not None for each in board.standings)
+    bounded = all(each.share_of_bound is not None for each in board.summaries)
     rows = [["policy", "found, %", "time, % of limit", *(["share of bound, %"] if bounded else [])]]
-    for each in board.standings:
+    for each in board.summaries:
         row = [each.policy, _interval(each.success, 100), _interval(each.time, 100)]
         if each.share_of_bound is not None and bounded:
             row.append(_interval(each.share_of_bound, 100))
@@ -127,10 +127,10 @@ def suite_table(board: Leaderboard) -> Table:
 
 def _order(board: Leaderboard) -> list[str]:
     """Whether the policies stand in the order that theory predicts."""
-    if not board.rungs:
+    if not board.comparisons:
         return []
     rows = [["policy", "against", "found, points", "time, points", "the first"]]
-    for rung in board.rungs:
+    for rung in board.comparisons:
         row = [rung.ahead, rung.behind]
         row += [_interval(rung.success, 100, signed=True), _interval(rung.time, 100, signed=True)]
         rows.append([*row, rung.verdict])

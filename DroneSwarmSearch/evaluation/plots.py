@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.evaluation.contestants import Contestant
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation.files import write_bytes
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.record import frames
 from DroneSwarmSearch.evaluation.results import Bound, Evaluation
 from DroneSwarmSearch.evaluation.statistics import Estimate, Reliability, wilson
@@ -411,10 +411,10 @@ def episode(
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of its limits, or a name unknown.
     """
-    contestant, where = Contestant.of(policy, name), as_named(search)
+    spec, where = PolicySpec.of(policy, name), as_named(search)
     last = None if step is None else checks.integer("step", step, 0)
     pairs = []
-    for pair in frames(contestant, where, seed=seed):
+    for pair in frames(spec, where, seed=seed):
         pairs.append(pair)
         if pair[1].step == last:
             break
@@ -424,7 +424,7 @@ def episode(
     if now.ending is not None:
         how = f": {outcome_in_brief(now)}"
     figure.suptitle(
-        f"{contestant.name} searching {where.name}, seed {seed}{how}",
+        f"{spec.name} searching {where.name}, seed {seed}{how}",
         x=0.01,
         ha="left",
         fontsize=8.5,

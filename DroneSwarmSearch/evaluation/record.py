@@ -17,9 +17,9 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.evaluation.contestants import Contestant
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
@@ -90,9 +90,9 @@ def record(
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r}")
     rate = checks.real("fps", fps, FPS_LEAST, FPS_MOST)
-    contestant, where = Contestant.of(policy, name), as_named(search)
-    pairs = frames(contestant, where, seed=seed, bayesian_update=bayesian_update)
-    title = f"{contestant.name} searching {where.name}, seed {seed}"
+    spec, where = PolicySpec.of(policy, name), as_named(search)
+    pairs = frames(spec, where, seed=seed, bayesian_update=bayesian_update)
+    title = f"{spec.name} searching {where.name}, seed {seed}"
     diptych = Diptych(where.scenario.grid_size, title)
     last: list[Frame] = []
 
@@ -139,7 +139,7 @@ def frames(
     else:
         bayesian_update = checks.boolean("bayesian_update", bayesian_update)
     with no_exit(f"the policy on {where.name}"):
-        steer = Contestant.of(policy).make(scenario)
+        steer = PolicySpec.of(policy).make(scenario)
     return _played(steer, where, first, bayesian_update)
 
 

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import DroneSwarmSearch
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation import statistics
 from DroneSwarmSearch.evaluation.files import write_text
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate, Reliability
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
-from DroneSwarmSearch.rules import ENDINGS, Ending
+from DroneSwarmSearch.rules import Ending
 
 __all__ = [
     "Bound",
@@ -86,7 +86,7 @@ class Episodes:
     Attributes:
         found_at: the number of the step in which each person was found, 0 for never:
             int64, shape (n, persons). A find in the first step is at 1.
-        endings: why each episode ended, see `rules.ENDINGS`: int64, (n,).
+        endings: why each episode ended, each an `Ending`, or 0: int64, (n,).
         steps: the steps each lasted: int64, (n,).
         returns: the sum of all drones' rewards: float64, (n,).
         reliability: of the chances that the matrix shown gave the searches made.
@@ -150,7 +150,7 @@ class Episodes:
             and endings.shape == steps.shape == returns.shape == (n,)
             and searches.shape == found.shape == promised.shape == bins
             and endings.min() >= 1
-            and endings.max() < len(ENDINGS)
+            and endings.max() < len(Ending) + 1
             and (found_at <= steps[:, None]).all()
         ):
             raise ValueError("data must be that of episodes: its figures contradict each other")
@@ -249,8 +249,8 @@ class Evaluation:
     @property
     def endings(self) -> dict[Ending, int]:
         """How many episodes ended for each reason."""
-        counts = np.bincount(self.episodes.endings, minlength=len(ENDINGS)).tolist()
-        return {ending: counts[ENDINGS.index(ending)] for ending in Ending}
+        counts = np.bincount(self.episodes.endings, minlength=len(Ending) + 1).tolist()
+        return {ending: counts[ending] for ending in Ending}
 
     @property
     def data(self) -> dict[str, Any]:
@@ -406,11 +406,10 @@ def save_episodes(path: str | Path, evaluation: Evaluation) -> None:
     episodes = evaluation.episodes
     persons = range(episodes.found_at.shape[1])
     names = ["seed", "success", "ending", "steps", "return", "found_by"]
-    reasons = [ending and ending.name.lower() for ending in ENDINGS]
     rows = zip(
         range(evaluation.seed, evaluation.seed + len(episodes)),
         (evaluation.found_by > 0).astype(int).tolist(),
-        (reasons[ending] for ending in episodes.endings.tolist()),
+        (Ending(ending).name.lower() for ending in episodes.endings.tolist()),
         episodes.steps.tolist(),
         episodes.returns.tolist(),
         evaluation.found_by.tolist(),

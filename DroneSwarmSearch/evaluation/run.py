@@ -15,18 +15,18 @@ from typing import Any
 
 import cloudpickle
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation import workers as work
-from DroneSwarmSearch.evaluation.contestants import Contestant
 from DroneSwarmSearch.evaluation.episodes import checked_view, play
 from DroneSwarmSearch.evaluation.files import Store
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import Bound, Episodes, Evaluation, checked_bound
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 
-__all__ = ["PORTION", "Cell", "evaluate"]
+__all__ = ["PORTION", "EvaluationTask", "evaluate"]
 
 PORTION = 500
 """Episodes played together, and kept together in a store."""
@@ -97,7 +97,7 @@ def evaluate(
         StorageError: the store cannot be written; what was finished before is kept.
         WorkerCrashed: a worker ended in mid-work; what was finished before is kept.
     """
-    cell = Cell(
+    cell = EvaluationTask(
         policy,
         search,
         episodes=episodes,
@@ -109,12 +109,12 @@ def evaluate(
         name=name,
     )
     checked_bound(bound, cell.search)
-    with Progress(f"{cell.contestant.name} on {cell.search.name}", episodes, progress) as bar:
+    with Progress(f"{cell.spec.name} on {cell.search.name}", episodes, progress) as bar:
         work.run(cell.jobs(), workers=workers, ray=ray, progress=bar)
     return cell.evaluation().with_bound(bound)
 
 
-class Cell:
+class EvaluationTask:
     """A policy on a search, to be evaluated: the jobs to do, and then the result.
 
     Jobs of many cells can be run together, to keep all workers busy to the end:
@@ -128,7 +128,7 @@ class Cell:
             for `evaluate`.
 
     Attributes:
-        contestant: the policy.
+        spec: the policy.
         search: the search, with `bayesian_update` as it is to be.
         episodes: how many.
     """
@@ -153,16 +153,16 @@ class Cell:
         checks.fits("their figures", _EPISODE_BYTES * self.episodes, episodes=self.episodes)
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
-        self.contestant = Contestant.of(policy, name)
-        if self.contestant.is_batch_policy:
-            _check_form(self.contestant.name, self._view, self._observation)
+        self.spec = PolicySpec.of(policy, name)
+        if self.spec.is_batch_policy:
+            _check_form(self.spec.name, self._view, self._observation)
         if store is None or isinstance(store, Store):
             self._store = store
         elif isinstance(store, (str, Path)):
             self._store = Store(store)
         else:
             raise TypeError(f"store must be a Store, a folder or None, got {store!r}")
-        self._identity = self.contestant.identity
+        self._identity = self.spec.identity
         last = self._seed + self.episodes
         self._portions = [
             range(first, min(first + PORTION, last)) for first in range(self._seed, last, PORTION)
@@ -177,7 +177,7 @@ class Cell:
         classes and modules hold.
         """
         made = None
-        if self._store is not None and not self.contestant.is_known:
+        if self._store is not None and not self.spec.is_known:
             made = self._identified(self._store)
         missing = [portion for portion in self._portions if not self._load(portion)]
         stored = Job("", None, weight=sum(map(len, self._portions)) - sum(map(len, missing)))
@@ -188,7 +188,7 @@ class Cell:
         make = Job(
             self._making,
             _made,
-            (self.contestant, self.search),
+            (self.spec, self.search),
             then=partial(self._jobs_of_portions, missing),
         )
         return [stored, make]
@@ -196,13 +196,13 @@ class Cell:
     def _identified(self, store: Store) -> Made:
         """The policy, made; from now on its portions are found by its fingerprint."""
         with work.no_exit(self._making):
-            made = _made(self.contestant, self.search, lambda share: None)
+            made = _made(self.spec, self.search, lambda share: None)
         try:
-            self._identity = f"{self.contestant.identity}:{fingerprint_of_copies(made)}"
+            self._identity = f"{self.spec.identity}:{fingerprint_of_copies(made)}"
         except NotIdentifiedError as error:
             self._store = None
             print(
-                f"{self.contestant.name} on {self.search.name} is not stored in "
+                f"{self.spec.name} on {self.search.name} is not stored in "
                 f"{store.directory}: {error}",
                 file=sys.stderr,
             )
@@ -210,7 +210,7 @@ class Cell:
 
     @property
     def _making(self) -> str:
-        return f"the making of {self.contestant.name} for {self.search.name}"
+        return f"the making of {self.spec.name} for {self.search.name}"
 
     @property
     def is_done(self) -> bool:
@@ -227,7 +227,7 @@ class Cell:
             left = len(self._portions) - len(self._done)
             raise RuntimeError(f"{left} of {len(self._portions)} portions have not been played")
         return Evaluation(
-            self.contestant.name,
+            self.spec.name,
             self.search,
             self._seed,
             self._view,
@@ -236,10 +236,10 @@ class Cell:
         )
 
     def _jobs_of_portions(self, portions: list[range], policy: Made) -> Iterator[Job]:
-        is_ours = self.contestant.is_ours
+        is_ours = self.spec.is_ours
         for portion in portions:
             yield Job(
-                f"episodes {portion.start} to {portion.stop - 1} of {self.contestant.name} on "
+                f"episodes {portion.start} to {portion.stop - 1} of {self.spec.name} on "
                 f"{self.search.name}",
                 _played,
                 (policy, self.search, portion, self._view, self._observation, is_ours),
@@ -296,9 +296,9 @@ def _check_form(name: str, view: str, observation: str) -> None:
 # What is done by jobs.
 
 
-def _made(contestant: Contestant, search: NamedSearch, report: Report) -> Made:
+def _made(spec: PolicySpec, search: NamedSearch, report: Report) -> Made:
     """A policy for a search, prepared for it if it can be."""
-    policy = contestant.make(search.scenario)
+    policy = spec.make(search.scenario)
     prepare = getattr(policy, "prepare", None)
     if prepare is not None:
         prepare(search.drones)

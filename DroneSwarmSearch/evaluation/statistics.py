@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.streams import numbers
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.streams import numbers
 
 __all__ = [
     "CHANCE_EDGES",
@@ -79,7 +79,7 @@ class Band(NamedTuple):
 def wilson(successes: ArrayLike, trials: int) -> Band:
     """Shares with Wilson's score interval.
 
-    E. B. Wilson, Probable inference, the law of succession, and statistical inference,
+    E. B. Wilson, Probable inference, the forecast of succession, and statistical inference,
     Journal of the American Statistical Association 22, 1927. Unlike the normal
     approximation it holds for small numbers and for shares near 0 and 1.
 
@@ -199,7 +199,7 @@ class Reliability:
     searched cell, times the probability of detection. For several persons, where the
     matrix is the mean over those missing, it is the expected number of persons found: the
     probability shown times the sum of the missing persons' probabilities of detection;
-    exact if these, or the persons' laws, are alike.
+    exact if these, or the persons' forecasts, are alike.
 
     A posterior is calibrated: promise and outcome agree in every bin, up to chance. A
     prior, which shows the drift alone, promises too much wherever cells are searched that

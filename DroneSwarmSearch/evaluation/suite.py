@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]

@@ -1,4 +1,4 @@
-"""Tables for the terminal: drawn with rich where it is installed, else plain text."""
+"""TabulatedForecasts for the terminal: drawn with rich where it is installed, else plain text."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import cloudpickle
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 
 __all__ = ["Job", "WorkerCrashed", "no_exit", "run"]
 

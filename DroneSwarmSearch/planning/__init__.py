@@ -1,4 +1,4 @@
-"""Search planning over the forecast law: paths, plans for all drones, and an upper bound.
+"""Search planning over the forecast forecast: paths, plans for all drones, and an upper bound.
 
 - `chain`: a person's chain, forecast forth and back.
 - `paths`: the best path of one drone for given gains, a dynamic programme.

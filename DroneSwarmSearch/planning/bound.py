@@ -37,12 +37,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.streams import numbers, stream_keys
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import best_path, values_to_go
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.streams import numbers, stream_keys
 
 __all__ = [
     "Effort",
@@ -60,7 +60,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SAMPLE = 32768
-"""Ways of a person in the sample that gives the bound."""
+"""Trajectories of a person in the sample that gives the bound."""
 
 ITERATIONS = 600
 """The most for the episode's limit."""
@@ -200,11 +200,11 @@ def anywhere(amount: float) -> Oracle:
     return oracle
 
 
-# Ways of a person.
+# Trajectories of a person.
 
 
-class Ways(NamedTuple):
-    """Ways of a person with their probabilities.
+class Trajectories(NamedTuple):
+    """Trajectories of a person with their probabilities.
 
     Attributes:
         cells: int64, shape (T, K): where each is at every step, y * N + x.
@@ -214,18 +214,18 @@ class Ways(NamedTuple):
     cells: Ints
     chances: Floats
 
-    def until(self, steps: int) -> Ways:
+    def until(self, steps: int) -> Trajectories:
         """The first steps of all ways."""
-        return Ways(self.cells[:steps], self.chances)
+        return Trajectories(self.cells[:steps], self.chances)
 
 
-def enumerated_ways(law: ProbabilityMatrix, steps: int) -> Ways | None:
+def enumerated_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajectories | None:
     """All ways of a person over some steps; None if there are more than `FEW`."""
-    size = law.grid_size
-    x, y = law.parameters[1]
+    size = forecast.grid_size
+    x, y = forecast.parameters[1]
     ways, chances = np.array([[y * size + x]]), np.ones(1)
     for step in range(steps - 1):
-        right, left, down, up = law.moves(step)
+        right, left, down, up = forecast.moves(step)
         y_now, x_now = np.divmod(ways[-1], size)
         across = np.stack([left[x_now], 1.0 - right[x_now] - left[x_now], right[x_now]])
         along = np.stack([up[y_now], 1.0 - down[y_now] - up[y_now], down[y_now]])
@@ -235,23 +235,23 @@ def enumerated_ways(law: ProbabilityMatrix, steps: int) -> Ways | None:
             return None
         cells = ways[-1, way] + (dy - 1) * size + dx - 1
         ways, chances = np.vstack([ways[:, way], cells]), onward[dy, dx, way]
-    return Ways(ways, chances)
+    return Trajectories(ways, chances)
 
 
-def sampled_ways(law: ProbabilityMatrix, steps: int, count: int) -> Ways:
+def sampled_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> Trajectories:
     """Independent ways of a person over some steps, all equally likely."""
-    size = law.grid_size
-    start_x, start_y = law.parameters[1]
+    size = forecast.grid_size
+    start_x, start_y = forecast.parameters[1]
     x, y = np.full(count, start_x), np.full(count, start_y)
     cells = np.empty((steps, count), np.int64)
     key = stream_keys(0)[0]
     for step in range(steps):
         cells[step] = y * size + x
-        right, left, down, up = law.moves(step)
+        right, left, down, up = forecast.moves(step)
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
         u, v = numbers(key, places).reshape(2, count)
         x, y = _moved(x, u, right, left), _moved(y, v, down, up)
-    return Ways(cells, np.full(count, 1 / count))
+    return Trajectories(cells, np.full(count, 1 / count))
 
 
 def _moved(place: Ints, number: Floats, higher: Floats, lower: Floats) -> Ints:
@@ -288,7 +288,7 @@ def chernoff_limit(mean: float, count: int, confidence: float) -> float:
 # The two objectives.
 
 
-class AlongWays:
+class AlongTrajectories:
     """E[g(s)] over ways, g joining 1 - (1 - q)^s at whole s by straight lines.
 
     At corners the method of Frank and Wolfe would stagnate. Hence tangents and steps are
@@ -301,7 +301,7 @@ class AlongWays:
         detection: the probability of detection, q.
     """
 
-    def __init__(self, ways: Ways, grid_size: int, detection: float) -> None:
+    def __init__(self, ways: Trajectories, grid_size: int, detection: float) -> None:
         self._cells, self._chances = ways.cells, ways.chances
         self._size, self._q = grid_size, detection
         self._effort = np.zeros(len(ways.cells) * grid_size**2)
@@ -408,7 +408,7 @@ class AlongChain:
         for step, share in enumerate(kept):
             mass = mass * share
             if step + 1 < len(kept):
-                mass = self._chain.forth(mass, step)
+                mass = self._chain.forward(mass, step)
             left.append(mass)
         return left
 
@@ -423,7 +423,7 @@ class AlongChain:
             later = later * kept[step]
             gains[step] = self._rate * left[step] * later
             if step:
-                later = self._chain.back(later, step - 1)
+                later = self._chain.backward(later, step - 1)
         found = 1.0 - left[-1].sum()
         return float(found - np.vdot(gains, self._effort)), gains
 
@@ -516,11 +516,13 @@ def success_bound(
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
-    laws = zip(scenario.person_initial_position, scenario.detections, scenario.laws(), strict=True)
-    kinds = {(cell, detection): law for cell, detection, law in laws}
+    forecasts = zip(
+        scenario.person_initial_position, scenario.detections, scenario.forecasts(), strict=True
+    )
+    kinds = {(cell, detection): forecast for cell, detection, forecast in forecasts}
     persons = [
-        _PersonBound(law, detection, starts, limit, gap)
-        for (_, detection), law in sorted(kinds.items())
+        _PersonBound(forecast, detection, starts, limit, gap)
+        for (_, detection), forecast in sorted(kinds.items())
     ]
     # The union bound: each of the sampled limits may fail with the same small probability.
     statements = len(ends) * sum(person.sampled for person in persons)
@@ -543,16 +545,16 @@ class _PersonBound:
 
     def __init__(
         self,
-        law: ProbabilityMatrix,
+        forecast: ProbabilityMatrix,
         detection: float,
         starts: Sequence[int],
         limit: int,
         gap: float,
     ) -> None:
-        self._law, self._limit = law, limit
+        self._forecast, self._limit = forecast, limit
         self._detection, self._gap = detection, gap
-        self._chain, self._first = Chain(law, detection, 0, limit), law.exact(0)
-        self._every_way = enumerated_ways(law, limit)
+        self._chain, self._first = Chain(forecast, detection, 0, limit), forecast.exact(0)
+        self._every_way = enumerated_trajectories(forecast, limit)
         self._oracle = flights(starts)
 
     @property
@@ -573,7 +575,7 @@ class _PersonBound:
         """
         limit, ways = self._limit, self._every_way
         if ways is None:
-            ways = sampled_ways(self._law, limit, sample)
+            ways = sampled_trajectories(self._forecast, limit, sample)
         by_time = np.full(limit + 1, np.inf)
         by_time[0] = 0.0
         for end in ends:
@@ -590,16 +592,16 @@ class _PersonBound:
             by_time, reached.value, reached.gap, confidence if self.sampled else 1.0
         )
 
-    def _relaxed(self, ways: Ways) -> Relaxed:
+    def _relaxed(self, ways: Trajectories) -> Relaxed:
         """Solve the relaxation over some steps."""
         steps = len(ways.cells)
-        objective = AlongWays(ways, self._law.grid_size, self._detection)
+        objective = AlongTrajectories(ways, self._forecast.grid_size, self._detection)
         iterations = ITERATIONS if steps == self._limit else ITERATIONS_BEFORE
         return frank_wolfe(objective, self._oracle, gap=self._gap, iterations=iterations, most=1.0)
 
     def _exactly(self, steps: int, known: float) -> float:
         """The bound by the larger function, which needs no sample."""
-        cells = self._law.grid_size**2
+        cells = self._forecast.grid_size**2
         rate, effort = -math.log1p(-self._detection), np.zeros(steps * cells)
         objective = AlongChain(self._chain, self._first, rate, effort)
         return frank_wolfe(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
 __all__ = ["Chain", "transitions"]
 
@@ -45,7 +45,7 @@ class Chain:
     are carried along.
 
     Args:
-        law: the person's law.
+        forecast: the person's forecast.
         detection: the chance that a search of the right cell finds this person, q.
         begin: the first step that is forecast.
         end: the step after the last.
@@ -54,21 +54,21 @@ class Chain:
         detection: as given.
     """
 
-    def __init__(self, law: ProbabilityMatrix, detection: float, begin: int, end: int) -> None:
+    def __init__(self, forecast: ProbabilityMatrix, detection: float, begin: int, end: int) -> None:
         self.detection = detection
         self._begin = begin
-        moves = [law.moves(step) for step in range(begin, end)]
+        moves = [forecast.moves(step) for step in range(begin, end)]
         right, left, down, up = (np.array(chances) for chances in zip(*moves, strict=True))
         self._across = transitions(right, left)
         self._down = transitions(down, up)
 
-    def forth(self, mass: Floats, step: int) -> Floats:
+    def forward(self, mass: Floats, step: int) -> Floats:
         """Where persons are after a step who were distributed like `mass` before it."""
         place = step - self._begin
         moved: Floats = self._down[place].T @ mass @ self._across[place]
         return moved
 
-    def back(self, value: Floats, step: int) -> Floats:
+    def backward(self, value: Floats, step: int) -> Floats:
         """What a value of the cells after a step is expected to be, seen from before it."""
         place = step - self._begin
         expected: Floats = self._down[place] @ value @ self._across[place].T

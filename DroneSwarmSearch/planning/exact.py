@@ -46,11 +46,11 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
 
 class _Search:
     def __init__(self, scenario: Scenario, known: float) -> None:
-        (law,) = scenario.laws()
-        self._first = law.exact(0)
+        (forecast,) = scenario.forecasts()
+        self._first = forecast.exact(0)
         self._limit = scenario.timestep_limit
         self._q = scenario.detections[0]
-        self._chain = Chain(law, self._q, 0, self._limit)
+        self._chain = Chain(forecast, self._q, 0, self._limit)
         self._best = known
         # Idling is no better than searching.
         self._onward = [
@@ -95,12 +95,12 @@ class _Search:
                 break
             left = mass.copy()
             left.reshape(-1)[searched] *= 1.0 - self._q
-            self._go_on(step + 1, ahead, self._chain.forth(left, step), found + success)
+            self._go_on(step + 1, ahead, self._chain.forward(left, step), found + success)
 
     def _hopes(self, step: int, mass: Floats) -> list[Floats]:
         """What the optimist hopes to gain from each cell: now, and after this step."""
         masses = [mass]
         for later in range(step, self._limit - 1):
-            masses.append(self._chain.forth(masses[-1], later))
+            masses.append(self._chain.forward(masses[-1], later))
         values = values_to_go(self._q * np.array(masses), np.zeros_like(mass))
         return [values[0].reshape(-1), values[1].reshape(-1)]

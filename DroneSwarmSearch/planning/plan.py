@@ -252,7 +252,7 @@ class Plan:
                 there = flat[cells]
                 flat[cells] = (1.0 - q) * there
                 found[place] = q * there.sum()
-            mass = target.chain.forth(mass, self._first + begin + place)
+            mass = target.chain.forward(mass, self._first + begin + place)
             masses.append(mass)
         return masses, found
 
@@ -275,7 +275,7 @@ class Plan:
         value = np.zeros(self._grid) if ahead is None else ahead
         before, after = [value], []
         for place in range(len(schedule) - 1, -1, -1):
-            value = target.chain.back(value, self._first + begin + place)
+            value = target.chain.backward(value, self._first + begin + place)
             after.append(value)
             if cells := schedule[place]:
                 value = value.copy()

@@ -1,4 +1,4 @@
-"""Ways to steer the drones: from what they observe to what they do.
+"""Trajectories to steer the drones: from what they observe to what they do.
 
 A policy sees what the drones see and the parameters of the search, never the persons. It
 is called with the observations of one search, as `DroneSwarmSearch` hands them out,

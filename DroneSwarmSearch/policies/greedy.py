@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.policies.conflicts import MOVES
 from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
-from DroneSwarmSearch.policies.traffic import MOVES
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 

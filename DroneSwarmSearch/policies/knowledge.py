@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -44,14 +44,14 @@ class Knowledge:
     changes. Persons of whom all the same is known and shown cannot be told apart, and one of
     them that was found is still held to be missing; the mean over the missing is the same.
 
-    Copies share the laws and the arrays, which are never changed, so that they cost little.
+    Copies share the forecasts and the arrays, which are never changed, so that they cost little.
 
     Args:
         scenario: the parameters of the search.
 
     Attributes:
         scenario: the same.
-        laws: each person's law.
+        forecasts: each person's forecast.
         step: completed steps.
         missing: the persons not yet found, by number, as far as can be told; in rising
             order, never none.
@@ -59,9 +59,9 @@ class Knowledge:
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.laws = scenario.laws()
+        self.forecasts = scenario.forecasts()
         self.step = 0
-        self.missing = tuple(range(len(self.laws)))
+        self.missing = tuple(range(len(self.forecasts)))
         self._beliefs: tuple[Floats, ...] | None = None  # None: nobody has searched yet
         self._suspects: tuple[int, ...] = ()  # whom the last searches may have found
 
@@ -78,13 +78,13 @@ class Knowledge:
         float64, shape (N, N), indexed [y, x]; a new array.
         """
         if self._beliefs is None:
-            return self.laws[person].exact(self.step)
+            return self.forecasts[person].exact(self.step)
         return self._beliefs[person].copy()
 
     @property
     def beliefs(self) -> Floats:
         """`belief` of every person, float64, shape (persons, N, N); of no use for those found."""
-        return np.array([self.belief(person) for person in range(len(self.laws))])
+        return np.array([self.belief(person) for person in range(len(self.forecasts))])
 
     @property
     def success(self) -> Floats:
@@ -110,10 +110,10 @@ class Knowledge:
         persons = self.missing if missing is None else missing
         if self.scenario.bayesian_update and self._beliefs is not None:
             return self._mean([self._beliefs[person] for person in persons])
-        laws = [self.laws[person] for person in persons]
-        if all(law.parameters == laws[0].parameters for law in laws):
-            return laws[0].at(self.step)
-        return self._mean([law.exact(self.step) for law in laws])
+        forecasts = [self.forecasts[person] for person in persons]
+        if all(forecast.parameters == forecasts[0].parameters for forecast in forecasts):
+            return forecasts[0].at(self.step)
+        return self._mean([forecast.exact(self.step) for forecast in forecasts])
 
     @staticmethod
     def _mean(matrices: Sequence[Floats]) -> Singles:
@@ -172,18 +172,18 @@ class Knowledge:
             self._learn(searched)
         if self._beliefs is not None:
             self._beliefs = tuple(
-                after_drift(belief, *law.moves(self.step))
-                for belief, law in zip(self._beliefs, self.laws, strict=True)
+                after_drift(belief, *forecast.moves(self.step))
+                for belief, forecast in zip(self._beliefs, self.forecasts, strict=True)
             )
         self.step += 1
 
     def _learn(self, searched: list[int]) -> None:
         """Bayes' rule for searches that have not found those still missing."""
-        beliefs = [self.belief(person) for person in range(len(self.laws))]
+        beliefs = [self.belief(person) for person in range(len(self.forecasts))]
         suspects = []
         for person in self.missing:
             detection = self.scenario.detections[person]
             if detection > 0.0 and beliefs[person].reshape(-1)[searched].any():
                 suspects.append(person)
-            beliefs[person], _ = after_fruitless_search(beliefs[person], searched, detection)
+            beliefs[person], _ = after_unsuccessful_search(beliefs[person], searched, detection)
         self._suspects, self._beliefs = tuple(suspects), tuple(beliefs)

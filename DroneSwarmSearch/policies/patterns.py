@@ -26,6 +26,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.policies.conflicts import MOVES, resolve_conflicts
 from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.policies.tracks import (
@@ -37,8 +39,6 @@ from DroneSwarmSearch.policies.tracks import (
     strips,
     sweep,
 )
-from DroneSwarmSearch.policies.traffic import MOVES, settle
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 
@@ -79,9 +79,9 @@ class Datum(NamedTuple):
     cells: float
 
     @classmethod
-    def of_law(cls, law: ProbabilityMatrix, step: int, cells: float) -> Datum:
-        """The datum of a person's law at a step."""
-        moments = [_moments(chances) for chances in law.marginals(step)]
+    def of_forecast(cls, forecast: ProbabilityMatrix, step: int, cells: float) -> Datum:
+        """The datum of a person's forecast at a step."""
+        moments = [_moments(chances) for chances in forecast.marginals(step)]
         (x, spread_x), (y, spread_y) = moments
         return cls((x, y), (spread_x, spread_y), max(cells, 1.0))
 
@@ -142,7 +142,7 @@ class _Swarm:
     """The memory of a search.
 
     Attributes:
-        knowledge: who is missing, and the laws.
+        knowledge: who is missing, and the forecasts.
         flights: of every drone.
         passes: how many times tracks have been laid out.
     """
@@ -183,7 +183,7 @@ class PatternPolicy(SwarmPolicy):
         if all(flight.done for flight in memory.flights):
             self._lay_out(memory, cells)
         wishes, searching = _wishes(memory.flights, cells)
-        nexts = settle(cells, wishes)
+        nexts = resolve_conflicts(cells, wishes)
         actions = []
         for drone, ((x, y), (next_x, next_y)) in enumerate(zip(cells, nexts, strict=True)):
             if drone in searching:
@@ -204,18 +204,18 @@ class PatternPolicy(SwarmPolicy):
         """Where the next person to serve is when the drones are half-way through."""
         knowledge, limit = memory.knowledge, self._scenario.timestep_limit
         turn = memory.passes % len(knowledge.missing)
-        law = knowledge.laws[knowledge.missing[turn]]
+        forecast = knowledge.forecasts[knowledge.missing[turn]]
         left = (limit - knowledge.step) / (len(knowledge.missing) - turn)
         half_way, effort = knowledge.step, len(cells) * left / STEPS_PER_CELL
         # The way there, the size of the area and the time it takes depend on each other.
         for _ in range(4):
-            datum = Datum.of_law(law, half_way, effort)
+            datum = Datum.of_forecast(forecast, half_way, effort)
             area = datum.area(self._scenario.grid_size)
             way = sum(_distance(cell, area) for cell in cells) / len(cells)
             effort = len(cells) * (left - way) / STEPS_PER_CELL
             duration = STEPS_PER_CELL * area.area / len(cells)
             half_way = min(knowledge.step + round(way + duration / 2), limit)
-        return Datum.of_law(law, half_way, effort)
+        return Datum.of_forecast(forecast, half_way, effort)
 
 
 class ParallelSweepPolicy(PatternPolicy):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.grid import Neighbours, grid_of
+from DroneSwarmSearch._internal.grid import Neighbours, grid_of
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target, idle_paths
@@ -79,7 +79,7 @@ class PlannerPolicy(SwarmPolicy):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._laws = scenario.laws()
+        self._forecasts = scenario.forecasts()
         self._neighbours, self._positions = grid_of(scenario.grid_size)
         self._chains: dict[tuple[int, int], Chain] = {}
         self._chains_begin = -1
@@ -186,7 +186,7 @@ class PlannerPolicy(SwarmPolicy):
             self._chains_begin = begin
         chain = self._chains.get((person, end))
         if chain is None:
-            chain = Chain(self._laws[person], self.scenario.detections[person], begin, end)
+            chain = Chain(self._forecasts[person], self.scenario.detections[person], begin, end)
             self._chains[person, end] = chain
         return chain
 

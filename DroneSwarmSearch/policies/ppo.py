@@ -15,13 +15,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.layouts import share_left
-from DroneSwarmSearch.layouts.glimpses import LENGTH, GlimpsesLayout
-from DroneSwarmSearch.masks import choose_in_turn
 from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.wrappers.layouts import remaining_time_fraction
+from DroneSwarmSearch.wrappers.layouts.crops import LENGTH, CropsLayout
+from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 __all__ = ["Network", "PPOPolicy"]
 
@@ -37,7 +37,7 @@ OWN_WEIGHTS = Path(__file__).with_name("ppo.npz")
 
 
 class Network:
-    """Dense layers with rectifiers between them: scores of actions from glimpses.
+    """Dense layers with rectifiers between them: scores of actions from crops.
 
     Args:
         layers: the weights and the biases of each layer: float32, shapes (inputs, outputs)
@@ -62,9 +62,9 @@ class Network:
             )
         self._layers = [(np.float32(weights), np.float32(biases)) for weights, biases in layers]
 
-    def __call__(self, glimpses: Singles) -> Singles:
-        """The scores of the actions: float32, shape (n, 5), for glimpses of n drones."""
-        values = glimpses
+    def __call__(self, crops: Singles) -> Singles:
+        """The scores of the actions: float32, shape (n, 5), for crops of n drones."""
+        values = crops
         for weights, biases in self._layers[:-1]:
             values = np.maximum(values @ weights + biases, 0.0)
         weights, biases = self._layers[-1]
@@ -140,7 +140,7 @@ class PPOPolicy(SwarmPolicy):
     """A network trained by proximal policy optimisation, on searches drawn at random.
 
     Like `PosteriorGreedyPolicy` the swarm keeps the exact posterior itself, whatever the
-    matrix shows (`Knowledge`). Every drone is given glimpses (`layouts.glimpses`) of how
+    matrix shows (`Knowledge`). Every drone is given crops (`layouts.crops`) of how
     likely a search of each cell succeeds, and the network scores its actions. The drones
     choose their best ones in turn (`masks.choose_in_turn`), so none ever collides or leaves
     the grid.
@@ -162,7 +162,7 @@ class PPOPolicy(SwarmPolicy):
     def __init__(self, scenario: Scenario, weights: str | Path | None = None) -> None:
         super().__init__(scenario)
         self._network = _own() if weights is None else Network.load(weights)
-        self._layout = GlimpsesLayout(scenario.grid_size, scenario.n_drones)
+        self._layout = CropsLayout(scenario.grid_size, scenario.n_drones)
 
     def begin(self) -> Knowledge:
         return Knowledge(self._scenario)
@@ -173,7 +173,7 @@ class PPOPolicy(SwarmPolicy):
         if not success.any():  # a person who cannot be seen: anywhere is as good
             success[:] = 1.0
         positions = np.array([cells])
-        left = share_left([memory.step], self._scenario.timestep_limit)
+        left = remaining_time_fraction([memory.step], self._scenario.timestep_limit)
         seen = np.empty((1, len(cells), LENGTH), np.float32)
         self._layout.write(positions, success[None].astype(np.float32), left, seen)
         scores = self._network(seen[0])

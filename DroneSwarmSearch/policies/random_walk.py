@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.streams import episode_keys, numbers, policy_key
 from DroneSwarmSearch.policies.swarm import BatchPolicy
 from DroneSwarmSearch.rules import Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.streams import episode_keys, numbers, policy_key
 
 __all__ = ["RandomPolicy"]
 

@@ -16,7 +16,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -182,7 +182,7 @@ class SwarmPolicy(BatchPolicy):
     def begin(self) -> Any:
         """The memory of a search before its first observation: anything that can be deep-copied.
 
-        What copies may share (laws, tables) is best shared: see `copy.deepcopy`.
+        What copies may share (forecasts, tables) is best shared: see `copy.deepcopy`.
         """
 
     @abstractmethod

@@ -15,10 +15,10 @@ def outcome_in_brief(frame: Frame) -> str:
     """How an episode ended, in few words; empty while it goes on."""
     if frame.ending is None:
         return ""
-    if frame.ending in (Ending.FOUND, Ending.TIME_UP):
+    if frame.ending in (Ending.FOUND, Ending.TIME_LIMIT):
         found = "found" if frame.ending is Ending.FOUND else "not found"
         return f"{found} in {frame.step} step{'' if frame.step == 1 else 's'}"
-    return f"{frame.ending.value} in step {frame.step}"
+    return f"{frame.ending.description} in step {frame.step}"
 
 
 def percent(probability: float) -> str:

@@ -166,7 +166,7 @@ class Painter:
         side = self._layout.board
         lines = [_fitting(frame.outcome, SENTENCE_FONT, BANNER_TEXT_SHARE * side)]
         if ending is not Ending.FOUND or len(frame.persons) > 1:
-            lines.append(_fitting(ending.value, REASON_FONT, BANNER_TEXT_SHARE * side))
+            lines.append(_fitting(ending.description, REASON_FONT, BANNER_TEXT_SHARE * side))
         text_height = sum(line.get_height() for line in lines) + LINE_GAP * (len(lines) - 1)
         height = text_height + 2 * BANNER_PADDING
         top = TOP + self._banner_top(frame, height)

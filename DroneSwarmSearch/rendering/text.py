@@ -60,7 +60,7 @@ def _header(frame: Frame) -> list[str]:
     )
     if frame.ending is None:
         return [status]
-    return [status, f"{frame.outcome} ({frame.ending.value})"]
+    return [status, f"{frame.outcome} ({frame.ending.description})"]
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:

@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 
 if TYPE_CHECKING:
     from PIL import Image

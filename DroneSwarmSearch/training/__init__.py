@@ -6,7 +6,7 @@
             with run.saving("checkpoint.pt") as path:
                 torch.save(model.state_dict(), path)
             run.log(steps, reward=mean_return, found=share_found)
-    training.compare_with_baselines(policy, training.EXERCISE, folder=run.folder)
+    training.compare_with_baselines(policy, training.TRAINING_TASK, folder=run.folder)
 
 Nothing here knows of any trainer. Steps are environment steps, in which every drone of a
 swarm acts once.
@@ -14,9 +14,9 @@ swarm acts once.
 
 from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.curve import Curve
-from DroneSwarmSearch.training.exercise import EXERCISE
 from DroneSwarmSearch.training.masks import masks_of_flat
 from DroneSwarmSearch.training.options import arguments
 from DroneSwarmSearch.training.run import Run
+from DroneSwarmSearch.training.task import TRAINING_TASK
 
-__all__ = ["EXERCISE", "Curve", "Run", "arguments", "compare_with_baselines", "masks_of_flat"]
+__all__ = ["TRAINING_TASK", "Curve", "Run", "arguments", "compare_with_baselines", "masks_of_flat"]

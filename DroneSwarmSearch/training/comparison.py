@@ -71,7 +71,7 @@ def compare_with_baselines(
         )
         raise SystemExit(INTERRUPTED) from None
     print_table(
-        ["policy", "found, %", "time, steps", "mishaps, %", "ahead of it, points", "steps earlier"],
+        ["policy", "found, %", "time, steps", "crashes, %", "ahead of it, points", "steps earlier"],
         [_row(mine), *(_row(rival, mine) for rival in rivals)],
         words=1,
     )
@@ -98,8 +98,8 @@ def _search(parameters: Mapping[str, Any]) -> NamedSearch:
 def _row(each: Evaluation, mine: Evaluation | None = None) -> list[str]:
     """A policy's figures, and how far another is ahead of it."""
     count = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
-    mishaps = f"{100 * count / len(each.episodes):.1f}"
-    row = [each.policy, percent(each.success), figure(each.time), mishaps]
+    crashes = f"{100 * count / len(each.episodes):.1f}"
+    row = [each.policy, percent(each.success), figure(each.time), crashes]
     if mine is None:
         return [*row, "", ""]
     ahead = compare(mine, each)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.layouts.layout import own_first
-from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.wrappers.layouts.layout import own_first
+from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["masks_of_flat"]
 

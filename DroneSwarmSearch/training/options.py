@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 
 __all__ = ["arguments"]
 

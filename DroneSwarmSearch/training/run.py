@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation.files import replacing
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.training.curve import COLUMNS, Curve

@@ -1,6 +1,6 @@
 """The beliefs of a batch: what each row knows of its persons once it has searched.
 
-A row's beliefs begin with its first search; until then the law says all there is to know.
+A row's beliefs begin with its first search; until then the forecast says all there is to know.
 The arithmetic is `belief`'s, and agrees with the single environment to the last bit.
 
 Rows lie in tiles with the row as the last axis: the factors by which a belief drifts
@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.belief import drift, normalise
-from DroneSwarmSearch.vector.laws import Laws
+from DroneSwarmSearch.drift.belief import drift, normalise
+from DroneSwarmSearch.vector.forecasts import Forecasts
 from DroneSwarmSearch.vector.threads import run_in_parts
 
 __all__ = ["Beliefs"]
@@ -127,7 +127,7 @@ class Beliefs:
         cells: Ints,
         missing: Flags,
         shown: Flags,
-        laws: Laws,
+        forecasts: Forecasts,
         out: Singles | None,
         meanwhile: Callable[[], None],
     ) -> None:
@@ -142,13 +142,13 @@ class Beliefs:
             cells: the cell of every search, y * N + x; in a row no two are alike.
             missing: the persons not found, bool, shape (persons, rows of the batch).
             shown: the persons over which a matrix is the mean, likewise.
-            laws: of the rows; `meanwhile` must leave them at the step of the search.
+            forecasts: of the rows; `meanwhile` must leave them at the step of the search.
             out: float32, shape (rows of the batch, N, N); None: no matrices are written.
             meanwhile: the rest of the step.
         """
         new = rows[~self.begun[rows]]
         if new.size:
-            self._begin(np.unique(new), laws)
+            self._begin(np.unique(new), forecasts)
         by_person = [
             self._take_in(person, rows[still], cells[still])
             for person, still in enumerate(missing[:, rows])
@@ -159,20 +159,20 @@ class Beliefs:
                 return
             for person, searches in enumerate(by_person):
                 self._normalise(tile, person, searches)
-            self._drift(tile, laws)
+            self._drift(tile, forecasts)
             if out is not None:
                 self._write(tile, shown, out)
 
         shares = len(self._tiles) > 1 and self._tiles[0][0].nbytes >= _LEAST_SHARED_BYTES
         run_in_parts(go_on_in, range(len(self._tiles)), meanwhile, shares)
 
-    def _begin(self, rows: Ints, laws: Laws) -> None:
+    def _begin(self, rows: Ints, forecasts: Forecasts) -> None:
         self.begun[rows] = True
         cells = np.arange(self._size**2)[:, None]
         for person in range(len(self._detections)):
             for first in range(0, len(rows), _BEGUN_AT_ONCE):
                 some = rows[first : first + _BEGUN_AT_ONCE]
-                x, y = laws.marginals(person, some)
+                x, y = forecasts.marginals(person, some)
                 # In the order of tiles: cells first, for which rows lie side by side.
                 products = y.T[:, None] * x.T
                 self._flat[self._places(person, some, cells).reshape(-1)] = products.reshape(-1)
@@ -207,8 +207,8 @@ class Beliefs:
             undo = first + impossible[searches.rows[first:last] - rows.start].nonzero()[0]
             self._flat[searches.at[undo]] = searches.before[undo]
 
-    def _drift(self, tile: int, laws: Laws) -> None:
-        """Let the persons of a tile drift by a step; the laws are still at the step before."""
+    def _drift(self, tile: int, forecasts: Forecasts) -> None:
+        """Let the persons of a tile drift by a step; the forecasts are still at the step before."""
         beliefs = self._tiles[tile]
         try:
             spare = self._spare.pop()
@@ -219,7 +219,7 @@ class Beliefs:
         try:
             np.setbufsize(_BUFFERED)
             for person, belief in enumerate(beliefs):
-                right, left, down, up = laws.moves(person, self._rows[tile])
+                right, left, down, up = forecasts.moves(person, self._rows[tile])
                 drift(belief, (right, left), (down, up), (higher, lower), belief)
         finally:
             np.setbufsize(usual)

@@ -22,17 +22,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks, rules
-from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch import rules
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch._internal.grid import grid_of
+from DroneSwarmSearch._internal.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
+from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, check_alone
-from DroneSwarmSearch.streams import GOLDEN, mixed, stream_keys
 from DroneSwarmSearch.vector.collisions import Collisions
-from DroneSwarmSearch.vector.laws import Followed, Tables, check_table, choose_laws
+from DroneSwarmSearch.vector.forecasts import (
+    OnTheFlyForecasts,
+    TabulatedForecasts,
+    check_table,
+    choose_forecasts,
+)
 from DroneSwarmSearch.vector.parameters import Parameters, Sampler, Values, checked_rows
-from DroneSwarmSearch.vector.sea import Seas
+from DroneSwarmSearch.vector.world import BatchState
 
 __all__ = ["SearchBatch"]
 
@@ -58,7 +64,7 @@ del _large
 
 
 class SearchBatch:
-    """Independent searches with the rules, the law and the random numbers of one.
+    """Independent searches with the rules, the forecast and the random numbers of one.
 
     Row i with some seed goes through the very episodes that `DroneSwarmSearch` goes
     through with that seed and the same actions, to the last bit.
@@ -80,7 +86,7 @@ class SearchBatch:
             shape (n_drones, 2) or (E, n_drones, 2); without it drones stand from left
             to right from (0, 0), row by row.
         sampler: draws parameters anew for every episode, see `parameters.Sampler`.
-        wants_table: keep the matrices of all laws and steps in one table, however large.
+        wants_table: keep the matrices of all forecasts and steps in one table, however large.
         rows_name: what `num_rows` is called in errors.
 
     Attributes:
@@ -166,7 +172,7 @@ class SearchBatch:
         self._seeded = np.zeros(rows, np.bool_)
         self.ready = False
         self._changing = False  # whether a step or reset has begun and not been completed
-        self._seas = self._new_seas()
+        self._state = self._new_state()
         self._cells = np.zeros((rows, n), self._narrow)
         self._chosen = np.full((rows, n), _IDLE, self._narrow)
         self._beyond_step = np.zeros((rows, n))  # each drone's return less what `step` pays
@@ -190,7 +196,7 @@ class SearchBatch:
         Raises:
             ValueError: they differ between searches; see `scenario_of`.
         """
-        start, drift, constant = self._now.laws
+        start, drift, constant = self._now.forecasts
         for name, values in (
             ("vector", drift),
             ("person_initial_position", start),
@@ -214,7 +220,7 @@ class SearchBatch:
             ValueError: there is no such search.
         """
         row = checks.integer("row", row, 0, self.num_rows - 1)
-        start, drift, constant = self._now.laws
+        start, drift, constant = self._now.forecasts
         x, y = drift[:, row].tolist()
         return replace(
             self._scenario,
@@ -225,11 +231,11 @@ class SearchBatch:
 
     # Beginning.
 
-    def _new_seas(self) -> Seas:
+    def _new_state(self) -> BatchState:
         scenario = self._scenario
-        laws = self._choose_laws()
-        seas = Seas(laws, scenario.detections, scenario.bayesian_update, self.num_rows)
-        seas.assign(self._rows, self._now.laws)
+        forecasts = self._choose_forecasts()
+        seas = BatchState(forecasts, scenario.detections, scenario.bayesian_update, self.num_rows)
+        seas.assign(self._rows, self._now.forecasts)
         seas.begin(self._rows)
         return seas
 
@@ -278,15 +284,15 @@ class SearchBatch:
         # Everything is checked: from here on the batch changes.
         self._changing = True
         self._episode_counters[:, rows] = counters
-        self._seas.prepare(rows, mixed(counters[:2]))
+        self._state.prepare(rows, mixed(counters[:2]))
         self._seeded[rows] = True
         self.ready = bool(self._seeded.all())
         if given:
             self._varies = True
-            self._usual.laws.drift[:, rows] = wanted.laws.drift[:, rows]
+            self._usual.forecasts.drift[:, rows] = wanted.forecasts.drift[:, rows]
             self._now.assign(rows, wanted)
-            if isinstance(self._seas.laws, Tables):
-                self._seas.change_laws(self._choose_laws(), self._now.laws)
+            if isinstance(self._state.forecasts, TabulatedForecasts):
+                self._state.change_forecasts(self._choose_forecasts(), self._now.forecasts)
         self._start(rows, values, wanted)
         self.rewards = self.rewards.copy()  # a caller may have kept it
         self.rewards[rows] = 0.0
@@ -315,7 +321,7 @@ class SearchBatch:
             raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
         self._episode_counters[:, self._prepared] -= GOLDEN
         self._prepared[...] = False
-        self._seas = self._new_seas()
+        self._state = self._new_state()
 
     def _check_whole(self, what: str) -> None:
         if self._changing:
@@ -324,7 +330,7 @@ class SearchBatch:
     def _start(self, rows: Ints, values: Values, parameters: Parameters) -> None:
         """Begin episodes outside of a step."""
         drones = self._begin(rows, values, parameters)
-        self._seas.begin(rows)
+        self._state.begin(rows)
         self._over[rows] = False
         self._chosen.reshape(-1)[drones] = _IDLE
 
@@ -341,7 +347,7 @@ class SearchBatch:
         rows = (~self._prepared).nonzero()[0]
         counters = self._episode_counters[:, rows] + GOLDEN
         self._episode_counters[:, rows] = counters
-        self._seas.prepare(rows, mixed(counters[:2]))
+        self._state.prepare(rows, mixed(counters[:2]))
         self._prepared[rows] = True
         self._changing = before
 
@@ -367,7 +373,7 @@ class SearchBatch:
         if self._varies:
             self._now.assign(rows, parameters)
             self._now.assign_values(rows, values)
-            self._seas.assign(rows, self._now.laws)
+            self._state.assign(rows, self._now.forecasts)
         drones = self._drones_of.take(rows, axis=0).reshape(-1)
         self._cells.reshape(-1)[drones] = self._now.drones.take(drones)
         self._beyond_step.reshape(-1)[drones] = 0.0
@@ -377,14 +383,14 @@ class SearchBatch:
 
     def _check_table(self, parameters: Parameters) -> None:
         size, steps = self._scenario.grid_size, self._scenario.timestep_limit
-        check_table(size, steps, parameters.laws)
+        check_table(size, steps, parameters.forecasts)
 
-    def _choose_laws(self) -> Tables | Followed:
+    def _choose_forecasts(self) -> TabulatedForecasts | OnTheFlyForecasts:
         size, steps = self._scenario.grid_size, self._scenario.timestep_limit
         if self._sampler is not None:
-            return Followed(size, self._now.laws)
-        laws = self._usual.laws, self._now.laws
-        return choose_laws(size, steps, *laws, wants_table=self._wants_table)
+            return OnTheFlyForecasts(size, self._now.forecasts)
+        forecasts = self._usual.forecasts, self._now.forecasts
+        return choose_forecasts(size, steps, *forecasts, wants_table=self._wants_table)
 
     # A step.
 
@@ -432,18 +438,18 @@ class SearchBatch:
         cells = self._cells.reshape(-1).take(searches).astype(np.int64)
 
         # 2. Outcomes, rewards and endings; the persons drift, and what is known.
-        shown = self._seas.shown(rows, cells).astype(np.float64)
-        finds = self._seas.search(rows, cells)
+        shown = self._state.shown(rows, cells).astype(np.float64)
+        finds = self._state.search(rows, cells)
 
         def judge_and_walk() -> None:
             self._judge(targets, searches, shown, finds, rows)
-            self._seas.walk()
+            self._state.walk()
 
-        self._seas.go_on(rows, cells, beginning, matrices, judge_and_walk)
+        self._state.go_on(rows, cells, beginning, matrices, judge_and_walk)
         self._cells, self._chosen = targets, chosen
 
         # 3. The clock advances.
-        self._seas.advance(beginning, matrices)
+        self._state.advance(beginning, matrices)
         if beginning.size:
             self.rewards.reshape(-1)[idle] = 0.0
         self._changing = False
@@ -461,7 +467,7 @@ class SearchBatch:
             rows: the row of every search.
         """
         scheme, limit = self._scenario.reward_scheme, self._scenario.timestep_limit
-        wanted, steps = targets.reshape(-1), self._seas.step
+        wanted, steps = targets.reshape(-1), self._state.step
         left_grid = (wanted == _OFF_GRID).nonzero()[0]
         collided = self._collided(targets)
         last = np.greater(np.equal(steps, self._last_step), self._over).nonzero()[0]
@@ -496,7 +502,7 @@ class SearchBatch:
             all_found=all_found,
             any_collided=self._row_of.take(collided),
             any_left_grid=self._row_of.take(left_grid),
-            time_up=last,
+            time_limit_reached=last,
         )
         self._over = self._endings != 0
         if left_grid.size:
@@ -507,7 +513,7 @@ class SearchBatch:
         if not self._several:
             return rows
         self._finders.reshape(-1)[finders] = True
-        missing = self._seas.missing.take(rows, axis=1)
+        missing = self._state.missing.take(rows, axis=1)
         of_all: Ints = rows[~np.logical_or.reduce(missing)]
         return of_all
 
@@ -543,7 +549,7 @@ class SearchBatch:
 
     @property
     def endings(self) -> NDArray[np.int8]:
-        """Why the last step ended episodes, see `rules.ENDINGS`: int8, (E,); a new array."""
+        """Why the last step ended episodes, each an `Ending`, or 0: int8, (E,); a new array."""
         return self._endings.copy()
 
     @property
@@ -554,7 +560,7 @@ class SearchBatch:
     @property
     def steps(self) -> Ints:
         """Completed steps of every row: int64, (E,)."""
-        return self._seas.step.copy()
+        return self._state.step.copy()
 
     @property
     def positions(self) -> NDArray[np.int32]:
@@ -576,27 +582,27 @@ class SearchBatch:
     @property
     def missing(self) -> Flags:
         """Which persons have not been found: bool, (E, persons)."""
-        return self._seas.missing.T.copy()
+        return self._state.missing.T.copy()
 
     @property
     def found(self) -> Flags:
         """Whether a person has been found in the episode: bool, (E,)."""
-        found: Flags = ~np.logical_and.reduce(self._seas.missing)
+        found: Flags = ~np.logical_and.reduce(self._state.missing)
         return found
 
     @property
     def person_cells(self) -> Ints:
         """Where every person is, y * N + x: int64, (E, persons). No drone is shown this."""
-        return self._seas.person_cells.T.copy()
+        return self._state.person_cells.T.copy()
 
     @property
     def parameters(self) -> dict[str, NDArray[Any]]:
         """Every row's parameters in its present episode, as `reset` takes them."""
         now, size = self._now, self._scenario.grid_size
         return {
-            "vector": now.laws.drift.T.copy(),
-            "person_initial_position": now.laws.start.transpose(2, 0, 1).copy(),
-            "disperse_constant": now.laws.disperse_constant.copy(),
+            "vector": now.forecasts.drift.T.copy(),
+            "person_initial_position": now.forecasts.start.transpose(2, 0, 1).copy(),
+            "disperse_constant": now.forecasts.disperse_constant.copy(),
             "drones_positions": np.stack(np.divmod(now.drones, size)[::-1], axis=-1),
         }
 
@@ -609,18 +615,18 @@ class SearchBatch:
         row = checks.integer("row", row, 0, self.num_rows - 1)
         self._check_whole("frame")
         _, positions = grid_of(self._scenario.grid_size)
-        drones, persons = self._cells[row], self._seas.person_cells[:, row]
-        x, y = self._now.laws.drift[:, row].tolist()
+        drones, persons = self._cells[row], self._state.person_cells[:, row]
+        x, y = self._now.forecasts.drift[:, row].tolist()
         return Frame(
             matrix=self.matrices_of(self._rows[row : row + 1])[0],
             drones=tuple(positions[cell] for cell in drones.tolist()),
             searching=tuple(self.searching[row].tolist()),
             persons=tuple(positions[cell] for cell in persons.tolist()),
-            found=tuple((~self._seas.missing[:, row]).tolist()),
-            step=int(self._seas.step[row]),
+            found=tuple((~self._state.missing[:, row]).tolist()),
+            step=int(self._state.step[row]),
             timestep_limit=self._scenario.timestep_limit,
             vector=(x, y),
-            ending=rules.ENDINGS[self._endings[row]],
+            ending=Ending(ending) if (ending := self._endings[row]) else None,
         )
 
     def write_matrices(self, out: Singles) -> None:
@@ -633,7 +639,7 @@ class SearchBatch:
         """
         self._check_receiver(out)
         self._check_whole("write_matrices")
-        self._seas.write_matrices(out)
+        self._state.write_matrices(out)
 
     def _check_receiver(self, matrices: Singles) -> None:
         size = self._scenario.grid_size
@@ -651,7 +657,7 @@ class SearchBatch:
         """
         rows = checked_rows(rows, self.num_rows, rising=True)
         self._check_whole("matrices_of")
-        return self._seas.matrices(rows)
+        return self._state.matrices(rows)
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each: float32, (n,).
@@ -676,7 +682,7 @@ class SearchBatch:
         wrong = places[(places < 0) | (places >= self._scenario.grid_size**2)]
         if wrong.size:
             raise ValueError(f"cells must be {what}, got {wrong[0]}")
-        return self._seas.shown(rows, places.astype(np.int64))
+        return self._state.shown(rows, places.astype(np.int64))
 
     @property
     def table(self) -> Singles:
@@ -697,15 +703,17 @@ class SearchBatch:
         place: Ints = self._table().entries[0]
         return place.copy()
 
-    def _table(self) -> Tables:
-        laws, scenario = self._seas.laws, self._scenario
+    def _table(self) -> TabulatedForecasts:
+        forecasts, scenario = self._state.forecasts, self._scenario
         if scenario.bayesian_update or len(scenario.person_initial_position) > 1:
             raise ValueError(
                 "with bayesian_update or several persons there is no table of matrices"
             )
-        if not isinstance(laws, Tables):
-            raise ValueError("there is no table of matrices: the laws are too many, or sampled")
-        return laws
+        if not isinstance(forecasts, TabulatedForecasts):
+            raise ValueError(
+                "there is no table of matrices: the forecasts are too many, or sampled"
+            )
+        return forecasts
 
 
 def _positions(grid_size: int) -> NDArray[np.int64]:

@@ -13,10 +13,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.streams import RowGenerator
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.streams import RowNumbers
-from DroneSwarmSearch.vector.laws import LawParameters
+from DroneSwarmSearch.vector.forecasts import DriftParameters
 
 __all__ = ["Parameters", "Sampler", "checked_rows", "checked_sizes"]
 
@@ -30,7 +30,7 @@ _ROW_BYTES = 64
 """Rounded down, what a batch keeps for each drone of each row."""
 
 _FOLLOWED_BYTES = 64
-"""What following a person's law takes, for each cell along a side."""
+"""What following a person's forecast takes, for each cell along a side."""
 
 
 class Sampler(Protocol):
@@ -45,7 +45,7 @@ class Sampler(Protocol):
             }
     """
 
-    def __call__(self, rng: RowNumbers, /) -> Mapping[str, Any]:
+    def __call__(self, rng: RowGenerator, /) -> Mapping[str, Any]:
         """The parameters of len(rng) episodes.
 
         Args:
@@ -67,12 +67,12 @@ class Parameters:
     Attributes:
         scenario: what all rows share; its `vector`, `persons` and `disperse_constant` are
             those of row 0.
-        laws: the persons' starts, the drift and the disperse constant of every row.
+        forecasts: the persons' starts, the drift and the disperse constant of every row.
         drones: the drones' start cells, y * N + x: int64, (rows, n_drones).
     """
 
     scenario: Scenario
-    laws: LawParameters
+    forecasts: DriftParameters
     drones: Ints
 
     @classmethod
@@ -93,7 +93,7 @@ class Parameters:
         Args:
             num_rows: the number of rows.
             rows_name: what `num_rows` is called in errors.
-            follows: whether each row follows laws of its own.
+            follows: whether each row follows forecasts of its own.
             vector: as in `SearchBatch`, like all others.
             person_initial_position: likewise.
             disperse_constant: likewise.
@@ -126,7 +126,7 @@ class Parameters:
             cells = _drones(drones_positions, rows, scenario)
         return cls(
             scenario,
-            LawParameters(_by_person(persons), np.ascontiguousarray(vectors.T), constants),
+            DriftParameters(_by_person(persons), np.ascontiguousarray(vectors.T), constants),
             np.broadcast_to(cells, (rows, scenario.n_drones)).copy(),
         )
 
@@ -137,9 +137,9 @@ class Parameters:
 
     def copy(self) -> Parameters:
         """The same parameters in arrays of their own."""
-        start, drift, constant = self.laws
-        laws = LawParameters(start.copy(), drift.copy(), constant.copy())
-        return replace(self, laws=laws, drones=self.drones.copy())
+        start, drift, constant = self.forecasts
+        forecasts = DriftParameters(start.copy(), drift.copy(), constant.copy())
+        return replace(self, forecasts=forecasts, drones=self.drones.copy())
 
     def changed(self, given: Mapping[str, Any]) -> Parameters:
         """The same with some of `VARIABLE` given anew, for all rows.
@@ -155,7 +155,7 @@ class Parameters:
 
     def assign(self, rows: Ints, other: Parameters) -> None:
         """Take over the parameters of some rows."""
-        for mine, theirs in zip(self.laws, other.laws, strict=True):
+        for mine, theirs in zip(self.forecasts, other.forecasts, strict=True):
             mine[..., rows] = theirs[..., rows]
         self.drones[rows] = other.drones[rows]
 
@@ -171,7 +171,7 @@ class Parameters:
             TypeError: what the sampler returns is of the wrong type.
             ValueError: it is out of its limits.
         """
-        values = sampler(RowNumbers(keys))
+        values = sampler(RowGenerator(keys))
         if not isinstance(values, Mapping):
             raise TypeError(f"sampler must return a mapping, got {values!r}")
         return self.checked_values(rows, values, "what sampler returns")
@@ -208,9 +208,9 @@ class Parameters:
     def assign_values(self, rows: Ints, values: Values) -> None:
         """Set some of `VARIABLE`, checked, in some rows."""
         arrays = {
-            "vector": self.laws.drift,
-            "person_initial_position": self.laws.start,
-            "disperse_constant": self.laws.disperse_constant,
+            "vector": self.forecasts.drift,
+            "person_initial_position": self.forecasts.start,
+            "disperse_constant": self.forecasts.disperse_constant,
             "drones_positions": self.drones.T,
         }
         for name, value in values.items():

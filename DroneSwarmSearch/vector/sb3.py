@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.vector.views import SearchVectorEnv
 
 __all__ = ["SB3VecEnv"]

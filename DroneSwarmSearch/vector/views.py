@@ -18,15 +18,21 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, create_empty_array
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, StackedLayout, share_left
-from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rules import ENDINGS, Action, Ending
+from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import VARIABLE, checked_rows, checked_sizes
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
+from DroneSwarmSearch.wrappers.layouts import (
+    JOINT_LAYOUTS,
+    LAYOUTS,
+    Layout,
+    StackedLayout,
+    remaining_time_fraction,
+)
+from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["Buffers", "DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
 
@@ -36,8 +42,6 @@ Singles = NDArray[np.float32]
 Observations = Any  # an array, or a dict of arrays
 Slots = Any  # an array with a first axis for the slots
 Infos = dict[str, Any]
-
-_TIME_UP = ENDINGS.index(Ending.TIME_UP)
 
 _SHOWN_BYTES = 14
 """For each number shown: itself, and its limits in the batched space."""
@@ -68,7 +72,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     Args:
         swarms: the number of swarms, E; each view has a name of its own for it.
         observation: "dict", or one float32 array: "flat", "planes", "top-cells" or
-            "glimpses"; each view says what is in them.
+            "crops"; each view says what is in them.
         top_cells: how many cells the layout "top-cells" shows; from 1 to grid_size².
         write_matrices: False shows, in place of matrices, where in the table `matrices`,
             which all swarms share, the matrix of each stands; for one person, without
@@ -448,7 +452,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         endings, each = self.batch.endings, self._per_swarm
         terminated = truncated = endings != 0
         if self._separate:
-            truncated = endings == _TIME_UP
+            truncated = endings == Ending.TIME_LIMIT
             terminated = terminated & ~truncated
         return terminated.repeat(each), truncated.repeat(each)
 
@@ -544,7 +548,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             return
         assert matrices is not None
         given, shown = matrices, self._by_row(out, rows)
-        left = share_left(self._of_rows(self.batch.steps, rows), self._limit)
+        left = remaining_time_fraction(self._of_rows(self.batch.steps, rows), self._limit)
 
         def write(some: slice) -> None:
             self._layout.write(positions[some], given[some], left[some], shown[some])
@@ -642,7 +646,7 @@ class SwarmVectorEnv(SearchVectorEnv):
 
     Rewards: the sum over the drones. Infos: `rewards` of every drone, (E, n_drones);
     `Found`, whether anybody has been found; `persons_found`, who, (E, persons);
-    `ending`, why the last step ended the episode (`rules.ENDINGS`); `step`, completed
+    `ending`, why the last step ended the episode (an `Ending`, or 0); `step`, completed
     steps. Each comes with a mask of the same name behind an underscore.
 
     Args:
@@ -711,12 +715,12 @@ class DroneVectorEnv(SearchVectorEnv):
       their cells); the share of the steps left, in every cell: float32, (4, N, N).
     - "top-cells": the likeliest cells and the other drones, as they lie around it: float32,
       (3 top_cells + 2 n_drones + 1,), see `layouts.top_cells`.
-    - "glimpses": the matrix and the other drones in windows around it, fine and coarse:
-      float32, (202,) whatever the search, see `layouts.glimpses`.
+    - "crops": the matrix and the other drones in windows around it, fine and coarse:
+      float32, (202,) whatever the search, see `layouts.crops`.
 
     Rewards: the drone's own. Infos, alike for all drones of a swarm: `Found`, whether
     anybody has been found; `persons_found`, who, (slots, persons); `ending`, why the last
-    step ended the episode (`rules.ENDINGS`); `step`, completed steps. Each comes with a
+    step ended the episode (an `Ending`, or 0); `step`, completed steps. Each comes with a
     mask of the same name behind an underscore.
 
     Args:

@@ -10,9 +10,9 @@ The batched views of `DroneSwarmSearch.vector` offer the same by their arguments
 """
 
 from DroneSwarmSearch.wrappers.action_mask import ActionMask
+from DroneSwarmSearch.wrappers.crops_observation import CropsObservation
 from DroneSwarmSearch.wrappers.dict_observation import DictObservation
 from DroneSwarmSearch.wrappers.flat_observation import FlatObservation
-from DroneSwarmSearch.wrappers.glimpses_observation import GlimpsesObservation
 from DroneSwarmSearch.wrappers.other_drones import OtherDrones
 from DroneSwarmSearch.wrappers.planes_observation import PlanesObservation
 from DroneSwarmSearch.wrappers.scaled_rewards import ScaledRewards
@@ -21,9 +21,9 @@ from DroneSwarmSearch.wrappers.top_cells_observation import TopCellsObservation
 
 __all__ = [
     "ActionMask",
+    "CropsObservation",
     "DictObservation",
     "FlatObservation",
-    "GlimpsesObservation",
     "OtherDrones",
     "PlanesObservation",
     "ScaledRewards",

@@ -9,10 +9,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.mappings import Infos
-from DroneSwarmSearch.masks import action_masks
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.wrappers.masks import action_masks
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
 
 __all__ = ["ActionMask"]

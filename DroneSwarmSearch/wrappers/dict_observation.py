@@ -6,8 +6,8 @@ from typing import Any
 
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.layouts.dictionary import DictLayout
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts.dictionary import DictLayout
 
 __all__ = ["DictObservation"]
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.layouts.flat import FlatLayout
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts.flat import FlatLayout
 
 __all__ = ["FlatObservation"]
 

@@ -10,9 +10,9 @@ from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.layouts import Layout, share_left
-from DroneSwarmSearch.mappings import Infos
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.mappings import Infos
+from DroneSwarmSearch.wrappers.layouts import Layout, remaining_time_fraction
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
 
 __all__ = ["LayoutObservation"]
@@ -61,7 +61,7 @@ class LayoutObservation(SearchWrapper):
     def _shown(self, observations: Observations, infos: Infos) -> tuple[Observations, Infos]:
         frame, drones = self.unwrapped.frame(), len(self.possible_agents)
         positions = np.array([frame.drones], np.int32)
-        left = share_left([frame.step], frame.timestep_limit)
+        left = remaining_time_fraction([frame.step], frame.timestep_limit)
         shown: Any = create_empty_array(self.layout.space, drones, fn=np.empty)
         if isinstance(shown, dict):
             out: Any = {key: array[None] for key, array in shown.items()}

@@ -8,8 +8,8 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.layouts.layout import own_first
-from DroneSwarmSearch.mappings import Infos
+from DroneSwarmSearch._internal.mappings import Infos
+from DroneSwarmSearch.wrappers.layouts.layout import own_first
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
 
 __all__ = ["OtherDrones"]

@@ -8,10 +8,10 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.layouts.planes import PlanesLayout
-from DroneSwarmSearch.mappings import Infos
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts.planes import PlanesLayout
 from DroneSwarmSearch.wrappers.wrapper import Observations
 
 __all__ = ["PlanesObservation"]

@@ -7,8 +7,8 @@ from typing import Any
 
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.mappings import Rewards
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.mappings import Rewards
 from DroneSwarmSearch.wrappers.wrapper import SearchWrapper
 
 __all__ = ["ScaledRewards"]

@@ -27,5 +27,7 @@ class SeparateFlags(SearchWrapper):
     def _flags(self, terminations: Flags, truncations: Flags) -> tuple[Flags, Flags]:
         if not (any(terminations.values()) or any(truncations.values())):
             return terminations, truncations
-        time_up = self.unwrapped.frame().ending is Ending.TIME_UP
-        return dict.fromkeys(terminations, not time_up), dict.fromkeys(truncations, time_up)
+        time_limit_reached = self.unwrapped.frame().ending is Ending.TIME_LIMIT
+        return dict.fromkeys(terminations, not time_limit_reached), dict.fromkeys(
+            truncations, time_limit_reached
+        )

@@ -6,8 +6,8 @@ from typing import Any
 
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts.top_cells import TopCellsLayout
 
 __all__ = ["TopCellsObservation"]
 

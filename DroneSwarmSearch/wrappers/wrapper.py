@@ -9,8 +9,8 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
+from DroneSwarmSearch._internal.mappings import Infos, Rewards
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.mappings import Infos, Rewards
 
 __all__ = ["SearchWrapper"]
 

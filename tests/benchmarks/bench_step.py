@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import DroneSwarmSearch
-from DroneSwarmSearch.bench.contestants import (
+from DroneSwarmSearch.bench.cases import (
     SINGLE,
     LeftOutError,
     Size,
@@ -63,7 +63,7 @@ def floor(grid_size: int, n: int) -> Callable[[int], object]:
     return run
 
 
-def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
+def cases(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
     names = [f"drone{i}" for i in range(n)]
     middle = (grid_size // 2, grid_size // 2)
     size = Size(grid_size, n)
@@ -85,7 +85,7 @@ def contestants(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
 
 
 def measure(runs: dict[str, Callable[[int], object]], rounds: int, steps: int) -> dict[str, float]:
-    """Median microseconds a step of each contestant, taken in turns."""
+    """Median microseconds a step of each case, taken in turns."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     for run in runs.values():
         run(steps // 10)
@@ -104,7 +104,7 @@ def report_steps(rounds: int, steps: int) -> None:
         f" | {'idle/floor':>10} {'moves/floor':>11} {'DSSE/random':>11} {'DSSE/idle':>9}"
     )
     for grid_size, n in SIZES:
-        figures = measure(contestants(grid_size, n), rounds, steps)
+        figures = measure(cases(grid_size, n), rounds, steps)
         peer = figures.get("DSSE", float("nan"))
         print(
             f"{grid_size:>9}, {n:>2} "

@@ -3,11 +3,11 @@
     pip install torch stable-baselines3 supersuit
     python tests/benchmarks/bench_training.py
 
-The same network, glimpses, search and settings of PPO for all, taken in turns within one
+The same network, crops, search and settings of PPO for all, taken in turns within one
 process, updates included; rates in environment steps, medians with quartiles:
 
 - one file: `examples/train_ppo.py`, on a batch of searches;
-- SB3: Stable-Baselines3's PPO on one environment through `GlimpsesObservation` and
+- SB3: Stable-Baselines3's PPO on one environment through `CropsObservation` and
   SuperSuit, which makes every drone a slot;
 - SB3, batched: the same on the batch by `SB3VecEnv`;
 - network: what the network alone costs, its forward passes in the rollout and the update,
@@ -33,10 +33,10 @@ from torch import nn
 
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.bench.turns import Spread, take_turns
-from DroneSwarmSearch.layouts.glimpses import LENGTH
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
-from DroneSwarmSearch.wrappers import GlimpsesObservation, ScaledRewards
+from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
+from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
 
 SEARCH: dict[str, Any] = {
     "grid_size": 20,
@@ -135,7 +135,7 @@ def run_sb3(example: Any, env: Any, drones: int, transitions: int) -> Run:
 def single(drones: int) -> Any:
     """One environment as SuperSuit makes it fit for Stable-Baselines3."""
     env: Any = DroneSwarmSearch(n_drones=drones, **SEARCH)
-    env = GlimpsesObservation(ScaledRewards(env))
+    env = CropsObservation(ScaledRewards(env))
     vector = supersuit.pettingzoo_env_to_vec_env_v1(env)
     return supersuit.concat_vec_envs_v1(vector, 1, base_class="stable_baselines3")
 
@@ -145,7 +145,7 @@ def batched(num_envs: int, drones: int) -> SB3VecEnv:
     return SB3VecEnv(
         DroneVectorEnv(
             num_envs,
-            observation="glimpses",
+            observation="crops",
             autoreset_mode="SameStep",
             reward_scale=2.0**-17,
             n_drones=drones,

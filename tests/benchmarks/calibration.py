@@ -6,13 +6,13 @@ plays 10,000 seeded episodes of each setting in which nobody searches: a grid of
 the person in the middle, 60 steps. At every step it compares the share of episodes in which
 the person is in each cell with the matrix that the drones were shown: the total variation
 between the two, half the sum of the absolute differences. Frequencies of a finite number of
-episodes are never equal to their law, so that a true matrix has a distance as well, the
+episodes are never equal to their forecast, so that a true matrix has a distance as well, the
 floor: its mean is known exactly (`floor`), and it is printed beside.
 
-Contestants are measured where they are installed, each through its own constructor, `reset`,
+BenchmarkCases are measured where they are installed, each through its own constructor, `reset`,
 `step` and the person's position: this package, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the
 2023 package, whose import path this package answers to as well, so that it needs an environment
-of its own. `--csv` keeps the figures, and those of other contestants that the file holds;
+of its own. `--csv` keeps the figures, and those of other cases that the file holds;
 `--behind 1` compares with the matrix of the step before, should somebody's matrix be ahead.
 """
 
@@ -45,7 +45,7 @@ SHOWN = (10, 20, 40, 60)
 
 
 class LeftOutError(Exception):
-    """A contestant is not installed."""
+    """A case is not installed."""
 
 
 class Setting(NamedTuple):
@@ -144,9 +144,9 @@ def package_of_2023(setting: Setting, episodes: int, steps: int) -> Seen:
     return one_by_one(episode, episodes, steps)
 
 
-Contestant = Callable[[Setting, int, int], Seen]
+BenchmarkCase = Callable[[Setting, int, int], Seen]
 
-CONTESTANTS: dict[str, tuple[Contestant, list[Setting]]] = {
+CONTESTANTS: dict[str, tuple[BenchmarkCase, list[Setting]]] = {
     "DroneSwarmSearch": (ours, [Setting(v, c) for v in DRIFTS for c in CONSTANTS]),
     "DSSE 1.1.9": (dsse, [Setting(v, None) for v in DRIFTS]),
     "2023 package": (package_of_2023, [Setting(v, c) for v in DRIFTS for c in CONSTANTS]),
@@ -218,7 +218,7 @@ def floor(matrix: Floats, episodes: int) -> float:
 def measure(
     name: str, episodes: int, steps: int, settings: int | None, behind: int
 ) -> list[dict[str, Any]]:
-    """The rows of a contestant's settings, or of the first of them, as `COLUMNS` names them."""
+    """The rows of a case's settings, or of the first of them, as `COLUMNS` names them."""
     play, asked = CONTESTANTS[name]
     rows = []
     for setting in asked[:settings]:
@@ -248,7 +248,7 @@ def line(name: str, setting: Setting, rows: list[dict[str, Any]]) -> str:
 
 
 def keep(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Put contestants' rows into a file, in place of those that it has of them."""
+    """Put cases' rows into a file, in place of those that it has of them."""
     if path.exists():
         new = {row["package"] for row in rows}
         with path.open(encoding="utf-8", newline="") as file:

@@ -76,7 +76,7 @@ SCENARIOS = {
         {"seed": 3, "drones_positions": [(0, 2), (2, 2)]},
         "IL LL",
     ),
-    "time_up": Scenario(
+    "time_limit": Scenario(
         "Likely and unlikely cells are searched in vain until the time is up.",
         {
             "grid_size": 6,

@@ -9,9 +9,9 @@ from typing import Any, NoReturn
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.errors import ResetNeeded
-from DroneSwarmSearch.grid import Neighbours
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch._internal.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
 __all__ = ["Reader", "TurnBased", "names_in_words", "reader"]

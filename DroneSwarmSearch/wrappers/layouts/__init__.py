@@ -6,21 +6,21 @@ layout is one file here, and one line in `LAYOUTS`.
 
 from __future__ import annotations
 
-from DroneSwarmSearch.layouts.dictionary import DictLayout, JointDictLayout
-from DroneSwarmSearch.layouts.flat import FlatLayout, JointFlatLayout
-from DroneSwarmSearch.layouts.glimpses import GlimpsesLayout
-from DroneSwarmSearch.layouts.layout import Layout, StackedLayout, share_left
-from DroneSwarmSearch.layouts.planes import JointPlanesLayout, PlanesLayout
-from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+from DroneSwarmSearch.wrappers.layouts.crops import CropsLayout
+from DroneSwarmSearch.wrappers.layouts.dictionary import DictLayout, JointDictLayout
+from DroneSwarmSearch.wrappers.layouts.flat import FlatLayout, JointFlatLayout
+from DroneSwarmSearch.wrappers.layouts.layout import Layout, StackedLayout, remaining_time_fraction
+from DroneSwarmSearch.wrappers.layouts.planes import JointPlanesLayout, PlanesLayout
+from DroneSwarmSearch.wrappers.layouts.top_cells import TopCellsLayout
 
-__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "share_left"]
+__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "remaining_time_fraction"]
 
 LAYOUTS: dict[str, type[Layout]] = {
     "dict": DictLayout,
     "flat": FlatLayout,
     "planes": PlanesLayout,
     "top-cells": TopCellsLayout,
-    "glimpses": GlimpsesLayout,
+    "crops": CropsLayout,
 }
 """What each drone is shown, by the name of the layout."""
 

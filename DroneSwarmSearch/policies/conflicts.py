@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 
-__all__ = ["MOVES", "settle"]
+__all__ = ["MOVES", "resolve_conflicts"]
 
 MOVES: dict[Cell, Action] = {
     (-1, 0): Action.LEFT,
@@ -19,7 +19,7 @@ MOVES: dict[Cell, Action] = {
 """What brings a drone by (x, y) to another cell, without a search."""
 
 
-def settle(
+def resolve_conflicts(
     cells: Sequence[Cell], wishes: Sequence[Cell], priority: Iterable[int] | None = None
 ) -> list[Cell]:
     """Where the drones go in a step.

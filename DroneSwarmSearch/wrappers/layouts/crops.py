@@ -1,7 +1,7 @@
-"""The layout "glimpses": windows around the drone, fine and coarse, whatever the grid.
+"""The layout "crops": windows around the drone, fine and coarse, whatever the grid.
 
 What is near is shown cell by cell, what is far in larger and larger boxes, as the eye sees
-(a "glimpse sensor": V. Mnih, N. Heess, A. Graves, K. Kavukcuoglu, Recurrent models of visual
+(a "crop sensor": V. Mnih, N. Heess, A. Graves, K. Kavukcuoglu, Recurrent models of visual
 attention, NeurIPS 2014). The length does not depend on the size of the grid nor on the
 number of drones, so that one network serves all searches.
 """
@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from gymnasium import spaces
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.layouts.layout import Layout, Positions, Singles
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.wrappers.layouts.layout import Layout, Positions, Singles
 
-__all__ = ["LENGTH", "SCALES", "WINDOW", "GlimpsesLayout"]
+__all__ = ["LENGTH", "SCALES", "WINDOW", "CropsLayout"]
 
 WINDOW = 5
 """Boxes along each side of a window; odd, so that the drone is in the middle one."""
@@ -33,7 +33,7 @@ _DRONES_AT_ONCE = 1000
 such a distance apart would drive each other out of it."""
 
 
-class GlimpsesLayout(Layout):
+class CropsLayout(Layout):
     """For each drone a vector: float32, length 2 * 4 * 5² + 2 = 202.
 
     For each scale, of boxes of 1, 3, 9 and 27 cells a side: a window of 5 x 5 boxes around

@@ -1,6 +1,6 @@
 """The belief about a person after searches: Bayes' rule and drift.
 
-While nobody has searched, the belief equals the matrix of the law. A search of cell k
+While nobody has searched, the belief equals the matrix of the forecast. A search of cell k
 with probability of detection q that finds nothing multiplies b(k) by 1 - q; all
 searches of a step count together, then the belief is normalised. What normalisation
 takes away is the probability that the searches would have succeeded. Then the belief
@@ -16,12 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["after_drift", "after_fruitless_search", "normalise"]
+__all__ = ["after_drift", "after_unsuccessful_search", "normalise"]
 
 Floats = NDArray[np.float64]
 
 
-def after_fruitless_search(
+def after_unsuccessful_search(
     belief: Floats, cells: Sequence[int], probability_of_detection: float
 ) -> tuple[Floats, float]:
     """The belief about one person once a step's searches have not found that person.

@@ -6,8 +6,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.layouts.layout import (
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.wrappers.layouts.layout import (
     Layout,
     Positions,
     Singles,

@@ -15,16 +15,16 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 
 __all__ = [
     "Layout",
     "StackedLayout",
     "mark",
     "own_first",
+    "remaining_time_fraction",
     "scaled_matrices",
     "scaled_positions",
-    "share_left",
 ]
 
 Singles = NDArray[np.float32]
@@ -74,7 +74,7 @@ class Layout(ABC):
             matrices: what the drones are shown, as the environment has it: float32, shape
                 (S, N, N), indexed [y, x]. They are scratch: what is in them afterwards is
                 anything.
-            left: the share of the steps left, see `share_left`: float32, shape (S,).
+            left: the share of the steps left, see `remaining_time_fraction`: float32, shape (S,).
             out: receives it, an array of the space's dtype, with axes for the searches and
                 the drones, S and n, before the space's own; for a joint layout with one
                 for the searches alone. Where the space is a Dict, a dict of such arrays.
@@ -102,7 +102,7 @@ class StackedLayout(Layout):
         self.layout.write(positions, matrices, left, out)
 
 
-def share_left(steps: Any, timestep_limit: int) -> Singles:
+def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:
     """The share of the steps left: 1 at the beginning, 0 when the time is up.
 
     Args:

@@ -1,9 +1,9 @@
-"""The laws of a batch: where each row's persons may be, and how they move, at its step.
+"""The forecasts of a batch: where each row's persons may be, and how they move, at its step.
 
 Both classes answer the same questions about every row at the step it has come to.
-`Tables` looks the answers up: right for the ordinary batch, in which few laws serve many
-rows. `Followed` works them out from step to step: right where every row has a law of its
-own, or an episode lasts too long for a table. Both compute with the functions of
+`TabulatedForecasts` looks them up: right for the ordinary batch, in which few forecasts serve
+many rows. `OnTheFlyForecasts` computes them step by step: right where every row has its
+own, or an episode lasts too long for a table. Both use the functions of
 `probability_matrix` and agree with the single environment to the last bit.
 
 Arrays have the rows of the batch as their last axis: what is looked up for one cell or
@@ -18,25 +18,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.probability_matrix import (
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.streams import DENOMINATOR
+from DroneSwarmSearch.drift.probability_matrix import (
     gaussian_cdf,
     moves_between,
     point_mass,
     reachable,
     tabulate,
 )
-from DroneSwarmSearch.streams import DENOMINATOR
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
 __all__ = [
     "TABLE_BYTES",
-    "Followed",
-    "LawParameters",
-    "Laws",
-    "Tables",
+    "DriftParameters",
+    "Forecasts",
+    "OnTheFlyForecasts",
+    "TabulatedForecasts",
     "check_table",
-    "choose_laws",
+    "choose_forecasts",
 ]
 
 Floats = NDArray[np.float64]
@@ -45,14 +45,14 @@ Singles = NDArray[np.float32]
 Rows = Any  # a slice or an array of row numbers
 
 TABLE_BYTES = 64 * 2**20
-"""The most that tables may take where they are not asked for; beyond it laws are followed."""
+"""The most that tables may take where they are not asked for; beyond it forecasts are followed."""
 
 _BLOCK_STEPS = 32
 _CHUNK_BYTES = 2**20  # of one of the arrays that are worked on; larger ones are not faster
 
 
-class LawParameters(NamedTuple):
-    """What the laws of a batch depend on.
+class DriftParameters(NamedTuple):
+    """What the forecasts of a batch depend on.
 
     Attributes:
         start: each person's cell at step 0: int64, shape (persons, 2, rows), x first.
@@ -65,10 +65,10 @@ class LawParameters(NamedTuple):
     disperse_constant: Floats
 
 
-class Laws:
-    """What both kinds of laws do; every row is at a step of its own.
+class Forecasts:
+    """What both kinds of forecasts do; every row is at a step of its own.
 
-    Laws may keep some integers for each row, its places, that are set anew when an episode
+    Forecasts may keep some integers for each row, its places, that are set anew when an episode
     begins and grow from step to step. They lie where `bind` is told, next to what else
     begins and grows with an episode, so that all of it is set and grows at once.
 
@@ -110,12 +110,12 @@ class Laws:
         """
         raise NotImplementedError
 
-    def assign(self, rows: Ints, parameters: LawParameters) -> None:
-        """Give some rows other laws, with which their next episodes begin.
+    def assign(self, rows: Ints, parameters: DriftParameters) -> None:
+        """Give some rows other forecasts, with which their next episodes begin.
 
         Args:
             rows: their numbers.
-            parameters: the laws of all rows.
+            parameters: the forecasts of all rows.
         """
         raise NotImplementedError
 
@@ -172,22 +172,22 @@ class Laws:
         raise NotImplementedError
 
 
-class Tables(Laws):
-    """A table of every law, filled as far as the rows have come.
+class TabulatedForecasts(Forecasts):
+    """A table of every forecast, filled as far as the rows have come.
 
     Args:
         grid_size: cells along each side, N.
         steps: the last step that any row comes to.
         parameters: of the rows, one set or several: a row that begins may have any of
-            the laws in any of them.
+            the forecasts in any of them.
     """
 
-    def __init__(self, grid_size: int, steps: int, *parameters: LawParameters) -> None:
+    def __init__(self, grid_size: int, steps: int, *parameters: DriftParameters) -> None:
         self.grid_size = grid_size
         self._steps = steps
         self._cells = np.array(grid_size**2)  # arrays calculate faster with it than with a number
-        self._laws = _different_laws(parameters)
-        count, persons = len(self._laws), len(parameters[0].start)
+        self._forecasts = _different_forecasts(parameters)
+        count, persons = len(self._forecasts), len(parameters[0].start)
         shape = (count, steps + 1, 2, grid_size)
         self._probability = np.zeros(shape)
         # To move right and left: as `moves` returns them, with the entries as the last axis.
@@ -259,7 +259,7 @@ class Tables(Laws):
             self._flat_either.take(places, mode="clip"),
         )
 
-    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+    def assign(self, rows: Ints, parameters: DriftParameters) -> None:
         entries = self._numbers(parameters, rows) * (self._steps + 1)
         self._first[:, rows] = self._places_of(entries)
 
@@ -319,20 +319,24 @@ class Tables(Laws):
             entries = self.entries[person, rows]
         return entries
 
-    def _numbers(self, parameters: LawParameters, rows: Ints) -> Ints:
-        """The number of each person's law: (persons, rows)."""
-        if len(self._laws) == 1:
+    def _numbers(self, parameters: DriftParameters, rows: Ints) -> Ints:
+        """The number of each person's forecast: (persons, rows)."""
+        if len(self._forecasts) == 1:
             return np.zeros((len(self.entries), len(rows)), np.int64)
-        wanted = _laws(parameters, rows)
-        merged = np.concatenate([self._laws, wanted.reshape(-1, 5)])
+        wanted = _forecasts(parameters, rows)
+        merged = np.concatenate([self._forecasts, wanted.reshape(-1, 5)])
         _, number = np.unique(merged, axis=0, return_inverse=True)
-        return number.reshape(-1)[len(self._laws) :].reshape(wanted.shape[:2])
+        return number.reshape(-1)[len(self._forecasts) :].reshape(wanted.shape[:2])
 
     def _fill(self) -> None:
         """Fill the tables for the next steps."""
         first = self._filled
         count = min(_BLOCK_STEPS, self._steps + 1 - first)
-        start, drift, constant = self._laws[:, :2], self._laws[:, 2:4], self._laws[:, 4]
+        start, drift, constant = (
+            self._forecasts[:, :2],
+            self._forecasts[:, 2:4],
+            self._forecasts[:, 4],
+        )
         tables = tabulate(
             self.grid_size,
             start.reshape(-1),
@@ -344,7 +348,7 @@ class Tables(Laws):
         )
         self._cdf = tables.cdf
         here = np.s_[:, first : first + count]
-        shape = (count, len(self._laws), 2, self.grid_size)
+        shape = (count, len(self._forecasts), 2, self.grid_size)
         probability, right, left = (
             table.reshape(shape).swapaxes(0, 1)
             for table in (tables.probability, tables.right, tables.left)
@@ -360,15 +364,15 @@ class Tables(Laws):
         self._filled = first + count
 
 
-class Followed(Laws):
-    """Every row's laws worked out from step to step.
+class OnTheFlyForecasts(Forecasts):
+    """Every row's forecasts worked out from step to step.
 
     Args:
         grid_size: cells along each side, N.
         parameters: of the rows.
     """
 
-    def __init__(self, grid_size: int, parameters: LawParameters) -> None:
+    def __init__(self, grid_size: int, parameters: DriftParameters) -> None:
         persons, _, rows = parameters.start.shape
         self.grid_size = grid_size
         self.growth = np.empty((0, 1), np.int64)
@@ -394,7 +398,7 @@ class Followed(Laws):
     def bind(self, now: Ints, first: Ints) -> None:
         pass  # it has none
 
-    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+    def assign(self, rows: Ints, parameters: DriftParameters) -> None:
         persons = len(parameters.start)
         self._start[:, rows] = parameters.start[..., rows].reshape(self._axes, -1)
         self._drift[:, rows] = np.tile(parameters.drift[:, rows], (persons, 1))
@@ -460,51 +464,51 @@ class Followed(Laws):
         return values
 
 
-def _laws(parameters: LawParameters, rows: Rows = slice(None)) -> Floats:
-    """Each person's law as numbers: (persons, rows, 5)."""
+def _forecasts(parameters: DriftParameters, rows: Rows = slice(None)) -> Floats:
+    """Each person's forecast as numbers: (persons, rows, 5)."""
     start = parameters.start[..., rows]
     persons, _, count = start.shape
-    laws = np.empty((persons, count, 5))
-    laws[..., :2] = start.swapaxes(1, 2)
-    laws[..., 2:4] = parameters.drift[:, rows].T
-    laws[..., 4] = parameters.disperse_constant[rows]
-    return laws
+    forecasts = np.empty((persons, count, 5))
+    forecasts[..., :2] = start.swapaxes(1, 2)
+    forecasts[..., 2:4] = parameters.drift[:, rows].T
+    forecasts[..., 4] = parameters.disperse_constant[rows]
+    return forecasts
 
 
-def choose_laws(
-    grid_size: int, steps: int, *parameters: LawParameters, wants_table: bool = False
-) -> Tables | Followed:
-    """Tables where they fit into `TABLE_BYTES` or are asked for, else laws that are followed.
+def choose_forecasts(
+    grid_size: int, steps: int, *parameters: DriftParameters, wants_table: bool = False
+) -> TabulatedForecasts | OnTheFlyForecasts:
+    """Tabulated forecasts where they fit into `TABLE_BYTES` or are requested, else on-the-fly.
 
     Args:
         grid_size: cells along each side, N.
         steps: the last step that any row comes to.
-        parameters: see `Tables`; the rows have the last ones now.
+        parameters: see `TabulatedForecasts`; the rows have the last ones now.
         wants_table: take tables, however large.
     """
-    affordable = TABLE_BYTES // _law_bytes(grid_size, steps)
-    if wants_table or len(_different_laws(parameters)) <= affordable:
-        return Tables(grid_size, steps, *parameters)
-    return Followed(grid_size, parameters[-1])
+    affordable = TABLE_BYTES // _forecast_bytes(grid_size, steps)
+    if wants_table or len(_different_forecasts(parameters)) <= affordable:
+        return TabulatedForecasts(grid_size, steps, *parameters)
+    return OnTheFlyForecasts(grid_size, parameters[-1])
 
 
-def check_table(grid_size: int, steps: int, parameters: LawParameters) -> None:
-    """Refuse tables that do not fit in memory; arguments as for `Tables`."""
-    laws = len(_different_laws([parameters]))
+def check_table(grid_size: int, steps: int, parameters: DriftParameters) -> None:
+    """Refuse tables that do not fit in memory; arguments as for `TabulatedForecasts`."""
+    forecasts = len(_different_forecasts([parameters]))
     checks.fits(
-        f"the table of matrices for {laws} different laws",
-        _law_bytes(grid_size, steps) * laws,
+        f"the table of matrices for {forecasts} different forecasts",
+        _forecast_bytes(grid_size, steps) * forecasts,
         grid_size=grid_size,
         timestep_limit=steps,
     )
 
 
-def _law_bytes(grid_size: int, steps: int) -> int:
-    """What the tables of a law take."""
+def _forecast_bytes(grid_size: int, steps: int) -> int:
+    """What the tables of a forecast take."""
     return (4 * grid_size**2 + 5 * 8 * 2 * grid_size) * (steps + 1)
 
 
-def _different_laws(parameters: Sequence[LawParameters]) -> Floats:
-    """All laws, each once: (laws, 5)."""
-    laws = np.concatenate([_laws(each).reshape(-1, 5) for each in parameters])
-    return np.unique(laws, axis=0)
+def _different_forecasts(parameters: Sequence[DriftParameters]) -> Floats:
+    """All forecasts, each once: (forecasts, 5)."""
+    forecasts = np.concatenate([_forecasts(each).reshape(-1, 5) for each in parameters])
+    return np.unique(forecasts, axis=0)

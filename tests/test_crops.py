@@ -1,4 +1,4 @@
-"""The layout "glimpses", against boxes added up cell by cell."""
+"""The layout "crops", against boxes added up cell by cell."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.layouts import glimpses as module
-from DroneSwarmSearch.layouts.glimpses import LENGTH, SCALES, WINDOW, GlimpsesLayout
+from DroneSwarmSearch.wrappers.layouts import crops as module
+from DroneSwarmSearch.wrappers.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
 
 
-def glimpses(positions: np.ndarray, matrices: np.ndarray, left: np.ndarray) -> np.ndarray:
-    layout = GlimpsesLayout(matrices.shape[-1], positions.shape[1])
+def crops(positions: np.ndarray, matrices: np.ndarray, left: np.ndarray) -> np.ndarray:
+    layout = CropsLayout(matrices.shape[-1], positions.shape[1])
     out = np.full((*positions.shape[:2], *layout.space.shape), 7, np.float32)
     layout.write(positions, matrices.copy(), left, out)
     for vector in out.reshape(-1, out.shape[-1]):
@@ -48,7 +48,7 @@ def test_windows_show_the_boxes_around_the_drone(
     shown: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     positions, matrices, left = shown
-    seen = glimpses(*shown)
+    seen = crops(*shown)
     for search, matrix in enumerate(matrices.astype(np.float64)):
         for drone, own in enumerate(positions[search].tolist()):
             vector = seen[search, drone]
@@ -68,23 +68,23 @@ def test_windows_show_the_boxes_around_the_drone(
 
 @given(shown=searches())
 def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-    together = glimpses(*shown)
-    alone = [glimpses(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
+    together = crops(*shown)
+    alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_DRONES_AT_ONCE", 4)
-        in_parts = glimpses(*shown)
+        in_parts = crops(*shown)
     assert plain(np.concatenate(alone)) == plain(together) == plain(in_parts)
 
 
 def test_length_depends_on_neither_grid_nor_swarm() -> None:
-    lengths = {GlimpsesLayout(size, drones).space.shape for size, drones in ((2, 1), (60, 16))}
+    lengths = {CropsLayout(size, drones).space.shape for size, drones in ((2, 1), (60, 16))}
     assert lengths == {(LENGTH,)}
 
 
 def test_a_matrix_in_one_cell_is_seen_there() -> None:
     matrix = np.zeros((1, 9, 9), np.float32)
     matrix[0, 5, 4] = 1.0
-    seen = glimpses(np.array([[[3, 5]]]), matrix, np.ones(1, np.float32))[0, 0]
+    seen = crops(np.array([[[3, 5]]]), matrix, np.ones(1, np.float32))[0, 0]
     middle = BOXES // 2
     assert seen[:BOXES].argmax() == middle + 1  # to the right of the drone
     assert seen[:BOXES].sum() == 1.0
@@ -96,8 +96,8 @@ def test_it_writes_into_parts_of_larger_arrays() -> None:
     rng = np.random.default_rng(1)
     matrices = rng.random((2, 6, 6)).astype(np.float32)
     positions = rng.integers(0, 6, (2, 3, 2))
-    layout = GlimpsesLayout(6, 3)
+    layout = CropsLayout(6, 3)
     large = np.zeros((2, 5, 400), np.float32)
     part = large[:, 1:4, 20 : 20 + layout.space.shape[0]]
     layout.write(positions, matrices.copy(), np.ones(2, np.float32), part)
-    assert plain(part) == plain(glimpses(positions, matrices, np.ones(2, np.float32)))
+    assert plain(part) == plain(crops(positions, matrices, np.ones(2, np.float32)))

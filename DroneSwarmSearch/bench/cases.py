@@ -1,4 +1,4 @@
-"""What is measured: contestants, each made for a size and a number of searches.
+"""What is measured: cases, each made for a size and a number of searches.
 
 All play the same search: the drones start spread over the grid, the person in its middle,
 and random actions, drawn beforehand, are taken until the episode ends. Episodes begin anew
@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.streams import RowGenerator
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
-from DroneSwarmSearch.streams import RowNumbers
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 from DroneSwarmSearch.vector.views import SearchVectorEnv
 
@@ -37,7 +37,7 @@ __all__ = [
     "SWARM_VIEW",
     "SWARM_VIEW_INDEX",
     "TIMESTEP_LIMIT",
-    "Contestant",
+    "BenchmarkCase",
     "LeftOutError",
     "Run",
     "Size",
@@ -51,7 +51,7 @@ ACTION_ROWS = 512
 """So many rows of actions are drawn; then they come again."""
 
 MOST_BYTES = 2**29
-"""Contestants whose observations of one step take more are left out."""
+"""BenchmarkCases whose observations of one step take more are left out."""
 
 _STRIDE = 1009  # from a row of actions to the next; a prime, so that no two drones move alike
 
@@ -73,11 +73,11 @@ Actions = list[NDArray[np.int64]]
 
 
 class LeftOutError(Exception):
-    """A contestant cannot take part; the message says why."""
+    """A case cannot take part; the message says why."""
 
 
 @dataclass(frozen=True)
-class Contestant:
+class BenchmarkCase:
     """One of those that are measured.
 
     Attributes:
@@ -199,12 +199,12 @@ def _matrices(size: Size, num_envs: int, **more: Any) -> Run:
     return _steps_of_batch(batch, lambda: batch.positions, buffer)
 
 
-def _own_laws(size: Size, num_envs: int) -> Run:
+def _own_forecasts(size: Size, num_envs: int) -> Run:
     vectors = np.random.default_rng(1).uniform(-0.5, 0.5, (num_envs, 2))
     return _matrices(size, num_envs, vector=vectors)
 
 
-def _sampler(rng: RowNumbers) -> Mapping[str, Any]:
+def _sampler(rng: RowGenerator) -> Mapping[str, Any]:
     return {"vector": rng.uniform(-0.5, 0.5, 2)}
 
 
@@ -264,24 +264,24 @@ def _view(kind: type[SearchVectorEnv], writes: bool) -> Callable[[Size, int], Ru
     return make
 
 
-SINGLE = Contestant("one environment", lambda size, _: _one(size), batched=False)
-SINGLE_POSTERIOR = Contestant(
+SINGLE = BenchmarkCase("one environment", lambda size, _: _one(size), batched=False)
+SINGLE_POSTERIOR = BenchmarkCase(
     "one environment, posterior",
     lambda size, _: _one(size, bayesian_update=True),
     batched=False,
 )
-INDEX = Contestant("batch, index", _index)
-MATRICES = Contestant("batch, matrices", _matrices)
-GATHER = Contestant("gather alone", _gather)
-POSTERIOR = Contestant(
+INDEX = BenchmarkCase("batch, index", _index)
+MATRICES = BenchmarkCase("batch, matrices", _matrices)
+GATHER = BenchmarkCase("gather alone", _gather)
+POSTERIOR = BenchmarkCase(
     "batch, posterior", lambda size, num_envs: _matrices(size, num_envs, bayesian_update=True)
 )
-OWN_LAWS = Contestant("batch, a drift for each row", _own_laws)
-SAMPLER = Contestant(
+OWN_LAWS = BenchmarkCase("batch, a drift for each row", _own_forecasts)
+SAMPLER = BenchmarkCase(
     "batch, a drift for each episode",
     lambda size, num_envs: _matrices(size, num_envs, sampler=_sampler),
 )
-SWARM_VIEW = Contestant("SwarmVectorEnv", _view(SwarmVectorEnv, writes=True))
-SWARM_VIEW_INDEX = Contestant("SwarmVectorEnv, index", _view(SwarmVectorEnv, writes=False))
-DRONE_VIEW = Contestant("DroneVectorEnv", _view(DroneVectorEnv, writes=True))
-DRONE_VIEW_INDEX = Contestant("DroneVectorEnv, index", _view(DroneVectorEnv, writes=False))
+SWARM_VIEW = BenchmarkCase("SwarmVectorEnv", _view(SwarmVectorEnv, writes=True))
+SWARM_VIEW_INDEX = BenchmarkCase("SwarmVectorEnv, index", _view(SwarmVectorEnv, writes=False))
+DRONE_VIEW = BenchmarkCase("DroneVectorEnv", _view(DroneVectorEnv, writes=True))
+DRONE_VIEW_INDEX = BenchmarkCase("DroneVectorEnv, index", _view(DroneVectorEnv, writes=False))

@@ -1,4 +1,4 @@
-"""The law of a drifting person: a Gaussian that moves with the drift and spreads.
+"""The forecast of a drifting person: a Gaussian that moves with the drift and spreads.
 
 The matrix is separable: at step t it is the outer product of one probability vector
 per axis. On an axis with N cells, start cell s, drift v and disperse constant c the
@@ -10,7 +10,7 @@ function F of step t + 1 is that Gaussian's, clipped to what is reachable from s
 
 By Strassen's theorem (1965) a person who moves at most one cell a step can be
 distributed as F_t at every t if and only if these bounds hold. How that person moves
-is tabulated beside the law: net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, and
+is tabulated beside the forecast: net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, and
 a symmetric exchange of a quarter of what the net flow leaves in the two cells.
 
 Everything depends on (N, s, v, c) alone. The tables are made in blocks of consecutive
@@ -28,18 +28,18 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
-from DroneSwarmSearch.erf import erf
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.erf import erf
 
 __all__ = ["ProbabilityMatrix", "dispersion_rate"]
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
-_Key = tuple[float, ...]  # the parameters of a law
+_Key = tuple[float, ...]  # the parameters of a forecast
 
 KEPT_BYTES = 56 * 2**20
-"""Tables of all laws together that are kept for later, in bytes."""
+"""TabulatedForecasts of all forecasts together that are kept for later, in bytes."""
 
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
@@ -149,9 +149,9 @@ def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats
 
 
 class Steps(NamedTuple):
-    """The law and the person's moves over consecutive steps, along some axes.
+    """The forecast and the person's moves over consecutive steps, along some axes.
 
-    An axis is the x or the y axis of a law; laws have two each, x first.
+    An axis is the x or the y axis of a forecast; forecasts have two each, x first.
 
     Attributes:
         probability: float64, shape (n, axes, N): the chance of each column or row.
@@ -218,14 +218,14 @@ def tabulate(
 
 
 class Block(NamedTuple):
-    """Some consecutive steps of a law: tables that every environment with this law reads.
+    """Some consecutive steps of a forecast: tables that every environment with this forecast reads.
 
     Nothing in here may reach users. NumPy's read-only flag does not protect it, because
     other libraries (PyTorch's `as_tensor`, for example) ignore the flag.
 
     Attributes:
         first: the step that index 0 of everything below stands for.
-        steps: the law and the moves as arrays.
+        steps: the forecast and the moves as arrays.
         marginals: the probabilities in single precision, float32, shape (n, 2, N).
         right: `right` of the steps, flat, in the form that scalar code reads fastest.
         left: their `left` likewise.
@@ -254,35 +254,37 @@ class Block(NamedTuple):
 class _Kept:
     """The blocks kept for later, least recently used first, within `KEPT_BYTES`.
 
-    A law that would fill all of it keeps its earliest blocks: every episode begins there.
+    A forecast that would fill all of it keeps its earliest blocks: every episode begins there.
     """
 
     def __init__(self) -> None:
         self._blocks: OrderedDict[tuple[_Key, int], tuple[Block, int]] = OrderedDict()
-        self._of_law: Counter[_Key] = Counter()  # bytes
+        self._of_forecast: Counter[_Key] = Counter()  # bytes
         self._bytes = 0
         self.lock = RLock()
 
-    def get(self, law: _Key, first: int) -> Block | None:
+    def get(self, forecast: _Key, first: int) -> Block | None:
         with self.lock:
-            block, _ = self._blocks.get((law, first), (None, 0))
+            block, _ = self._blocks.get((forecast, first), (None, 0))
             if block is not None:
-                self._blocks.move_to_end((law, first))
+                self._blocks.move_to_end((forecast, first))
             return block
 
-    def put(self, law: _Key, first: int, block: Block, size: int) -> None:
+    def put(self, forecast: _Key, first: int, block: Block, size: int) -> None:
         with self.lock:
-            if (law, first) in self._blocks or self._of_law.get(law, 0) + size > KEPT_BYTES:
+            if (forecast, first) in self._blocks or self._of_forecast.get(
+                forecast, 0
+            ) + size > KEPT_BYTES:
                 return
-            self._blocks[law, first] = (block, size)
-            self._of_law[law] += size
+            self._blocks[forecast, first] = (block, size)
+            self._of_forecast[forecast] += size
             self._bytes += size
             while self._bytes > KEPT_BYTES:
                 (oldest, _), (_, freed) = self._blocks.popitem(last=False)
                 self._bytes -= freed
-                self._of_law[oldest] -= freed
-                if not self._of_law[oldest]:
-                    del self._of_law[oldest]
+                self._of_forecast[oldest] -= freed
+                if not self._of_forecast[oldest]:
+                    del self._of_forecast[oldest]
 
 
 _kept = _Kept()

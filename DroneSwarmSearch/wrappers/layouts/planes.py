@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from DroneSwarmSearch.layouts.layout import (
+from DroneSwarmSearch.wrappers.layouts.layout import (
     Layout,
     Positions,
     Singles,

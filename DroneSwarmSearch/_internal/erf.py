@@ -3,7 +3,7 @@
 A table holds erf and its derivative at evenly spaced points; a Taylor polynomial leads
 from the nearest point to the argument. Only additions, multiplications and look-ups are
 involved, so a value depends on its argument alone, to the last bit, whatever the shape of
-the array it stands in: one environment and a batch of thousands get the same laws.
+the array it stands in: one environment and a batch of thousands get the same forecasts.
 """
 
 from __future__ import annotations

@@ -21,12 +21,12 @@ from DroneSwarmSearch import policies
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["Contestant"]
+__all__ = ["PolicySpec"]
 
 
 @dataclass(frozen=True, eq=False)
-class Contestant:
-    """A policy to be evaluated. Make one with `Contestant.of`.
+class PolicySpec:
+    """A policy to be evaluated. Make one with `PolicySpec.of`.
 
     Attributes:
         name: what it is called in tables and files.
@@ -61,14 +61,14 @@ class Contestant:
         return self.is_known or (isinstance(self.policy, str) and self.policy.endswith(".npz"))
 
     @classmethod
-    def of(cls, policy: object, name: str | None = None) -> Contestant:
-        """A contestant from whatever stands for one.
+    def of(cls, policy: object, name: str | None = None) -> PolicySpec:
+        """A spec from whatever stands for one.
 
         Args:
             policy: a name of the registry (`policies.POLICIES`); a file of weights,
                 "….npz" (`policies.make`); "module:attribute" or "file.py:attribute",
                 where such a callable or class is found; one of these after "name=";
-                a callable or class; or a `Contestant`.
+                a callable or class; or a `PolicySpec`.
             name: what it shall be called. Results stored under another name are not found.
 
         Raises:
@@ -78,7 +78,7 @@ class Contestant:
         """
         if name is not None and not isinstance(name, str):
             raise TypeError(f"name must be a string or None, got {name!r}")
-        if isinstance(policy, Contestant):
+        if isinstance(policy, PolicySpec):
             return policy
         if isinstance(policy, str) and name is None and (named := _NAMED.match(policy)):
             return cls.of(policy[named.end() :], named[1])
@@ -130,16 +130,16 @@ def _no_such(name: str) -> str:
     )
 
 
-def _registered(policy: str, name: str | None) -> Contestant:
-    """The contestant of a name of the registry, whose entries users may replace."""
+def _registered(policy: str, name: str | None) -> PolicySpec:
+    """The spec of a name of the registry, whose entries users may replace."""
     made_by = policies.POLICIES[policy]
     kind = f"{made_by.__module__}.{getattr(made_by, '__qualname__', '')}"
     ours = inspect.isclass(made_by) and kind.startswith(f"{policies.__name__}.")
-    return Contestant(name or policy, f"registry:{policy}:{kind}", ours, policy)
+    return PolicySpec(name or policy, f"registry:{policy}:{kind}", ours, policy)
 
 
-def _loaded(text: str, name: str | None) -> Contestant:
-    """The contestant that "module:attribute" or "file.py:attribute" stands for."""
+def _loaded(text: str, name: str | None) -> PolicySpec:
+    """The spec that "module:attribute" or "file.py:attribute" stands for."""
     where, _, attribute = text.rpartition(":")
     try:
         if where.endswith(".py"):
@@ -156,7 +156,7 @@ def _loaded(text: str, name: str | None) -> Contestant:
         found = getattr(found, part, None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    return Contestant(name or text, f"{name or text}:{identity}", False, found)
+    return PolicySpec(name or text, f"{name or text}:{identity}", False, found)
 
 
 def _module(text: str, name: str) -> tuple[ModuleType, str]:

@@ -7,7 +7,7 @@ import itertools
 import hypothesis.strategies as st
 from hypothesis import given, settings
 
-from DroneSwarmSearch.policies.traffic import settle
+from DroneSwarmSearch.policies.conflicts import resolve_conflicts
 from DroneSwarmSearch.scenario import Cell
 
 LINE = [(x, 0) for x in range(4)]
@@ -26,7 +26,7 @@ def test_every_case_of_up_to_four_drones_in_a_row_of_four_cells() -> None:
     for n in range(1, 5):
         for cells in itertools.permutations(LINE, n):
             for wishes in itertools.product(LINE, repeat=n):
-                check(list(cells), list(wishes), settle(cells, wishes))
+                check(list(cells), list(wishes), resolve_conflicts(cells, wishes))
 
 
 @settings(deadline=None, max_examples=150, derandomize=True)
@@ -41,7 +41,7 @@ def test_nobody_meets_and_nobody_waits_without_need(data: st.DataObject) -> None
         around = [(x, y), (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)]
         wishes.append(data.draw(st.sampled_from([cell for cell in around if cell in grid])))
     priority = data.draw(st.permutations(range(n)))
-    nexts = settle(cells, wishes, priority)
+    nexts = resolve_conflicts(cells, wishes, priority)
     check(cells, wishes, nexts)
     first = priority[0]
     if wishes[first] not in cells:
@@ -49,27 +49,27 @@ def test_nobody_meets_and_nobody_waits_without_need(data: st.DataObject) -> None
 
 
 def test_drones_exchange_cells() -> None:
-    assert settle([(0, 0), (1, 0)], [(1, 0), (0, 0)]) == [(1, 0), (0, 0)]
+    assert resolve_conflicts([(0, 0), (1, 0)], [(1, 0), (0, 0)]) == [(1, 0), (0, 0)]
 
 
 def test_drones_follow_one_another() -> None:
-    assert settle(LINE[:3], LINE[1:]) == LINE[1:]
+    assert resolve_conflicts(LINE[:3], LINE[1:]) == LINE[1:]
 
 
 def test_of_two_that_want_a_cell_the_first_in_priority_goes() -> None:
     cells, wishes = [(0, 0), (2, 0)], [(1, 0), (1, 0)]
-    assert settle(cells, wishes) == [(1, 0), (2, 0)]
-    assert settle(cells, wishes, priority=[1, 0]) == [(0, 0), (1, 0)]
+    assert resolve_conflicts(cells, wishes) == [(1, 0), (2, 0)]
+    assert resolve_conflicts(cells, wishes, priority=[1, 0]) == [(0, 0), (1, 0)]
 
 
 def test_whoever_wants_the_cell_of_one_that_stays_stays_too() -> None:
-    assert settle(LINE[:3], [(1, 0), (2, 0), (2, 0)]) == LINE[:3]
+    assert resolve_conflicts(LINE[:3], [(1, 0), (2, 0), (2, 0)]) == LINE[:3]
 
 
 def test_a_ring_turns_whoever_else_wants_in() -> None:
     # 1 and 2 exchange cells; 0, first in priority, wants the cell of 1.
     cells, wishes = [(0, 0), (1, 0), (2, 0)], [(1, 0), (2, 0), (1, 0)]
-    assert settle(cells, wishes) == [(0, 0), (2, 0), (1, 0)]
+    assert resolve_conflicts(cells, wishes) == [(0, 0), (2, 0), (1, 0)]
     square = [(1, 0), (2, 0), (2, 1), (1, 1)]
     turned = square[1:] + square[:1]
-    assert settle([(0, 0), *square], [(1, 0), *turned]) == [(0, 0), *turned]
+    assert resolve_conflicts([(0, 0), *square], [(1, 0), *turned]) == [(0, 0), *turned]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["EXERCISE"]
+__all__ = ["TRAINING_TASK"]
 
-EXERCISE: dict[str, Any] = {
+TRAINING_TASK: dict[str, Any] = {
     "grid_size": 10,
     "n_drones": 2,
     "vector": (0.2, 0.1),

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.layouts.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layouts.layout import Layout, Positions, Singles
 
 __all__ = ["DictLayout", "JointDictLayout"]
 

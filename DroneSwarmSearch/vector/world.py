@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.streams import GOLDEN, numbers, numerators
+from DroneSwarmSearch._internal.streams import GOLDEN, numbers, numerators
 from DroneSwarmSearch.vector.beliefs import Beliefs
-from DroneSwarmSearch.vector.laws import Followed, LawParameters, Tables
+from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts, TabulatedForecasts
 
-__all__ = ["Seas"]
+__all__ = ["BatchState"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,7 +31,7 @@ class _State:
 
     Args:
         persons: in each row.
-        places: the numbers that the laws keep for each row.
+        places: the numbers that the forecasts keep for each row.
         rows: the number of rows.
 
     Attributes:
@@ -44,7 +44,7 @@ class _State:
         growing: what grows by the same in every step, namely:
         step: completed steps: int64, (rows,).
         words: of the numbers by which the persons drift next: uint64, (2 persons, rows).
-        places: what the laws keep: int64, (places, rows).
+        places: what the forecasts keep: int64, (places, rows).
     """
 
     def __init__(self, persons: int, places: int, rows: int) -> None:
@@ -65,7 +65,7 @@ class _State:
         self.places: Ints = self.growing[2 * n + 1 :]
 
     def with_places(self, places: int) -> _State:
-        """The same with room for so many numbers of the laws."""
+        """The same with room for so many numbers of the forecasts."""
         other = _State(self._persons, places, self.all.shape[1])
         kept = len(self.all) - len(self.places)
         other.all[:kept] = self.all[:kept]
@@ -79,50 +79,54 @@ class _State:
         self._see()
 
 
-class Seas:
+class BatchState:
     """The persons of many searches.
 
     Args:
-        laws: of the rows.
+        forecasts: of the rows.
         detections: every person's probability of detection.
         bayesian: whether the matrices are posteriors given the searches made.
         rows: the number of searches.
     """
 
     def __init__(
-        self, laws: Tables | Followed, detections: Sequence[float], bayesian: bool, rows: int
+        self,
+        forecasts: TabulatedForecasts | OnTheFlyForecasts,
+        detections: Sequence[float],
+        bayesian: bool,
+        rows: int,
     ) -> None:
         persons = len(detections)
-        self._size = laws.grid_size
+        self._size = forecasts.grid_size
         self._width = np.array(self._size)  # arrays calculate faster with it than with a number
         self._detections = detections
         self._beliefs = Beliefs(self._size, detections, rows) if bayesian else None
         # The words from which a step's drift numbers are made, counted from the episode's key.
         self._words = np.arange(1, 2 * persons + 1, dtype=np.uint64)[:, None] * GOLDEN
-        self._now, self._first = (_State(persons, len(laws.growth), rows) for _ in range(2))
-        self._take_laws(laws)
+        self._now, self._first = (_State(persons, len(forecasts.growth), rows) for _ in range(2))
+        self._take_forecasts(forecasts)
         self._first.missing[...] = 1
-        # Of several persons: whose law is shown, and where no single law can be.
+        # Of several persons: whose forecast is shown, and where no single forecast can be.
         self._leader = np.zeros(rows, np.int64)
         self._mixed = np.zeros(rows, np.bool_)
 
-    def _take_laws(self, laws: Tables | Followed) -> None:
-        self._laws = laws
-        laws.bind(self._now.places, self._first.places)
+    def _take_forecasts(self, forecasts: TabulatedForecasts | OnTheFlyForecasts) -> None:
+        self._forecasts = forecasts
+        forecasts.bind(self._now.places, self._first.places)
         # By how much all that grows does so in a step; as much for all rows, but numbers that
         # lie side by side are added faster.
         words = np.broadcast_to(self._words[-1].view(np.int64), self._words.shape)
-        growth = np.concatenate([np.ones((1, 1), np.int64), words, laws.growth])
+        growth = np.concatenate([np.ones((1, 1), np.int64), words, forecasts.growth])
         self._growth = growth.repeat(self._now.all.shape[1], axis=1)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._take_laws(self._laws)
+        self._take_forecasts(self._forecasts)
 
     @property
-    def laws(self) -> Tables | Followed:
-        """The laws of the rows."""
-        return self._laws
+    def forecasts(self) -> TabulatedForecasts | OnTheFlyForecasts:
+        """The forecasts of the rows."""
+        return self._forecasts
 
     @property
     def missing(self) -> Flags:
@@ -142,17 +146,19 @@ class Seas:
 
     # Beginning.
 
-    def change_laws(self, laws: Tables | Followed, parameters: LawParameters) -> None:
-        """Take other laws, which hold those of the rows under way as well."""
+    def change_forecasts(
+        self, forecasts: TabulatedForecasts | OnTheFlyForecasts, parameters: DriftParameters
+    ) -> None:
+        """Take other forecasts, which hold those of the rows under way as well."""
         rows = np.arange(len(self.step))
         self._now, self._first = (
-            state.with_places(len(laws.growth)) for state in (self._now, self._first)
+            state.with_places(len(forecasts.growth)) for state in (self._now, self._first)
         )
-        self._take_laws(laws)
-        laws.assign(rows, parameters)
+        self._take_forecasts(forecasts)
+        forecasts.assign(rows, parameters)
         self._now.places[...] = self._first.places
-        laws.begin(rows)
-        laws.catch_up(self.step)
+        forecasts.begin(rows)
+        forecasts.catch_up(self.step)
 
     def prepare(self, rows: Ints, keys: Words) -> None:
         """Take the keys of the next episodes of some rows.
@@ -164,7 +170,7 @@ class Seas:
         self._first.words[:, rows] = self._words + keys[0]
         self._first.detection_keys[rows] = keys[1]
 
-    def assign(self, rows: Ints, parameters: LawParameters) -> None:
+    def assign(self, rows: Ints, parameters: DriftParameters) -> None:
         """Let the next episodes of some rows have other parameters.
 
         Args:
@@ -174,15 +180,15 @@ class Seas:
         start = parameters.start[..., rows]
         self._first.at[..., rows] = start
         self._first.cells[:, rows] = start[:, 1] * self._size + start[:, 0]
-        self._laws.assign(rows, parameters)
+        self._forecasts.assign(rows, parameters)
 
     def begin(self, rows: Ints) -> None:
         """Start the episodes of some rows, of which `prepare` and `assign` have been told."""
         self._set(rows)
-        self._laws.begin(rows)
+        self._forecasts.begin(rows)
 
     def _set(self, rows: Ints) -> None:
-        """Set what the beginning of an episode sets, but for what the laws work out."""
+        """Set what the beginning of an episode sets, but for what the forecasts work out."""
         self._now.all[:, rows] = self._first.all.take(rows, axis=1)
         if self._beliefs is not None:
             self._beliefs.forget(rows)
@@ -242,16 +248,16 @@ class Seas:
         """
         if self._beliefs is not None:
             shown = self._shown_persons(slice(None))
-            self._beliefs.go_on(rows, cells, self.missing, shown, self._laws, out, meanwhile)
+            self._beliefs.go_on(rows, cells, self.missing, shown, self._forecasts, out, meanwhile)
         elif out is not None and self._writes_beside(out):
-            self._laws.write_next(beginning, out, meanwhile)
+            self._forecasts.write_next(beginning, out, meanwhile)
         else:
             meanwhile()
 
     def walk(self) -> None:
         """Let all persons walk by a step."""
         now = self._now
-        self._laws.walk(now.at, numerators(now.words).reshape(now.at.shape))
+        self._forecasts.walk(now.at, numerators(now.words).reshape(now.at.shape))
         np.multiply(now.y, self._width, out=now.cells)
         now.cells += now.x
 
@@ -265,7 +271,7 @@ class Seas:
         self._now.growing += self._growth
         if beginning.size:
             self._set(beginning)
-        self._laws.advance(beginning)
+        self._forecasts.advance(beginning)
         if out is None or self._writes_beside(out):
             return
         if self._beliefs is not None and self._beliefs.begun.any():
@@ -274,12 +280,12 @@ class Seas:
             self.write_matrices(out)
 
     def _writes_beside(self, out: Singles) -> bool:
-        """Whether `go_on` lets the laws write all matrices."""
+        """Whether `go_on` lets the forecasts write all matrices."""
         alone = self._beliefs is None and len(self._detections) == 1
-        return alone and self._laws.writes_beside(out)
+        return alone and self._forecasts.writes_beside(out)
 
     def _choose_leaders(self, rows: Ints) -> None:
-        """Note whose law is shown: that of those missing, or of all once none is."""
+        """Note whose forecast is shown: that of those missing, or of all once none is."""
         shown = self._shown_persons(rows)
         self._leader[rows] = leader = shown.argmax(axis=0)
         start = self._first.at[..., rows]
@@ -299,14 +305,16 @@ class Seas:
 
     def shown(self, rows: Ints, cells: Ints) -> Singles:
         """What the matrices of some rows say of a cell of each: float32, (n,)."""
-        values = self._laws.shown(self._leaders(rows), rows, cells)
+        values = self._forecasts.shown(self._leaders(rows), rows, cells)
         if self._beliefs is None and len(self._detections) == 1:
             return values
         mixed, known = self._mixed_among(rows), self._known_among(rows)
         if mixed.size:
             here, n = rows[mixed], np.arange(len(mixed))
             y, x = np.divmod(cells[mixed], self._size)
-            values[mixed] = self._mean_of_laws(here, lambda of_x, of_y: of_y[n, y] * of_x[n, x])
+            values[mixed] = self._mean_of_forecasts(
+                here, lambda of_x, of_y: of_y[n, y] * of_x[n, x]
+            )
         if known.size:
             here = rows[known]
             values[known] = self._known().shown(here, cells[known], self._shown_persons(here))
@@ -315,7 +323,7 @@ class Seas:
     def matrices(self, rows: Ints) -> Singles:
         """The matrices of some rows: float32, shape (n, N, N)."""
         out = np.empty((len(rows), self._size, self._size), np.float32)
-        self._write_laws(rows, out)
+        self._write_forecasts(rows, out)
         known = self._known_among(rows)
         if known.size:
             here = rows[known]
@@ -329,27 +337,27 @@ class Seas:
             self._write_others(out)
         else:
             alone = len(self._detections) == 1
-            self._write_laws(slice(None) if alone else np.arange(len(self.step)), out)
+            self._write_forecasts(slice(None) if alone else np.arange(len(self.step)), out)
 
     def _write_others(self, out: Singles) -> None:
         """Write the matrices of the rows that have no beliefs."""
         others = (~self._known().begun).nonzero()[0]
         out[others] = self.matrices(others)
 
-    def _write_laws(self, rows: Ints | slice, out: Singles) -> None:
-        """Write what the laws say of some rows; those that have beliefs get something."""
-        self._laws.write_matrices(self._leaders(rows), rows, out)
-        if isinstance(rows, slice):  # of one person, whose law it is
+    def _write_forecasts(self, rows: Ints | slice, out: Singles) -> None:
+        """Write what the forecasts say of some rows; those that have beliefs get something."""
+        self._forecasts.write_matrices(self._leaders(rows), rows, out)
+        if isinstance(rows, slice):  # of one person, whose forecast it is
             return
         mixed = self._mixed_among(rows)
         if mixed.size:
-            out[mixed] = self._mean_of_laws(rows[mixed], _outer_products)
+            out[mixed] = self._mean_of_forecasts(rows[mixed], _outer_products)
 
     def _leaders(self, rows: Ints | slice) -> Ints | int:
         return self._leader[rows] if len(self._detections) > 1 else 0
 
     def _mixed_among(self, rows: Ints) -> Ints:
-        """Those of some rows, by place, whose matrix is the mean of several laws."""
+        """Those of some rows, by place, whose matrix is the mean of several forecasts."""
         if len(self._detections) == 1:
             return _NOTHING
         mixed = self._mixed[rows]
@@ -367,12 +375,12 @@ class Seas:
         assert self._beliefs is not None
         return self._beliefs
 
-    def _mean_of_laws(self, rows: Ints, chance: Callable[[Floats, Floats], Floats]) -> Singles:
+    def _mean_of_forecasts(self, rows: Ints, chance: Callable[[Floats, Floats], Floats]) -> Singles:
         """The mean over the persons shown of what follows from their chances along x and y."""
         shown = self._shown_persons(rows)
         total: Floats | float = 0.0
         for person, counts in enumerate(shown):
-            values = chance(*self._laws.marginals(person, rows))
+            values = chance(*self._forecasts.marginals(person, rows))
             total = total + values * counts.reshape(-1, *(1,) * (values.ndim - 1))
         number = shown.sum(axis=0).reshape(-1, *(1,) * (values.ndim - 1))
         mean: Singles = (total / number).astype(np.float32)

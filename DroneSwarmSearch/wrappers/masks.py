@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
 __all__ = ["action_masks", "choose_in_turn"]

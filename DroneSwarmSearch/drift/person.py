@@ -1,6 +1,6 @@
 """The person adrift: a walk over cells, at most one cell a step along each axis.
 
-From step to step the person follows the moves tabulated beside the law in
+From step to step the person follows the moves tabulated beside the forecast in
 `probability_matrix`, so that at every step it is distributed exactly as the matrix says.
 """
 
@@ -8,18 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
 __all__ = ["walk"]
 
 
 def walk(
-    law: ProbabilityMatrix, step: int, cell: int, for_x: Sequence[float], for_y: Sequence[float]
+    forecast: ProbabilityMatrix,
+    step: int,
+    cell: int,
+    for_x: Sequence[float],
+    for_y: Sequence[float],
 ) -> list[int]:
-    """Follow a person for some steps, at most to the end of the law's block of tables.
+    """Follow a person for some steps, at most to the end of the forecast's block of tables.
 
     Args:
-        law: the person's law.
+        forecast: the person's forecast.
         step: completed steps at the beginning.
         cell: the person's cell then, y * grid_size + x.
         for_x: a number in [0, 1) for each step to walk, which decides the move along x.
@@ -28,9 +32,9 @@ def walk(
     Returns:
         The cell after each step.
     """
-    block = law.block(step)
+    block = forecast.block(step)
     right, left = block.right, block.left
-    grid_size = law.grid_size
+    grid_size = forecast.grid_size
     y, x = divmod(cell, grid_size)
     path = []
     # The tables hold a row for x and a row for y of each step, one after another.

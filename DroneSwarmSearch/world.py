@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.belief import after_drift, after_fruitless_search
-from DroneSwarmSearch.person import walk
-from DroneSwarmSearch.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch._internal.streams import Streams
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.person import walk
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.streams import Streams
 
-__all__ = ["Sea"]
+__all__ = ["WorldState"]
 
 Matrix = NDArray[np.float32]
 
@@ -28,7 +28,7 @@ _AHEAD = 8
 """Steps that persons who have to walk go at first, and more later: each portion costs."""
 
 
-class Sea:
+class WorldState:
     """The persons of a search; `begin` starts an episode, `advance` lets a step pass.
 
     Args:
@@ -45,13 +45,13 @@ class Sea:
         self._cells = size**2
         self._bayesian = search.bayesian_update
         self._detections = search.detections
-        self._laws = search.laws()
+        self._forecasts = search.forecasts()
         self._paths_at_start = [[y * size + x] for x, y in search.person_initial_position]
-        self._block_steps = self._laws[0].block_steps
-        self.everybody = tuple(range(len(self._laws)))
-        self._law_at_start = law = self._one_law(self.everybody)
-        if law is not None:
-            self._shown_at_start = law.block(0).matrices_from(0)
+        self._block_steps = self._forecasts[0].block_steps
+        self.everybody = tuple(range(len(self._forecasts)))
+        self._forecast_at_start = forecast = self._one_forecast(self.everybody)
+        if forecast is not None:
+            self._shown_at_start = forecast.block(0).matrices_from(0)
 
     def begin(self, streams: Streams, episode: int) -> Matrix:
         """Start an episode.
@@ -70,9 +70,9 @@ class Sea:
         self._paths = self._paths_at_start  # each person's cells for some steps
         self._paths_begin = 0
         self._beliefs: dict[int, NDArray[np.float64]] = {}  # of persons searched for
-        self._law = self._law_at_start  # whose matrix is the one to show, if there is one
+        self._forecast = self._forecast_at_start  # whose matrix is the one to show, if there is one
         self._block_end = self._block_steps
-        self._show(self._mean()[None] if self._law is None else self._shown_at_start)
+        self._show(self._mean()[None] if self._forecast is None else self._shown_at_start)
         first: Matrix = self._handed[0]
         return first
 
@@ -96,11 +96,11 @@ class Sea:
         if self.step == self._block_end:
             self.person_cell(0)  # everybody walks out of the last block
             self._block_end += self._block_steps
-        if self._law is not None:
-            self._show(self._law.block(self.step).matrices_from(self.step))
+        if self._forecast is not None:
+            self._show(self._forecast.block(self.step).matrices_from(self.step))
         else:
             for person, belief in self._beliefs.items():
-                moves = self._laws[person].moves(self.step - 1)
+                moves = self._forecasts[person].moves(self.step - 1)
                 self._beliefs[person] = after_drift(belief, *moves)
             self._show(self._mean()[None])
 
@@ -127,14 +127,14 @@ class Sea:
 
     def _walk_on(self) -> None:
         """Let everybody walk up to the present step, and a little ahead within the block."""
-        n = len(self._laws)
+        n = len(self._forecasts)
         known = self._paths_begin + len(self._paths[0]) - 1
         ahead = known + max(_AHEAD, known)
         steps = min(max(self.step, ahead), self._block_end) - known
         numbers = self._streams.drift.draw(self._episode, 2 * n * steps)
         self._paths = [
-            walk(law, known, path[-1], numbers[2 * k :: 2 * n], numbers[2 * k + 1 :: 2 * n])
-            for k, (law, path) in enumerate(zip(self._laws, self._paths, strict=True))
+            walk(forecast, known, path[-1], numbers[2 * k :: 2 * n], numbers[2 * k + 1 :: 2 * n])
+            for k, (forecast, path) in enumerate(zip(self._forecasts, self._paths, strict=True))
         ]
         self._paths_begin = known + 1
 
@@ -156,7 +156,7 @@ class Sea:
                 finders.add(searches[cell])
                 self.missing = tuple(other for other in self.missing if other != person)
         if finders and len(self.everybody) > 1 and not self._beliefs:
-            self._use_law(self._one_law(self.missing or self.everybody))
+            self._use_forecast(self._one_forecast(self.missing or self.everybody))
         if self._bayesian:
             self._learn(list(searches))
         return finders
@@ -173,18 +173,18 @@ class Sea:
         """Take in that searches of some cells have not found those still missing."""
         if not self._beliefs:
             self._beliefs = {person: self._belief(person) for person in self.everybody}
-            self._use_law(None)
+            self._use_forecast(None)
         for person in self.missing:
-            self._beliefs[person], _ = after_fruitless_search(
+            self._beliefs[person], _ = after_unsuccessful_search(
                 self._beliefs[person], cells, self._detections[person]
             )
 
     # What is known.
 
     def _belief(self, person: int) -> NDArray[np.float64]:
-        """What is known of a person, float64, shape (N, N); the law while nobody has searched."""
+        """The belief about a person, float64, (N, N); the forecast before the first search."""
         belief = self._beliefs.get(person)
-        return self._laws[person].exact(self.step) if belief is None else belief
+        return self._forecasts[person].exact(self.step) if belief is None else belief
 
     def matrix(self) -> Matrix:
         """The matrix of the present step: float32, shape (N, N), indexed [y, x]; a new array."""
@@ -203,16 +203,16 @@ class Sea:
             total = total + self._belief(person)
         return (total / len(shown)).astype(np.float32)
 
-    def _use_law(self, law: ProbabilityMatrix | None) -> None:
-        """From the next step on show a law's matrices, or means (None)."""
-        self._law = law
+    def _use_forecast(self, forecast: ProbabilityMatrix | None) -> None:
+        """From the next step on show a forecast's matrices, or means (None)."""
+        self._forecast = forecast
         self._shown_end = self.step + 1
 
-    def _one_law(self, persons: Sequence[int]) -> ProbabilityMatrix | None:
-        """The law of some persons if it is one and the same."""
-        laws = [self._laws[person] for person in persons]
-        same = all(law.parameters == laws[0].parameters for law in laws)
-        return laws[0] if same else None
+    def _one_forecast(self, persons: Sequence[int]) -> ProbabilityMatrix | None:
+        """The forecast of some persons if it is one and the same."""
+        forecasts = [self._forecasts[person] for person in persons]
+        same = all(forecast.parameters == forecasts[0].parameters for forecast in forecasts)
+        return forecasts[0] if same else None
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

@@ -6,17 +6,17 @@ from typing import Any
 
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.layouts.glimpses import GlimpsesLayout
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts.crops import CropsLayout
 
-__all__ = ["GlimpsesObservation"]
+__all__ = ["CropsObservation"]
 
 
-class GlimpsesObservation(LayoutObservation):
+class CropsObservation(LayoutObservation):
     """Shows each drone the matrix and the other drones in windows around itself.
 
     float32, shape (202,), whatever the size of the grid and the number of drones, see
-    `layouts.glimpses`. The policy "ppo" sees this.
+    `layouts.crops`. The policy "ppo" sees this.
 
     Args:
         env: the environment.
@@ -27,4 +27,4 @@ class GlimpsesObservation(LayoutObservation):
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
-        super().__init__(env, GlimpsesLayout)
+        super().__init__(env, CropsLayout)

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import checks
+from DroneSwarmSearch._internal import checks
 
 __all__ = [
     "DENOMINATOR",
     "EpisodeStream",
-    "RowNumbers",
+    "RowGenerator",
     "Streams",
     "episode_keys",
     "mixed",
@@ -213,7 +213,7 @@ class EpisodeStream:
             self._known += unit_numbers(_NEXT + counter).tolist()
 
 
-class RowNumbers:
+class RowGenerator:
     """Random numbers for some rows of a batch, each row with a sequence of its own.
 
     What a row gets depends on its seed, its episode and the calls made, never on which

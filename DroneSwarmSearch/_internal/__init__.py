@@ -1,0 +1,1 @@
+"""Parts that the other modules share and no user opens."""
