@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, normalise
 
 

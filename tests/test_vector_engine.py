@@ -24,10 +24,10 @@ from hypothesis import strategies as st
 from DroneSwarmSearch import (
     Action,
     DroneSwarmSearch,
-    ProbabilityMatrix,
     ResetNeeded,
 )
 from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbers, stream_keys
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, forecasts, threads
