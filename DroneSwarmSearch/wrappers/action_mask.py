@@ -84,12 +84,13 @@ class ActionMask(SearchWrapper):
         return observations, rewards, terminations, truncations, infos
 
     def _add_masks(self, observations: Observations, infos: Infos) -> Observations:
-        masks = self.action_masks()
-        for agent, mask in masks.items():
-            infos[agent]["action_mask"] = mask
+        cells, _ = self._search._cells_and_world()
+        masks = swarm_masks(cells, self._neighbours, self.right_of_way)
+        for info, mask in zip(infos.values(), masks, strict=True):
+            info["action_mask"] = mask
         if not self.in_observation:
             return observations
         return {
-            agent: {"observation": observation, "action_mask": masks[agent].copy()}
-            for agent, observation in observations.items()
+            agent: {"observation": observation, "action_mask": mask.copy()}
+            for (agent, observation), mask in zip(observations.items(), masks, strict=True)
         }

@@ -22,6 +22,9 @@ from DroneSwarmSearch.wrappers.wrapper import Observations
 
 __all__ = ["FlatLayout", "FlatObservation", "JointFlatLayout"]
 
+_KEPT_TAILS = 64
+"""Groups of steps whose scaled matrices `FlatObservation` keeps, of 64 KiB at most each."""
+
 
 class FlatLayout(Layout):
     """For each drone a vector: float32 in [0, 1], length 2 n + 1 + N².
@@ -88,32 +91,37 @@ class FlatObservation(LayoutObservation):
         self._pairs: NDArray[np.float64] = pairs.view(np.float64)[:, 0]
         self._order = own_first(n)
         self._shape = (n, 2 * n + 1 + size**2)
-        self._matrices: Singles | None = None  # those that the tails belong to
-        self._tails: Singles
+        # By first step: the tables of some steps, and what `_make_tails` makes of them.
+        self._tails: dict[int, tuple[Singles, Singles]] = {}
 
     def _observe(self) -> Observations:
         # `FlatLayout.write` for one search, with as few NumPy calls as possible.
         cells, world = self._search._cells_and_world()
         matrices, index = world.loaded_matrices()
-        if matrices is not self._matrices:
-            self._tails = self._make_tails(matrices, world.step - index)
-            self._matrices = matrices
+        first = world.step - index
+        known, tails = self._tails.get(first, (None, matrices))
+        if known is not matrices:
+            tails = self._make_tails(matrices, first)
+            if len(matrices) > 1:
+                if len(self._tails) >= _KEPT_TAILS:
+                    self._tails.clear()
+                self._tails[first] = matrices, tails
         width = 2 * len(cells)
         vectors = np.empty(self._shape, np.float32)
-        vectors[:, width:] = self._tails[index]
+        vectors[:, width:] = tails[index]
         vectors[:, :width] = self._pairs.take(cells).take(self._order).view(np.float32)
-        return dict(zip(self._names, vectors, strict=True))
+        return dict(zip(self._names, vectors))  # noqa: B905 (strict=True takes time)
 
     def _make_tails(self, matrices: Singles, first: int) -> Singles:
-        """What all drones' vectors end with, for consecutive steps: float32, (n, 1 + N²)."""
+        """The parts of the vectors that all drones share, for some steps: float32, (n, 1 + N²)."""
         count = len(matrices)
         rows = matrices.reshape(count, -1)
         tails = np.empty((count, 1 + rows.shape[1]), np.float32)
         limit = self._search.timestep_limit
         tails[:, 0] = [time_fraction(step, limit) for step in range(first, first + count)]
-        np.divide(rows, np.maximum.reduce(rows, 1, keepdims=True), out=tails[:, 1:])
+        np.divide(rows, np.maximum.reduce(rows, 1, keepdims=True), tails[:, 1:])
         return tails
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy computes its tails itself."""
-        return {**self.__dict__, "_matrices": None, "_tails": None}
+        return {**self.__dict__, "_tails": {}}

@@ -55,6 +55,12 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
         return step
 
     @property
+    def agents(self) -> list[str]:  # faster than __getattr__
+        """The drones of the running episode; empty between episodes."""
+        agents: list[str] = self.env.agents
+        return agents
+
+    @property
     def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
         """`observation_space` of every drone."""
         return {agent: self.observation_space(agent) for agent in self.possible_agents}
