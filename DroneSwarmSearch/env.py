@@ -114,7 +114,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
 
     Raises:
         TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of its limits, or given beside a scenario.
+        ValueError: an argument is out of its limits, or given together with a scenario.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
@@ -186,7 +186,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._ending: Ending | None = None
         self._found = False
         self._finders: set[int] = set()  # drones that have found somebody
-        self._beyond_step: list[float] = []  # each drone's return less what `step` pays
+        self._returns: list[float] = []  # the sum of each drone's rewards
 
     @classmethod
     def example(cls, **changes: Any) -> DroneSwarmSearch:
@@ -273,7 +273,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self._chosen = self._all_idle
         self._found = False
         self._finders = set()
-        self._beyond_step = [0.0] * len(cells)
+        self._returns = [0.0] * len(cells)
         self.agents = list(self._names)
         if self.render_mode == "human":
             self._show()
@@ -315,6 +315,8 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             rewards = rewards.copy()
             targets, ending = self._judge(targets, crashed, rewards)
         self._cells = targets
+        paid = zip(self._returns, rewards.values(), strict=True)
+        self._returns = [total + reward for total, reward in paid]
 
         # 3. The clock advances, the persons and the matrix drift.
         matrix = world.advance()
@@ -503,7 +505,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """
         scenario, world, chosen = self._scenario, self._world, self._chosen
         scheme, limit = scenario.reward_scheme, scenario.timestep_limit
-        beyond, shown, t = self._beyond_step, world.probability, world.step
+        shown, t = world.probability, world.step
         time_limit_reached = t == self._last_step
         shared = rules.same_cell(targets)
         crashes = {*shared, OFF_GRID}
@@ -521,10 +523,9 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                     shown(self._cells[drone]) if searched else 0.0,
                     t,
                     limit,
-                    scheme.step * t + beyond[drone],
+                    self._returns[drone],
                 )
                 rewards[self._names[drone]] = points
-                beyond[drone] += points - scheme.step
         if finders:
             self._found = True
             self._finders |= finders
@@ -538,9 +539,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """Judge a step in which nothing happened but searches that found nobody."""
         scheme, shown = self._scenario.reward_scheme, self._world.probability
         for cell, drone in searches.items():
-            points = rules.unsuccessful_search_reward(scheme, shown(cell))
-            rewards[self._names[drone]] = points
-            self._beyond_step[drone] += points - scheme.step
+            rewards[self._names[drone]] = rules.unsuccessful_search_reward(scheme, shown(cell))
 
     # The window and the painter, made when first needed.
 
