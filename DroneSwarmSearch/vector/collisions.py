@@ -62,6 +62,8 @@ class Collisions:
         Returns:
             row * drones + drone for each of them; unordered, possibly with repetitions.
         """
+        if targets.shape[1] == 1:
+            return _NO_DRONES
         return self._sorted(targets) if targets.shape[1] > _FEW else self._compared(targets)
 
     def _compared(self, targets: NDArray[Any]) -> Ints:

@@ -47,9 +47,10 @@ Singles = NDArray[np.float32]
 Narrow = NDArray[Any]  # int16, or int32 on large grids
 
 # NumPy calculates faster with 0-d arrays than with Python numbers.
-_SEARCH, _IDLE, _ACTIONS, _OFF_GRID = (
+_SEARCH, _IDLE, _NUM_ACTIONS, _OFF_GRID = (
     np.array(number, np.int16) for number in (Action.SEARCH, Action.IDLE, len(Action), OFF_GRID)
 )
+_ACTIONS = len(Action)
 
 # glibc returns large freed blocks to the system, which costs up to a third of a step, until a
 # block of this size has been freed once. Without effect on other systems.
@@ -141,7 +142,7 @@ class SearchBatch(BatchReadings):
         self._drones_of = np.arange(rows * n).reshape(rows, n)
         self._row_of = self._rows.repeat(n)
         # Cells and actions are stored in narrow integers, which are faster to process.
-        largest = size**2 * len(Action)
+        largest = size**2 * _ACTIONS
         kinds = (np.int16, np.int32, np.int64)
         self._narrow: Any = next(kind for kind in kinds if largest <= np.iinfo(kind).max)
         neighbours = rules.neighbours_of_all(size)  # which checks that such tables fit in memory
@@ -339,7 +340,7 @@ class SearchBatch(BatchReadings):
             chosen.reshape(-1)[idle] = _IDLE
 
         # 1. All drones move or search.
-        moves = self._cells * _ACTIONS
+        moves = self._cells * _NUM_ACTIONS
         moves += chosen
         targets = self._neighbours.take(moves, mode="clip")
         searches = (chosen == _SEARCH).reshape(-1).nonzero()[0]
@@ -350,15 +351,16 @@ class SearchBatch(BatchReadings):
         world, outcomes = self._world, self._outcomes
         probability = world.probabilities(rows, cells).astype(np.float64)
         finds = world.search(rows, cells)
+        found = all_found = finds
+        if finds.size:
+            found, all_found = searches.take(finds), world.all_found(rows.take(finds))
 
         def decide() -> None:
             left_grid = (targets.reshape(-1) == _OFF_GRID).nonzero()[0]
-            found, all_found = searches.take(finds), world.all_found(rows.take(finds))
             collided = self._collided(targets)
             outcomes.decide(
-                world.step, searches, probability, found, all_found, left_grid, collided
+                world.step, searches, probability, found, all_found, left_grid, collided, idle
             )
-            outcomes.pay(idle)
             if left_grid.size:  # these drones stay where they were
                 targets.reshape(-1)[left_grid] = self._cells.reshape(-1).take(left_grid)
 
@@ -385,8 +387,8 @@ class SearchBatch(BatchReadings):
         # As unsigned integers, negative numbers are large.
         whole = np.ascontiguousarray(given, np.int64)
         unsigned = whole.reshape(-1).view(np.uint64)
-        if np.maximum.reduce(unsigned) >= len(Action):
-            row, drone = divmod(int((unsigned >= len(Action)).argmax()), shape[1])
+        if np.maximum.reduce(unsigned) >= _ACTIONS:
+            row, drone = divmod(int((unsigned >= _ACTIONS).argmax()), shape[1])
             raise ValueError(
                 f"actions must be integers from 0 to 5, got {given[row, drone]} "
                 f"for drone {drone} of search {row}"

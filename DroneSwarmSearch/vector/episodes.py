@@ -38,7 +38,7 @@ class Episodes:
 
     def prepared(self, rows: Ints) -> bool:
         """Whether all of these rows are prepared."""
-        return bool(np.count_nonzero(self._prepared.take(rows)) == len(rows))
+        return bool(self._prepared.take(rows).all())
 
     def prepare_all(self) -> tuple[Ints, Words]:
         """Prepare all rows that are not.

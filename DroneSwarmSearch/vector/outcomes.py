@@ -70,6 +70,7 @@ class Outcomes:
         all_found: Ints,
         left_grid: Ints,
         collided: Ints,
+        beginning: Ints,
     ) -> None:
         """Apply the rules to a step.
 
@@ -81,6 +82,7 @@ class Outcomes:
             all_found: the rows in which all persons have been found.
             left_grid: the drones that tried to leave the grid.
             collided: the drones that collided.
+            beginning: the drones that begin an episode in this step and get no reward.
         """
         last = np.greater(np.equal(steps, self._last_step), self.ended).nonzero()[0]
         timed_out, return_so_far, steps_before = _NO_DRONES, _NO_RETURNS, _NO_DRONES
@@ -105,6 +107,9 @@ class Outcomes:
             left_grid=left_grid,
             collided=collided,
         ).reshape(self.rewards.shape)
+        if beginning.size:
+            self.rewards.reshape(-1)[beginning] = 0.0
+        self.returns += self.rewards
         self.endings = rules.endings(
             len(steps),
             all_found=all_found,
@@ -113,9 +118,3 @@ class Outcomes:
             time_limit_reached=last,
         )
         self.ended = self.endings != 0
-
-    def pay(self, beginning: Ints) -> None:
-        """Add the rewards to the returns, except for drones that begin an episode."""
-        if beginning.size:
-            self.rewards.reshape(-1)[beginning] = 0.0
-        self.returns += self.rewards

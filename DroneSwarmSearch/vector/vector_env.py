@@ -153,12 +153,15 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _infos(self) -> Infos:
         """The infos of all sub-environments, without masks."""
         batch, each = self.batch, self._each
-        return {
-            "Found": batch.found.repeat(each),
-            "persons_found": (~batch.missing).repeat(each, axis=0),
-            "ending": batch.endings.repeat(each),
-            "step": batch.steps.repeat(each),
+        infos = {
+            "Found": batch.found,
+            "persons_found": ~batch.missing,
+            "ending": batch.endings,
+            "step": batch.steps,
         }
+        if self._joint:
+            return infos
+        return {name: values.repeat(each, axis=0) for name, values in infos.items()}
 
     # Gymnasium's API.
 

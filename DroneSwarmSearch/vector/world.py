@@ -182,10 +182,9 @@ class BatchState:
 
     def all_found(self, rows: Ints) -> Ints:
         """Those of some rows in which all persons have been found."""
-        if len(self._detections) == 1 or not rows.size:
+        if len(self._detections) == 1:
             return rows
-        missing = self._now.missing.take(rows, axis=1)
-        found: Ints = rows[~np.logical_or.reduce(missing, axis=0)]
+        found: Ints = rows[~self._now.missing.take(rows, axis=1).any(axis=0)]
         return found
 
     def advance(
@@ -267,9 +266,9 @@ class BatchState:
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """The matrix entry of one cell in each of some rows, in rising order: float32, (n,)."""
-        values = self._forecasts.probabilities(self._shown_persons(rows), rows, cells)
         if self._beliefs is None and len(self._detections) == 1:
-            return values
+            return self._forecasts.probabilities(0, rows, cells)
+        values = self._forecasts.probabilities(self._shown_persons(rows), rows, cells)
         mixed, believed = self._mixed_among(rows), self._believed_among(rows)
         if mixed.size:
             here, n = rows[mixed], np.arange(len(mixed))
