@@ -14,18 +14,13 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.belief import drift, normalise
+from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.vector.forecasts import Forecasts
 from DroneSwarmSearch.vector.threads import run_in_parts
 
 __all__ = ["Beliefs", "mean_over_persons"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-Singles = NDArray[np.float32]
 
 _TILE_ROWS = 1024
 """The largest number of rows in a tile."""

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from DroneSwarmSearch.rules import OFF_GRID
+from DroneSwarmSearch.vector.arrays import Ints
 
 __all__ = ["Collisions"]
-
-Ints = NDArray[np.int64]
 
 _FEW = 32
 """Up to this many drones, comparing all pairs is faster than sorting the cells."""

@@ -18,7 +18,7 @@ from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from DroneSwarmSearch import rules
 from DroneSwarmSearch._internal import checks
@@ -26,6 +26,8 @@ from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.streams import mixed
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.actions import checked_actions
+from DroneSwarmSearch.vector.arrays import Ints, Singles, Words
 from DroneSwarmSearch.vector.collisions import Collisions
 from DroneSwarmSearch.vector.episodes import Episodes
 from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
@@ -41,16 +43,10 @@ from DroneSwarmSearch.vector.world import BatchState
 
 __all__ = ["SearchBatch"]
 
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
-Singles = NDArray[np.float32]
-Narrow = NDArray[Any]  # int16, or int32 on large grids
-
 # NumPy calculates faster with 0-d arrays than with Python numbers.
-_SEARCH, _IDLE, _NUM_ACTIONS, _OFF_GRID = (
+_SEARCH, _IDLE, _ACTIONS, _OFF_GRID = (
     np.array(number, np.int16) for number in (Action.SEARCH, Action.IDLE, len(Action), OFF_GRID)
 )
-_ACTIONS = len(Action)
 
 # glibc returns large freed blocks to the system, which costs up to a third of a step, until a
 # block of this size has been freed once. Without effect on other systems.
@@ -142,7 +138,7 @@ class SearchBatch(BatchReadings):
         self._drones_of = np.arange(rows * n).reshape(rows, n)
         self._row_of = self._rows.repeat(n)
         # Cells and actions are stored in narrow integers, which are faster to process.
-        largest = size**2 * _ACTIONS
+        largest = size**2 * len(Action)
         kinds = (np.int16, np.int32, np.int64)
         self._narrow: Any = next(kind for kind in kinds if largest <= np.iinfo(kind).max)
         neighbours = rules.neighbours_of_all(size)  # which checks that such tables fit in memory
@@ -321,7 +317,10 @@ class SearchBatch(BatchReadings):
             ValueError: an action is out of range, or a shape is wrong. After any error of
                 the input the batch is unchanged.
         """
-        chosen = self._checked(actions)
+        self._check_complete("step")
+        if not self.ready:
+            raise ResetNeeded("step: no episode has begun; call reset() first")
+        chosen = checked_actions(actions, self._cells.shape, self._narrow)
         if matrices is not None:
             self._check_output(matrices)
         beginning = self._outcomes.ended.nonzero()[0]
@@ -340,7 +339,7 @@ class SearchBatch(BatchReadings):
             chosen.reshape(-1)[idle] = _IDLE
 
         # 1. All drones move or search.
-        moves = self._cells * _NUM_ACTIONS
+        moves = self._cells * _ACTIONS
         moves += chosen
         targets = self._neighbours.take(moves, mode="clip")
         searches = (chosen == _SEARCH).reshape(-1).nonzero()[0]
@@ -368,29 +367,3 @@ class SearchBatch(BatchReadings):
         world.advance(rows, cells, beginning, matrices, decide)
         self._cells, self._chosen = targets, chosen
         self._changing = False
-
-    def _checked(self, actions: ArrayLike) -> Narrow:
-        """The actions in new narrow integers, shape (E, n_drones)."""
-        self._check_complete("step")
-        if not self.ready:
-            raise ResetNeeded("step: no episode has begun; call reset() first")
-        shape = self._cells.shape
-        what = f"actions must have the shape {shape}, one for each drone of each search"
-        try:
-            given = np.asarray(actions)
-        except ValueError:  # rows that differ in length
-            raise ValueError(f"{what}, got {actions!r}") from None
-        if given.dtype.kind not in "iu":
-            raise TypeError(f"actions must be integers from 0 to 5, got {given.dtype}")
-        if given.shape != shape:
-            raise ValueError(f"{what}, got {given.shape}")
-        # As unsigned integers, negative numbers are large.
-        whole = np.ascontiguousarray(given, np.int64)
-        unsigned = whole.reshape(-1).view(np.uint64)
-        if np.maximum.reduce(unsigned) >= _ACTIONS:
-            row, drone = divmod(int((unsigned >= _ACTIONS).argmax()), shape[1])
-            raise ValueError(
-                f"actions must be integers from 0 to 5, got {given[row, drone]} "
-                f"for drone {drone} of search {row}"
-            )
-        return whole.astype(self._narrow)

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, stream_keys
+from DroneSwarmSearch.vector.arrays import Flags, Ints, Words
 
 __all__ = ["Episodes"]
-
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
-Flags = NDArray[np.bool_]
 
 
 class Episodes:

@@ -19,13 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift import person as person_rules
+from DroneSwarmSearch.vector.arrays import Floats, Ints, Rows, Singles
 
 __all__ = ["DriftParameters", "Forecasts"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
-Rows = Any  # a slice, or an array of row numbers
 
 
 class DriftParameters(NamedTuple):

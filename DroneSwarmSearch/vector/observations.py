@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
-from numpy.typing import NDArray
 
+from DroneSwarmSearch.vector.arrays import Ints, Singles
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 from DroneSwarmSearch.wrappers.layouts import (
@@ -22,8 +22,6 @@ from DroneSwarmSearch.wrappers.layouts import (
 
 __all__ = ["BatchObservations"]
 
-Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
 Observations = Any  # an array, or a dict of arrays
 Values = Any  # an array with a first axis for the sub-environments
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.probability_matrix import (
@@ -14,14 +11,10 @@ from DroneSwarmSearch.drift.probability_matrix import (
     point_mass,
     reachable,
 )
+from DroneSwarmSearch.vector.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
 
 __all__ = ["OnTheFlyForecasts"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
-Rows = Any  # a slice, or an array of row numbers
 
 _CHUNK_BYTES = 2**20
 """The size of the arrays that are computed at a time; larger ones are not faster."""

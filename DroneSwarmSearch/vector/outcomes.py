@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch import rules
 from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.arrays import Floats, Ints
 
 __all__ = ["Outcomes"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _NO_DRONES: Ints = np.empty(0, np.int64)
 _NO_RETURNS: Floats = np.empty(0)

@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.streams import RowGenerator
 from DroneSwarmSearch.scenario import Scenario, persons_of_rows, resolve_scenario
+from DroneSwarmSearch.vector.arrays import Ints, Words
 from DroneSwarmSearch.vector.forecasts import DriftParameters
 
 __all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler", "checked_rows"]
-
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
 
 RowValues = dict[str, NDArray[Any]]
 """Valid values of some of `ROW_PARAMETERS`; the row is the last axis."""

@@ -13,17 +13,13 @@ from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.vector.outcomes import Outcomes
 from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, checked_rows
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts
 from DroneSwarmSearch.vector.world import BatchState
 
 __all__ = ["BatchReadings"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-Singles = NDArray[np.float32]
 
 _SEARCH = np.array(Action.SEARCH, np.int16)  # 0-d: NumPy calculates faster than with an int
 

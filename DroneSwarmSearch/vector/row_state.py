@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from DroneSwarmSearch.vector.arrays import Ints, Words
 
 __all__ = ["RowState"]
-
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
 
 
 class RowState:

@@ -6,21 +6,16 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.probability_matrix import tabulate
+from DroneSwarmSearch.vector.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
 from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
 __all__ = ["TABLE_BYTES", "TabulatedForecasts", "check_table", "choose_forecasts"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
-Rows = Any  # a slice, or an array of row numbers
 
 TABLE_BYTES = 64 * 2**20
 """The largest tables that a batch makes unless it is asked for them."""

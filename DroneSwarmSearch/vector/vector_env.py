@@ -21,19 +21,18 @@ from numpy.typing import ArrayLike, NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
+from DroneSwarmSearch.vector.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.vector.buffers import Buffers, check_buffers
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.keywords import with_keywords_of
 from DroneSwarmSearch.vector.observations import BatchObservations
-from DroneSwarmSearch.vector.parameters import ROW_PARAMETERS, checked_rows
+from DroneSwarmSearch.vector.parameters import checked_rows
+from DroneSwarmSearch.vector.reset_arguments import parse_options, parse_seeds
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["SearchVectorEnv"]
 
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-Singles = NDArray[np.float32]
 Observations = Any  # an array, or a dict of arrays
 Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
@@ -191,8 +190,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        rows, given = self._parse_options(options)
-        seeds = self._parse_seeds(seed)
+        rows, given = parse_options(options, self.num_envs, self._each)
+        seeds = parse_seeds(seed, self.num_envs, self._each)
         chosen = [seeds[row] for row in rows.tolist()] if seeds else None
         self.batch.reset(chosen, rows, given or None)
         if seeds and seeds[0] is not None:
@@ -328,49 +327,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         check_buffers(buffers, self._new_buffers(), self.largest_reward)
         self._buffers = buffers
-
-    # Input.
-
-    def _parse_options(self, options: Mapping[str, Any] | None) -> tuple[Ints, dict[str, Any]]:
-        """The swarms to reset, and the parameters given for them."""
-        if options is None:
-            return self._all_rows, {}
-        options = checks.known_options(options, ("reset_mask", *ROW_PARAMETERS), stacklevel=3)
-        given = {key: options[key] for key in ROW_PARAMETERS if options.get(key) is not None}
-        mask = options.get("reset_mask")
-        if mask is None:
-            return self._all_rows, given
-        what = f"options['reset_mask'] must be a bool array of shape ({self.num_envs},)"
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            raise TypeError(f"{what}, got {mask!r}")
-        if mask.shape != (self.num_envs,):
-            raise ValueError(f"{what}, got shape {mask.shape}")
-        by_swarm = mask.reshape(-1, self._each)
-        wanted: Flags = np.logical_or.reduce(by_swarm, axis=1)
-        if not wanted.any():
-            raise ValueError(f"{what} with at least one True, got none")
-        if (by_swarm != wanted[:, None]).any():
-            raise ValueError(f"{what}, equal for all drones of a swarm, got {mask!r}")
-        return wanted.nonzero()[0], given
-
-    def _parse_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """A seed for each swarm, or an empty list."""
-        n = self.batch.num_rows
-        if seed is None:
-            return []
-        several = isinstance(seed, Sequence) and not isinstance(seed, str)
-        if not several and not (isinstance(seed, np.ndarray) and seed.ndim):
-            first = checks.integer("seed", seed, 0)
-            return list(range(first, first + n))
-        seeds = checks.seeds("seed", seed)
-        if len(seeds) == self.num_envs:
-            return seeds[:: self._each]
-        if len(seeds) != n:
-            each = f", or {self.num_envs}, one per drone" if self._each > 1 else ""
-            raise ValueError(
-                f"seed must be an integer, or {n} of them, one per swarm{each}; got {len(seeds)}"
-            )
-        return seeds
 
     # Output.
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, numerators
+from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch.vector.beliefs import Beliefs, mean_over_persons
 from DroneSwarmSearch.vector.forecasts import DriftParameters
 from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
@@ -19,12 +19,6 @@ from DroneSwarmSearch.vector.row_state import RowState
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts
 
 __all__ = ["BatchState"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
-Flags = NDArray[np.bool_]
-Singles = NDArray[np.float32]
 
 _NO_ROWS: Ints = np.empty(0, np.int64)
 
