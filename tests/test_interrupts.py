@@ -274,9 +274,9 @@ def test_an_interrupted_step_of_a_view(
 
 @pytest.fixture
 def two_helpers(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = threads._Helpers()
+    made = threads._Workers()
     made.number = 2
-    monkeypatch.setattr(threads, "_helpers", made)
+    monkeypatch.setattr(threads, "_workers", made)
 
 
 def test_nobody_is_at_work_after_an_interrupt(two_helpers: None) -> None:

@@ -163,7 +163,9 @@ def test_a_parameter_beside_a_scenario_is_refused(name):
         given = {name: value}
         if name == "probability_of_detection":
             given = {name: 0.5}
-        with pytest.raises(ValueError, match=rf"{name} .*beside.*replace\({name}=") as caught:
+        with pytest.raises(
+            ValueError, match=rf"{name} .*together with a scenario.*replace\({name}="
+        ) as caught:
             kind(scenario=scenario, **given)
         assert "got" in str(caught.value)
 
@@ -176,7 +178,7 @@ def test_defaults_beside_a_scenario_are_not_given():
         for other in ({}, 7, DroneSwarmSearch(), "classic"):
             with pytest.raises(TypeError, match="scenario must be a Scenario, got"):
                 kind(scenario=other)
-        with pytest.raises(ValueError, match=r"vector .*beside"):
+        with pytest.raises(ValueError, match=r"vector .*together"):
             kind(scenario=scenario, vector=[[1, 2], [3]])
 
 

@@ -20,8 +20,8 @@ from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 
-def helpers(number: int) -> threads._Helpers:
-    made = threads._Helpers()
+def helpers(number: int) -> threads._Workers:
+    made = threads._Workers()
     made.number = number
     return made
 
@@ -33,7 +33,7 @@ def require(fact: object) -> None:
 @pytest.fixture
 def two(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two helpers, wherever the test runs."""
-    monkeypatch.setattr(threads, "_helpers", helpers(2))
+    monkeypatch.setattr(threads, "_workers", helpers(2))
 
 
 # Work in parts.
@@ -42,7 +42,7 @@ def two(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("number", [0, 1, 3])
 @pytest.mark.parametrize("parts", [0, 1, 2, 50])
 def test_every_part_is_done_once(number: int, parts: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(threads, "_helpers", helpers(number))
+    monkeypatch.setattr(threads, "_workers", helpers(number))
     for _ in range(20):
         done: list[int] = []
         run_in_parts(done.append, range(parts))
@@ -138,13 +138,13 @@ def test_where_no_thread_can_be_started_the_caller_does_all(
     def start(thread: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
-    monkeypatch.setattr(threads, "_helpers", helpers(3))
+    monkeypatch.setattr(threads, "_workers", helpers(3))
     monkeypatch.setattr(threading.Thread, "start", start)
     done: list[int] = []
     for _ in range(2):
         run_in_parts(done.append, range(4))
     assert done == [0, 1, 2, 3] * 2
-    assert threads._helpers.number == 0
+    assert threads._workers.number == 0
 
 
 # How many there are.
@@ -212,11 +212,11 @@ def test_large_batches_are_the_same_with_any_number_of_helpers(
 ) -> None:
     seen = []
     for number in (0, 1, 3):
-        monkeypatch.setattr(threads, "_helpers", helpers(number))
+        monkeypatch.setattr(threads, "_workers", helpers(number))
         batch = SearchBatch(ROWS, bayesian_update=bayesian, **LARGE)
         batch.reset(range(ROWS))
         seen.append(states(batch, 6, together=True))
-        assert (threads._helpers._started > 0) == (number > 0)
+        assert (threads._workers._started > 0) == (number > 0)
     assert seen[0] == seen[1] == seen[2]
     batch = SearchBatch(ROWS, bayesian_update=bayesian, **LARGE)
     batch.reset(range(ROWS))
@@ -229,14 +229,14 @@ def test_forked_processes_have_helpers_of_their_own(two: None) -> None:
     batch = SearchBatch(ROWS, **LARGE)
     batch.reset(range(ROWS))
     states(batch, 2, together=True)
-    assert threads._helpers._started == 2
+    assert threads._workers._started == 2
     copied = pickle.loads(pickle.dumps(batch))
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:  # pragma: no cover (in another process)
-        threads._helpers.number = 2
+        threads._workers.number = 2
         with os.fdopen(writing, "wb") as pipe:
-            pickle.dump((states(batch, 2, together=True), threads._helpers._started), pipe)
+            pickle.dump((states(batch, 2, together=True), threads._workers._started), pipe)
         os._exit(0)
     os.close(writing)
     with os.fdopen(reading, "rb") as pipe:
@@ -268,11 +268,11 @@ def test_views_show_the_same_if_threads_share_in_what_is_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     alone = shown(view, observation=layout, autoreset_mode=mode)
-    assert threads._helpers._started == 0
+    assert threads._workers._started == 0
     monkeypatch.setattr(threads, "_LEAST_BYTES", 1)
     monkeypatch.setattr(threads, "_PART_BYTES", 1)
     assert shown(view, observation=layout, autoreset_mode=mode) == alone
-    assert threads._helpers._started == 2
+    assert threads._workers._started == 2
 
 
 # What receives matrices.

@@ -30,13 +30,17 @@ from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbe
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, forecasts, threads
-from DroneSwarmSearch.vector.forecasts import (
-    DriftParameters,
-    OnTheFlyForecasts,
-    TabulatedForecasts,
-    choose_forecasts,
+from DroneSwarmSearch.vector import (
+    SearchBatch,
+    beliefs,
+    collisions,
+    on_the_fly_forecasts,
+    tabulated_forecasts,
+    threads,
 )
+from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
+from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts, choose_forecasts
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -320,13 +324,13 @@ def planned(plans: list[list[int]], frame: Frame, turn: int, rng: random.Random)
     return list(map(int, actions))
 
 
-HELPERS = threads._Helpers()
+HELPERS = threads._Workers()
 HELPERS.number = 2
 
 
 def share_all(patch: pytest.MonkeyPatch) -> None:
     """Let threads, wherever the test runs, share what is otherwise too small for it."""
-    patch.setattr(threads, "_helpers", HELPERS)
+    patch.setattr(threads, "_workers", HELPERS)
     patch.setattr(beliefs, "_LEAST_SHARED_BYTES", 0)
     patch.setattr(threads, "_LEAST_BYTES", 0)
     patch.setattr(threads, "_PART_BYTES", 100)  # so that there are several parts
@@ -337,11 +341,11 @@ def check_case(case: Case) -> Counter[str]:
     rng, events = random.Random(case.seed), Counter[str]()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
-        patch.setattr(beliefs, "_BEGUN_AT_ONCE", 2)
-        patch.setattr(forecasts, "_CHUNK_BYTES", 500)  # so that there are several
+        patch.setattr(beliefs, "_BEGIN_ROWS", 2)
+        patch.setattr(on_the_fly_forecasts, "_CHUNK_BYTES", 500)  # so that there are several
         patch.setattr(collisions, "_FEW", case.few_drones)
         if case.followed:
-            patch.setattr(forecasts, "TABLE_BYTES", 0)
+            patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
         if case.shared:
             share_all(patch)
         twins = Twins(case.rows, case.parameters)
@@ -366,7 +370,7 @@ def check_case(case: Case) -> Counter[str]:
                 for row in rows:
                     successful[row] = set()
         assert isinstance(
-            twins.batch._state.forecasts, OnTheFlyForecasts if case.followed else TabulatedForecasts
+            twins.batch._world.forecasts, OnTheFlyForecasts if case.followed else TabulatedForecasts
         )
     return events
 
@@ -398,13 +402,13 @@ def test_all_that_can_happen_happens_alike() -> None:
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """The forecasts that the batches of a test have."""
     if request.param == "followed":
-        monkeypatch.setattr(forecasts, "TABLE_BYTES", 0)
+        monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
     return str(request.param)
 
 
 def has_forecasts(batch: SearchBatch, kind: str) -> bool:
     return isinstance(
-        batch._state.forecasts, {"tables": TabulatedForecasts, "followed": OnTheFlyForecasts}[kind]
+        batch._world.forecasts, {"tables": TabulatedForecasts, "followed": OnTheFlyForecasts}[kind]
     )
 
 
@@ -462,7 +466,7 @@ def test_beliefs_may_lie_in_several_tiles(
     )
     twins.reset(list(range(7)))
     play(twins, 60)
-    assert [tile.shape[-1] for tile in twins.batch._state._beliefs._tiles] == {
+    assert [tile.shape[-1] for tile in twins.batch._world._beliefs._tiles] == {
         2: [2, 2, 2, 1],
         3: [3, 3, 1],
     }[tile_rows]
@@ -483,7 +487,7 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     known = beliefs.Beliefs(4, (1.0,), 3)
     cells = np.array([5, 5, 0])
     everybody = np.ones((1, 3), bool)
-    known.go_on(np.arange(3), cells, everybody, everybody, followed, None, lambda: None)
+    known.update(np.arange(3), cells, everybody, everybody, followed, None, lambda: None)
     matrices = known.matrices(np.arange(3), everybody)
     for row, cell in enumerate(cells.tolist()):
         forecast = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
@@ -687,7 +691,7 @@ def test_forecasts_are_followed_once_resets_have_brought_too_many(
     twins.reset(list(range(6)))
     play(twins, 7)
     assert has_forecasts(twins.batch, "tables")
-    monkeypatch.setattr(forecasts, "TABLE_BYTES", 66_000)  # three forecasts of 41 steps
+    monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 66_000)  # three forecasts of 41 steps
     twins.reset([3], [3], {"vector": (0.3, 0.2)})
     assert has_forecasts(twins.batch, "tables")
     play(twins, 5)
@@ -1121,8 +1125,8 @@ def test_numpys_settings_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> N
     usual, while_drifting = np.getbufsize(), []
     monkeypatch.setattr(beliefs, "drift", lambda *_: while_drifting.append(np.getbufsize()))
     batch.step([[Action.SEARCH], [Action.IDLE]])
-    assert while_drifting == [beliefs._BUFFERED]
-    assert np.getbufsize() == usual != beliefs._BUFFERED
+    assert while_drifting == [beliefs._BUFFER_SIZE]
+    assert np.getbufsize() == usual != beliefs._BUFFER_SIZE
 
 
 @pytest.mark.parametrize("seeds", [[1], [1, 2, 3], []])
@@ -1344,11 +1348,11 @@ BAD_VALUES: list[tuple[Any, ...]] = [
     (PERSON, np.zeros((3, 1, 3), int), ValueError, "cell"),
     (PERSON, np.zeros((3, 0, 2), int), ValueError, "cell"),
     (PERSON, np.zeros((1, 3, 1, 2), int), ValueError, "cell"),
-    (PERSON, [[(0, 0)], [(7, 0)], [(0, 0)]], ValueError, "from 0 to 6, got 7"),
-    (PERSON, [[(0, 0)], [(0, -1)], [(0, 0)]], ValueError, "from 0 to 6, got -1"),
-    (PERSON, [[(0, 0)], [(0, 0.5)], [(0, 0)]], ValueError, "from 0 to 6, got 0.5"),
-    (PERSON, [[(0, 0)], [(0, NAN)], [(0, 0)]], ValueError, "from 0 to 6, got nan"),
-    (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got 1e\+300"),
+    (PERSON, [[(0, 0)], [(7, 0)], [(0, 0)]], ValueError, r"\[1\]\[0\] .* from 0 to 6, got \[7"),
+    (PERSON, [[(0, 0)], [(0, -1)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*-1"),
+    (PERSON, [[(0, 0)], [(0, 0.5)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*0\.5"),
+    (PERSON, [[(0, 0)], [(0, NAN)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*nan"),
+    (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*1e\+300"),
     (PERSON, (NAN, 0), ValueError, "nan"),
     (PERSON, (7, 0), ValueError, "7"),
     (PERSON, (1, 2, 3), ValueError, r"got shape \(3,\)"),
@@ -1358,16 +1362,23 @@ BAD_VALUES: list[tuple[Any, ...]] = [
     (PERSON, (True, 0), TypeError, "True"),
     (PERSON, "00", TypeError, "00"),
     (PERSON, None, TypeError, "None"),
-    (DRONES, [(0, 0)], ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
+    (DRONES, [(0, 0)], ValueError, "must hold 2 cells .* got 1: "),
+    (DRONES, np.zeros((3, 2, 3), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
     (DRONES, np.zeros((2, 2, 2), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
-    (DRONES, np.zeros((3, 2), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
-    (DRONES, [(1, 2), (1, 2)], ValueError, r"different cells, got \[\[1, 2\], \[1, 2\]\]"),
-    (DRONES, [[(0, 0), (1, 0)], [(4, 5)] * 2, [(0, 0), (0, 1)]], ValueError, r"\[4, 5\]"),
-    (DRONES, [(0, 0), (0, 7)], ValueError, "from 0 to 6, got 7"),
-    (DRONES, [(0, 0), (0, 1.5)], ValueError, "from 0 to 6, got 1.5"),
-    (DRONES, [(0, 0), (0, NAN)], ValueError, "from 0 to 6, got nan"),
+    (DRONES, np.zeros((3, 2), int), ValueError, "must hold 2 cells .* got 3: "),
+    (
+        DRONES,
+        [(1, 2), (1, 2)],
+        ValueError,
+        r"different cells, got \(1, 2\) for both drone0 and drone1",
+    ),
+    (DRONES, [[(0, 0), (1, 0)], [(4, 5)] * 2, [(0, 0), (0, 1)]], ValueError, r"\[1\] .*\(4, 5\)"),
+    (DRONES, [(0, 0), (0, 7)], ValueError, r"\[1\] .* from 0 to 6, got \(0, 7\)"),
+    (DRONES, [(0, 0), (0, 1.5)], ValueError, r"from 0 to 6, got \(0, 1\.5\)"),
+    (DRONES, [(0, 0), (0, NAN)], ValueError, r"from 0 to 6, got \(0, nan\)"),
+    (DRONES, np.full((3, 2, 2), NAN), ValueError, r"\[0\]\[0\] .* got \[nan, nan\]"),
     (DRONES, [("a", "b"), ("c", "d")], TypeError, "'a'"),
-    (DRONES, 5, ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
+    (DRONES, 5, TypeError, "2 cells .* got 5"),
 ]
 
 
@@ -1482,7 +1493,7 @@ def test_cells_as_many_as_rows_are_not_taken_for_one_persons() -> None:
     batch = SearchBatch(3)
     batch.reset(range(3), given={PERSON: cells[:, None]})
     assert batch.parameters[PERSON].tolist() == cells[:, None].tolist()
-    words = rf"{PERSON} must be .*for each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
+    words = rf"{PERSON} must be .*of each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
     for value in (cells, cells.tolist()):
         with pytest.raises(ValueError, match=words):
             batch.reset(range(3), given={PERSON: value})
@@ -1503,7 +1514,7 @@ def test_reset_refuses_names_that_it_does_not_know(name: str) -> None:
 def test_a_reset_cannot_change_the_number_of_persons() -> None:
     batch = SearchBatch(3, person_initial_position=[(0, 0), (1, 1)])
     for cells in ([(0, 0)], (0, 0), [(0, 0)] * 3, np.zeros((3, 1, 2), int)):
-        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or these"):
+        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or those"):
             batch.reset([1, 2, 3], given={PERSON: cells})
 
 
@@ -1604,7 +1615,7 @@ CONSTANTS = [3.0, 0.0, 3.0]
 SIX = parameters_of(STARTS, DRIFTS, CONSTANTS)  # of the six forecasts three differ
 
 
-def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
+def check_forecasts(made: Forecasts, steps: list[int]) -> None:
     """The forecasts of the three rows at some steps are those of `ProbabilityMatrix`."""
     every = np.arange(3)
     for person in range(2):
@@ -1617,7 +1628,7 @@ def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
         matrices = np.stack([forecast.at(step) for forecast, step in zip(of, steps, strict=True)])
         assert out.tobytes() == matrices.tobytes()
         for cell in (0, 13, 35):
-            shown = made.shown(person, every, np.full(3, cell))
+            shown = made.probabilities(person, every, np.full(3, cell))
             assert shown.tolist() == matrices.reshape(3, -1)[:, cell].tolist()
         x, y = made.marginals(person, every)
         right, left, down, up = made.moves(person, slice(None))
@@ -1631,7 +1642,7 @@ def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
 
 
 def check_walk(
-    made: forecasts.Forecasts,
+    made: Forecasts,
     person: int,
     axis: int,
     at: int,
@@ -1654,9 +1665,9 @@ def check_walk(
 class Held:
     """Forecasts of three rows, with places that begin and grow as those in `Seas` do."""
 
-    def __init__(self, made: forecasts.Forecasts) -> None:
+    def __init__(self, made: Forecasts) -> None:
         self.forecasts = made
-        self._now, self._first = (np.zeros((len(made.growth), 3), np.int64) for _ in range(2))
+        self._now, self._first = (np.zeros((len(made.increments), 3), np.int64) for _ in range(2))
         made.bind(self._now, self._first)
         made.assign(np.arange(3), SIX)
         self.begin([0, 1, 2])
@@ -1667,7 +1678,7 @@ class Held:
 
     def advance(self, beginning: Sequence[int] = ()) -> None:
         rows = np.array(beginning, np.int64)
-        self._now += self.forecasts.growth
+        self._now += self.forecasts.increments
         self._now[:, rows] = self._first[:, rows]
         self.forecasts.advance(rows)
 
@@ -1676,7 +1687,7 @@ class Held:
     "make", [lambda: TabulatedForecasts(SIZE, 80, SIX), lambda: OnTheFlyForecasts(SIZE, SIX)]
 )
 def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
-    make: Callable[[], forecasts.Forecasts],
+    make: Callable[[], Forecasts],
 ) -> None:
     held, steps = Held(make()), [0, 0, 0]
     for step in range(80):
@@ -1726,7 +1737,7 @@ def test_forecasts_are_tabulated_where_tables_are_small_or_asked_for(
     # A step of a forecast takes its matrix in single precision, and of each axis the chances of
     # every cell, and of a move up and down, and what decides moves, 8 bytes each.
     step_bytes = 4 * SIZE**2 + 2 * 5 * 8 * SIZE
-    monkeypatch.setattr(forecasts, "TABLE_BYTES", 3 * 101 * step_bytes)
+    monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 3 * 101 * step_bytes)
     assert isinstance(choose_forecasts(SIZE, 100, SIX), TabulatedForecasts)
     assert isinstance(choose_forecasts(SIZE, 101, SIX), OnTheFlyForecasts)
     assert isinstance(choose_forecasts(SIZE, 101, SIX, wants_table=True), TabulatedForecasts)
@@ -1736,7 +1747,7 @@ def test_forecasts_are_tabulated_where_tables_are_small_or_asked_for(
     tables = TabulatedForecasts(SIZE, 100, SIX)
     chances = (tables._probability, tables._moves)
     arrays = (tables._matrices, *chances, tables._higher, tables._either)
-    assert sum(array.nbytes for array in arrays) == forecasts.TABLE_BYTES
+    assert sum(array.nbytes for array in arrays) == tabulated_forecasts.TABLE_BYTES
 
 
 # What a policy is made from.

@@ -582,12 +582,12 @@ def test_without_a_first_seed_np_random_goes_on() -> None:
         ("a", TypeError, r"seed must be an integer of at least 0, got 'a'"),
         (1.0, TypeError, r"seed must be an integer"),
         (True, TypeError, r"seed must be an integer"),
-        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 2"),
+        ([1, 2], ValueError, r"seed must be an integer, or 3 of them, one per swarm.*; got 2"),
         ([1, 2.0, 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 2.0"),
         (np.array([1.0, 2.0, 3.0]), TypeError, r"seed\[0\] must be an integer"),
         ([1, False, 3], TypeError, r"seed\[1\] must be an integer"),
         ([[1], [2, 3]], TypeError, r"seed\[0\] must be an integer"),
-        (range(7), ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 7"),
+        (range(7), ValueError, r"seed must be an integer, or 3 of them, one per swarm.*; got 7"),
         ({1, 2, 3}, TypeError, r"seed must be an integer"),
         ([1, None, -3], ValueError, r"seed\[2\] must be an integer of at least 0, got -3"),
         ([1, "b", 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 'b'"),
@@ -723,11 +723,11 @@ def test_without_autoreset_ended_swarms_must_be_reset(view: type[SearchVectorEnv
     actions = np.array([Action.LEFT, Action.IDLE, Action.UP]).reshape(env.action_space.shape)
     over = env.step(actions)[2]
     before = pickle.dumps(env.batch)
-    with pytest.raises(ResetNeeded, match=r"searches \[0, 2\] are over.*'reset_mask'"):
+    with pytest.raises(ResetNeeded, match=r"searches \[0, 2\] have ended.*'reset_mask'"):
         env.step(actions)
     assert pickle.dumps(env.batch) == before
     env.reset(options={"reset_mask": np.array([True, False, False])})
-    with pytest.raises(ResetNeeded, match=r"searches \[2\] are over"):
+    with pytest.raises(ResetNeeded, match=r"searches \[2\] have ended"):
         env.step(actions)
     _, infos = env.reset(options={"reset_mask": np.array([False, False, True])})
     assert infos["step"].tolist() == [0, 1, 0]
@@ -785,7 +785,7 @@ def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
         with pytest.raises(error, match=rf"options\['reset_mask'\] .*{words}"):
             env.reset(options={"reset_mask": mask})
     if view is DroneVectorEnv:
-        with pytest.raises(ValueError, match="alike for all drones of a swarm"):
+        with pytest.raises(ValueError, match="equal for all drones of a swarm"):
             env.reset(options={"reset_mask": np.array([True, True, False, True])})
     assert pickle.dumps(env.batch) == before
 
