@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from DroneSwarmSearch._internal.streams import DENOMINATOR
-from DroneSwarmSearch.drift.probability_matrix import (
+from DroneSwarmSearch.drift.tables import (
     gaussian_cdf,
     moves_between,
     point_mass,

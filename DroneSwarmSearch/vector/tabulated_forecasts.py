@@ -9,7 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.streams import DENOMINATOR
-from DroneSwarmSearch.drift.probability_matrix import tabulate
+from DroneSwarmSearch.drift.tables import tabulate
 from DroneSwarmSearch.vector.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
 from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
