@@ -16,7 +16,7 @@ from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.exact import best_success
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target
-from DroneSwarmSearch.policies import Knowledge, SwarmPolicy
+from DroneSwarmSearch.policies import BeliefTracker, SwarmPolicy
 
 Cell = tuple[int, int]
 
@@ -85,9 +85,9 @@ def forecast_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
     )
 
 
-def targets_of(of: NamedSearch, knowledge: Knowledge | None = None) -> list[Target]:
+def targets_of(of: NamedSearch, knowledge: BeliefTracker | None = None) -> list[Target]:
     """The persons who are missing, from the present step to the last one."""
-    known = Knowledge(of.scenario) if knowledge is None else knowledge
+    known = BeliefTracker(of.scenario) if knowledge is None else knowledge
     end, detections = of.scenario.timestep_limit, of.scenario.detections
     return [
         Target(
@@ -99,7 +99,7 @@ def targets_of(of: NamedSearch, knowledge: Knowledge | None = None) -> list[Targ
 
 
 def chances(
-    of: NamedSearch, paths: Sequence[Path], knowledge: Knowledge | None = None
+    of: NamedSearch, paths: Sequence[Path], knowledge: BeliefTracker | None = None
 ) -> list[float]:
     """The chance that each missing person is found by drones that fly some paths."""
     first = 0 if knowledge is None else knowledge.step
@@ -112,7 +112,9 @@ def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
     return {f"drone{i}": {"observation": (cell, matrix)} for i, cell in enumerate(cells)}
 
 
-def fly(policy: SwarmPolicy, knowledge: Knowledge, cells: Sequence[Cell], steps: int) -> list[Path]:
+def fly(
+    policy: SwarmPolicy, knowledge: BeliefTracker, cells: Sequence[Cell], steps: int
+) -> list[Path]:
     """The paths on which a policy leads the drones while nobody is found; checks each step.
 
     Args:
@@ -140,7 +142,7 @@ def fly(policy: SwarmPolicy, knowledge: Knowledge, cells: Sequence[Cell], steps:
 
 def flown(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
     """The paths of a policy from the beginning to the end of an episode that finds nobody."""
-    return fly(policy, Knowledge(of.scenario), of.drones, of.scenario.timestep_limit)
+    return fly(policy, BeliefTracker(of.scenario), of.drones, of.scenario.timestep_limit)
 
 
 def found_in_each_step(

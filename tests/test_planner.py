@@ -24,7 +24,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch
 from DroneSwarmSearch.planning.exact import best_success
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.policies import Knowledge, PosteriorGreedyPolicy
+from DroneSwarmSearch.policies import BeliefTracker, PosteriorGreedyPolicy
 from DroneSwarmSearch.policies import planner as planner_module
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
@@ -236,7 +236,7 @@ class TestFlight:
 class TestNews:
     def test_plans_anew_after_a_find_for_those_still_missing(self, plans_made: list[int]) -> None:
         of, policy = A_SEARCH, planner(A_SEARCH)
-        known, cells, step = Knowledge(of.scenario), list(of.drones), 0
+        known, cells, step = BeliefTracker(of.scenario), list(of.drones), 0
         while True:
             before = known.belief(0)
             paths = fly(policy, known, cells, 1)
@@ -264,7 +264,7 @@ class TestNews:
 
     def test_plans_anew_from_where_a_drone_has_been_set(self, plans_made: list[int]) -> None:
         of = shortened(SMALL[3], 20)
-        policy, known = planner(of), Knowledge(of.scenario)
+        policy, known = planner(of), BeliefTracker(of.scenario)
         (path,) = fly(policy, known, of.drones, 1)
         assert plans_made == [0]
         # Carried to the likeliest cell, the drone makes more of it than staying there would.
@@ -279,7 +279,7 @@ class TestNews:
         assert chances(of, paths, at_first)[0] > chances(of, [staying], at_first)[0] > belief.max()
 
     def test_a_drone_that_was_held_up_is_planned_for_anew(self, plans_made: list[int]) -> None:
-        policy, known = planner(A_SEARCH), Knowledge(A_SEARCH.scenario)
+        policy, known = planner(A_SEARCH), BeliefTracker(A_SEARCH.scenario)
         cells = list(A_SEARCH.drones)
         for _ in range(3):  # each time from the same cells, as if nothing had been done
             actions = policy(observations(cells, known.shown()))

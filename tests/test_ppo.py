@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.policies.ppo import LARGEST, OWN_WEIGHTS, Network, PPOPolicy
+from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS, LARGEST, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
 
@@ -234,12 +234,12 @@ def test_no_network_makes_drones_collide_or_leave(
 
 class TestWeightsInTheBox:
     def test_are_small_and_need_no_pickle(self) -> None:
-        assert OWN_WEIGHTS.stat().st_size < 500_000
-        with np.load(OWN_WEIGHTS, allow_pickle=False) as file:
+        assert DEFAULT_WEIGHTS.stat().st_size < 500_000
+        with np.load(DEFAULT_WEIGHTS, allow_pickle=False) as file:
             assert all(file[name].dtype == np.float32 for name in file)
 
     def test_are_those_of_the_registry(self) -> None:
-        by_name, by_file = make("ppo", scenario()), PPOPolicy(scenario(), OWN_WEIGHTS)
+        by_name, by_file = make("ppo", scenario()), PPOPolicy(scenario(), DEFAULT_WEIGHTS)
         env = DroneSwarmSearch(grid_size=8, n_drones=2)
         observations, _ = env.reset(seed=3)
         while env.agents:

@@ -19,8 +19,8 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from DroneSwarmSearch.observations import Observation
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import GreedyPolicy, PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -36,10 +36,10 @@ from DroneSwarmSearch.scenario import Scenario
 __all__ = [
     "POLICIES",
     "BatchPolicy",
+    "BeliefTracker",
     "CreepingLinePolicy",
     "ExpandingSquarePolicy",
     "GreedyPolicy",
-    "Knowledge",
     "PPOPolicy",
     "ParallelSweepPolicy",
     "PlannerPolicy",

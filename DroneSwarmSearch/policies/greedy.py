@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.conflicts import MOVES
-from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -152,7 +152,7 @@ class PosteriorGreedyPolicy(_Greedy):
     The choice is that of `GreedyPolicy`.
 
     A cell is worth the chance that a search of it succeeds, POS: the mean over the
-    persons missing of POD times posterior, as `Knowledge` keeps it. Cells with less than
+    persons missing of POD times posterior, as `BeliefTracker` keeps it. Cells with less than
     ``WORTHWHILE`` of the greatest chance are passed over.
 
     Args:
@@ -162,10 +162,10 @@ class PosteriorGreedyPolicy(_Greedy):
         TypeError: `scenario` is no `Scenario`.
     """
 
-    def begin(self) -> Knowledge:
-        return Knowledge(self._scenario)
+    def begin(self) -> BeliefTracker:
+        return BeliefTracker(self._scenario)
 
-    def choose(self, memory: Knowledge, cells: list[Cell], matrix: Singles) -> list[Action]:
+    def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.observe(matrix)
         success = memory.success
         slight = success < WORTHWHILE * success.max()

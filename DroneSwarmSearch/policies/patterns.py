@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.conflicts import MOVES, resolve_conflicts
-from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.policies.tracks import (
     Rectangle,
@@ -147,7 +147,7 @@ class _Swarm:
         passes: how many times tracks have been laid out.
     """
 
-    knowledge: Knowledge
+    knowledge: BeliefTracker
     flights: list[_Flight] = field(default_factory=list)
     passes: int = 0
 
@@ -176,7 +176,7 @@ class PatternPolicy(SwarmPolicy):
         """
 
     def begin(self) -> _Swarm:
-        return _Swarm(Knowledge(self._scenario))
+        return _Swarm(BeliefTracker(self._scenario))
 
     def choose(self, memory: _Swarm, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.knowledge.observe(matrix)

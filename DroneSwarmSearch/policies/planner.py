@@ -19,8 +19,8 @@ from DroneSwarmSearch._internal.grid import Neighbours, grid_of
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target, idle_paths
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -63,7 +63,7 @@ class PlannerPolicy(SwarmPolicy):
     """Plans the paths of all drones together, whatever matrix is shown.
 
     The first plan of a scenario takes seconds on a large grid; searches that begin in the
-    same way share it. Plans are made from what the swarm knows itself (`Knowledge`), so
+    same way share it. Plans are made from what the swarm knows itself (`BeliefTracker`), so
     they are the same whether the environment shows posteriors or not.
 
     Plans maximise the chance to find each person in time, and among such plans prefer the
@@ -99,7 +99,7 @@ class PlannerPolicy(SwarmPolicy):
         self._renew(self.begin(), [self._positions[cell] for cell in starts])
 
     def begin(self) -> _Memory:
-        return _Memory(Knowledge(self.scenario))
+        return _Memory(BeliefTracker(self.scenario))
 
     def choose(self, memory: _Memory, cells: list[Cell], matrix: NDArray[np.float32]) -> list[int]:
         memory.knowledge.observe(matrix)
@@ -156,7 +156,7 @@ class PlannerPolicy(SwarmPolicy):
             plan.improve(shortest=SHORTEST, least=LEAST_GAIN, rounds=ROUNDS)
         return max(plans, key=Plan.value).paths
 
-    def _greedy_paths(self, knowledge: Knowledge, starts: list[int], steps: int) -> list[Path]:
+    def _greedy_paths(self, knowledge: BeliefTracker, starts: list[int], steps: int) -> list[Path]:
         """The paths of a greedy swarm that finds nobody: a plan like any other to begin with."""
         greedy, known = PosteriorGreedyPolicy(self.scenario), copy.deepcopy(knowledge)
         ways, searches = [starts], []
@@ -217,7 +217,7 @@ class _Memory:
         occasion: all occasions on which plans were made.
     """
 
-    knowledge: Knowledge
+    knowledge: BeliefTracker
     paths: list[Path] | None = None
     since: int = 0
     missing: tuple[int, ...] = ()

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.policies.knowledge import Knowledge
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -33,7 +33,7 @@ ACTIONS = len(Action) - 1
 LARGEST = 2**28
 """Bytes of weights that are read at most, so that no file can fill the memory."""
 
-OWN_WEIGHTS = Path(__file__).with_name("ppo.npz")
+DEFAULT_WEIGHTS = Path(__file__).with_name("ppo.npz")
 
 
 class Network:
@@ -140,7 +140,7 @@ class PPOPolicy(SwarmPolicy):
     """A network trained by proximal policy optimisation, on searches drawn at random.
 
     Like `PosteriorGreedyPolicy` the swarm keeps the exact posterior itself, whatever the
-    matrix shows (`Knowledge`). Every drone is given crops (`layouts.crops`) of how
+    matrix shows (`BeliefTracker`). Every drone is given crops (`layouts.crops`) of how
     likely a search of each cell succeeds, and the network scores its actions. The drones
     choose their best ones in turn (`masks.choose_in_turn`), so none ever collides or leaves
     the grid.
@@ -164,10 +164,10 @@ class PPOPolicy(SwarmPolicy):
         self._network = _own() if weights is None else Network.load(weights)
         self._layout = CropsLayout(scenario.grid_size, scenario.n_drones)
 
-    def begin(self) -> Knowledge:
-        return Knowledge(self._scenario)
+    def begin(self) -> BeliefTracker:
+        return BeliefTracker(self._scenario)
 
-    def choose(self, memory: Knowledge, cells: list[Cell], matrix: Singles) -> Sequence[int]:
+    def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> Sequence[int]:
         memory.observe(matrix)
         success = memory.success
         if not success.any():  # a person who cannot be seen: anywhere is as good
@@ -186,4 +186,4 @@ class PPOPolicy(SwarmPolicy):
 
 @lru_cache(maxsize=1)
 def _own() -> Network:
-    return Network.load(OWN_WEIGHTS)
+    return Network.load(DEFAULT_WEIGHTS)

@@ -14,7 +14,7 @@ from helpers import HUNT, SPREAD, careful_actions, planned_actions
 from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
-from DroneSwarmSearch.policies.knowledge import Knowledge
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
 @st.composite
@@ -46,7 +46,7 @@ def test_of_one_person_it_is_the_matrix_shown_to_the_last_bit(
     parameters: dict[str, Any], seed: int
 ) -> None:
     env = DroneSwarmSearch(**{**parameters, "bayesian_update": True})
-    knowledge, rng = Knowledge(env.scenario), random.Random(seed)
+    knowledge, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
     searched = False
     while env.agents:
@@ -72,7 +72,7 @@ def test_of_several_persons_it_explains_the_matrix_shown_to_the_last_bit(
     parameters: dict[str, Any], seed: int
 ) -> None:
     env = DroneSwarmSearch(**parameters)
-    knowledge, rng = Knowledge(env.scenario), random.Random(seed)
+    knowledge, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
     while env.agents:
         frame = env.frame()
@@ -96,7 +96,7 @@ def test_what_is_shown_does_not_change_what_is_known(bayesian_update: bool) -> N
     }
     env: DroneSwarmSearch = DroneSwarmSearch(**parameters, bayesian_update=bayesian_update)
     posterior = DroneSwarmSearch(**parameters, bayesian_update=True)
-    knowledge, rng = Knowledge(env.scenario), random.Random(1)
+    knowledge, rng = BeliefTracker(env.scenario), random.Random(1)
     observations, _ = env.reset(2)
     posterior.reset(2)
     for _ in range(30):
@@ -127,7 +127,7 @@ def test_it_tells_who_was_found(found: int, bayesian_update: bool) -> None:
     env = two_persons(bayesian_update=bayesian_update)
     cells = [(0, 0), (4, 4)]
     env.reset(0, drones_positions=cells)
-    knowledge = Knowledge(env.scenario)
+    knowledge = BeliefTracker(env.scenario)
     actions = [Action.IDLE, Action.IDLE]
     actions[found] = Action.SEARCH
     knowledge.observe(env.frame().matrix)
@@ -145,7 +145,7 @@ def test_persons_who_cannot_be_told_apart_stay_missing() -> None:
         bayesian_update=True,
     )
     observations, _ = env.reset(3, drones_positions=[(2, 2), (0, 0)])
-    knowledge = Knowledge(env.scenario)
+    knowledge = BeliefTracker(env.scenario)
     rng = random.Random(0)
     while env.agents and not any(env.frame().found):
         frame = env.frame()
@@ -162,7 +162,7 @@ def test_persons_who_cannot_be_told_apart_stay_missing() -> None:
 
 def test_rounding_is_no_news_and_what_nothing_explains_neither() -> None:
     cells = [(0, 0), (4, 4)]
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    knowledge = BeliefTracker(two_persons(disperse_constant=5).scenario)
     knowledge.acted(cells, [Action.SEARCH, Action.SEARCH])
     both = knowledge.shown()
     knowledge.observe(both * np.float32(1 + 1e-6))
@@ -175,7 +175,7 @@ def test_rounding_is_no_news_and_what_nothing_explains_neither() -> None:
 
 def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> None:
     env = two_persons(probability_of_detection=(0.5, 0.25), disperse_constant=5)
-    knowledge = Knowledge(env.scenario)
+    knowledge = BeliefTracker(env.scenario)
     expected = (0.5 * knowledge.belief(0) + 0.25 * knowledge.belief(1)) / 2
     np.testing.assert_allclose(knowledge.success, expected)
     knowledge.acted([(1, 1), (4, 4)], [Action.IDLE, Action.SEARCH])
@@ -185,7 +185,7 @@ def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> Non
 
 @pytest.mark.parametrize("way", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
 def test_copies_know_the_same_and_part_from_then_on(way: Any) -> None:
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    knowledge = BeliefTracker(two_persons(disperse_constant=5).scenario)
     cells = [(1, 0), (4, 4)]
     knowledge.acted(cells, [Action.SEARCH, Action.IDLE])
     twin, before = way(knowledge), knowledge.beliefs
@@ -198,12 +198,12 @@ def test_copies_know_the_same_and_part_from_then_on(way: Any) -> None:
 
 
 def test_deep_copies_share_forecasts() -> None:
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    knowledge = BeliefTracker(two_persons(disperse_constant=5).scenario)
     assert copy.deepcopy(knowledge).forecasts is knowledge.forecasts
 
 
 def test_nothing_done_to_handed_out_arrays_changes_what_is_known() -> None:
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+    knowledge = BeliefTracker(two_persons(disperse_constant=5).scenario)
     for _ in range(3):
         before = knowledge.beliefs
         for array in (*map(knowledge.belief, (0, 1)), knowledge.success, knowledge.shown()):

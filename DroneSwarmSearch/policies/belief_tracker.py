@@ -20,7 +20,7 @@ from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Knowledge"]
+__all__ = ["BeliefTracker"]
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -34,7 +34,7 @@ probability: some roundings of single precision. To the last bit would do in thi
 environments; matrices that went through other libraries are less exact."""
 
 
-class Knowledge:
+class BeliefTracker:
     """What is known of the persons of one search.
 
     In every step, `observe` what is shown, choose, and tell by `acted` what was chosen.
@@ -65,7 +65,7 @@ class Knowledge:
         self._beliefs: tuple[Floats, ...] | None = None  # None: nobody has searched yet
         self._suspects: tuple[int, ...] = ()  # whom the last searches may have found
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Knowledge:
+    def __deepcopy__(self, memo: dict[int, Any]) -> BeliefTracker:
         twin = object.__new__(type(self))
         twin.__dict__.update(self.__dict__)  # all of it is replaced, never changed
         return twin
