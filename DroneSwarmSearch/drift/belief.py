@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["after_drift", "after_unsuccessful_search", "normalise"]
+__all__ = ["after_drift", "after_search", "after_unsuccessful_search", "mean_belief", "normalise"]
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +41,41 @@ def after_unsuccessful_search(
         flat[cell] *= 1.0 - probability_of_detection
     kept = float(normalise(after))
     return (after, kept) if kept > 0.0 else (belief, 0.0)
+
+
+def after_search(
+    mass: Floats, cells: Sequence[int], probability_of_detection: float
+) -> tuple[Floats, float]:
+    """One step's searches for one person, without normalising.
+
+    Args:
+        mass: float64, shape (N, N): probability that the person is in each cell and has not
+            been found.
+        cells: the searched cells, y * N + x, all different.
+        probability_of_detection: the chance that a search of the right cell finds.
+
+    Returns:
+        The new mass, and the probability that these searches find the person (POS).
+    """
+    if not cells:
+        return mass, 0.0
+    after = mass.copy()
+    flat = after.reshape(-1)
+    searched = flat[cells]
+    flat[cells] = (1.0 - probability_of_detection) * searched
+    return after, probability_of_detection * float(searched.sum())
+
+
+def mean_belief(beliefs: Sequence[Floats]) -> NDArray[np.float32]:
+    """The matrix that drones see: the mean over the missing persons, in single precision.
+
+    Args:
+        beliefs: of the missing persons, at least one: float64, shape (N, N) each.
+    """
+    total = beliefs[0]
+    for belief in beliefs[1:]:
+        total = total + belief
+    return (total / len(beliefs)).astype(np.float32)
 
 
 def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:

@@ -8,9 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
-__all__ = ["walk"]
+__all__ = ["move_probabilities", "moved", "walk"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def walk(
@@ -52,3 +58,36 @@ def walk(
             y -= 1
         path.append(y * grid_size + x)
     return path
+
+
+def moved(coordinates: Ints, uniforms: Floats, higher: Floats, lower: Floats) -> Ints:
+    """One step of `walk` along one axis, for many persons with the same forecast.
+
+    Args:
+        coordinates: the persons' columns (or rows), shape (n,).
+        uniforms: a number in [0, 1) for each person.
+        higher: probability of moving from each column to the next higher one, shape (N,).
+        lower: the same for the next lower one.
+
+    Returns:
+        int64, shape (n,): the columns (or rows) after the step.
+    """
+    rises = higher[coordinates]
+    falls = (uniforms >= rises) & (uniforms < rises + lower[coordinates])
+    after: Ints = coordinates + (uniforms < rises) - falls
+    return after
+
+
+def move_probabilities(coordinates: Ints, higher: Floats, lower: Floats) -> Floats:
+    """The probabilities of the three moves along one axis.
+
+    Args:
+        coordinates: the persons' columns (or rows), shape (n,).
+        higher: as in `moved`.
+        lower: as in `moved`.
+
+    Returns:
+        float64, shape (3, n): of moving lower, staying and moving higher.
+    """
+    rises, falls = higher[coordinates], lower[coordinates]
+    return np.stack([falls, 1.0 - rises - falls, rises])
