@@ -22,4 +22,4 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Plans begun in two ways only, but for tests marked as being about their quality."""
     if request.node.get_closest_marker("good_plans") is None:
-        monkeypatch.setattr(planner, "STARTS", 0)
+        monkeypatch.setattr(planner, "RANDOM_STARTS", 0)
