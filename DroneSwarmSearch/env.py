@@ -36,7 +36,7 @@ from DroneSwarmSearch.observations import (
 )
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
-from DroneSwarmSearch.scenario import Scenario, scenario_of
+from DroneSwarmSearch.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.world import WorldState
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             "bayesian_update": bayesian_update,
             "reward_scheme": reward_scheme,
         }
-        self._scenario = scenario_of(scenario, parameters)
+        self._scenario = resolve_scenario(scenario, **parameters)
         modes = (*self.metadata["render_modes"], None)
         self.render_mode = checks.choice("render_mode", render_mode, modes)
         self.render_grid = checks.boolean("render_grid", render_grid)

@@ -19,10 +19,10 @@ from helpers import observed, plain, play, play_on, whole_state
 from DroneSwarmSearch import (
     Action,
     DroneSwarmSearch,
-    ProbabilityMatrix,
     ResetNeeded,
     RewardScheme,
 )
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (

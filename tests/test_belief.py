@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import (
     after_drift,
     after_search,
     after_unsuccessful_search,
-    mean_belief,
+    mean_over_missing,
+    means_over_missing,
     normalise,
+    shown_persons,
 )
 
 
@@ -106,8 +108,15 @@ def test_searches_without_normalising_agree_with_bayes_rule() -> None:
     np.testing.assert_array_equal(mass, before)
 
 
-def test_mean_belief_counts_every_person_alike() -> None:
-    beliefs = [np.array([[0.1, 0.9]]), np.array([[0.5, 0.5]]), np.array([[0.3, 0.7]])]
-    mean = mean_belief(beliefs)
-    assert mean.dtype == np.float32
-    np.testing.assert_allclose(mean, [[0.3, 0.7]], rtol=1e-6)
+@pytest.mark.parametrize("missing", [(0, 1, 2), (0, 2), (1,), ()])
+def test_the_mean_over_missing_persons_is_the_same_for_one_search_and_a_batch(
+    missing: tuple[int, ...],
+) -> None:
+    beliefs = list(np.random.default_rng(1).random((3, 5, 5)))
+    one = mean_over_missing(beliefs, missing)
+    np.testing.assert_allclose(one, np.mean([beliefs[k] for k in missing or range(3)], axis=0))
+    is_missing = np.array([[person in missing] for person in range(3)])
+    batch = means_over_missing(
+        [b[..., None] for b in beliefs], shown_persons(is_missing)[:, None, None]
+    )
+    assert batch[..., 0].tobytes() == one.tobytes()

@@ -8,8 +8,8 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.wrappers.layouts import crops as module
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
+from DroneSwarmSearch.wrappers import crops as module
+from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
 

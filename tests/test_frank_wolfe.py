@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from small_searches import forecast_of, paths_of, search, success_of
 
-from DroneSwarmSearch import ProbabilityMatrix
 from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.bound import drone_paths
 from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe

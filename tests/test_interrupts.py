@@ -263,7 +263,7 @@ def test_an_interrupted_step_of_a_view(
     crash.reshape(3, 2)[0] = Action.RIGHT, Action.IDLE
     expected = log(made())
     for left in interruptions(made, lambda env: env.step(crash), stride=17):
-        if left.batch.over.any() and mode != "NextStep":
+        if left.batch.ended.any() and mode != "NextStep":
             with pytest.raises(ResetNeeded):
                 left.step(np.full(left.action_space.shape, Action.IDLE))
         assert log(left) == expected

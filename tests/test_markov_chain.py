@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from DroneSwarmSearch import ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift
 from DroneSwarmSearch.drift.markov_chain import MarkovChain, transition_matrices
 

@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import ProbabilityMatrix
 from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift import probability_matrix as module
 from DroneSwarmSearch.drift.probability_matrix import dispersion_rate
 

@@ -16,7 +16,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["after_drift", "after_search", "after_unsuccessful_search", "mean_belief", "normalise"]
+__all__ = [
+    "after_drift",
+    "after_search",
+    "after_unsuccessful_search",
+    "mean_over_missing",
+    "means_over_missing",
+    "normalise",
+    "shown_persons",
+]
 
 Floats = NDArray[np.float64]
 
@@ -64,18 +72,6 @@ def after_search(
     searched = flat[cells]
     flat[cells] = (1.0 - probability_of_detection) * searched
     return after, probability_of_detection * float(searched.sum())
-
-
-def mean_belief(beliefs: Sequence[Floats]) -> NDArray[np.float32]:
-    """The matrix that drones see: the mean over the missing persons, in single precision.
-
-    Args:
-        beliefs: of the missing persons, at least one: float64, shape (N, N) each.
-    """
-    total = beliefs[0]
-    for belief in beliefs[1:]:
-        total = total + belief
-    return (total / len(beliefs)).astype(np.float32)
 
 
 def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
@@ -156,3 +152,44 @@ def drift(
         cells[distance:] += risen[:-distance]
         cells[:-distance] += fallen[distance:]
         belief = after
+
+
+def mean_over_missing(beliefs: Sequence[Floats], missing: Sequence[int]) -> Floats:
+    """The mean belief about the missing persons, or about all persons once none is missing.
+
+    Args:
+        beliefs: of each person, float64, all of one shape.
+        missing: the numbers of the missing persons, in ascending order.
+
+    Returns:
+        float64, of a belief's shape; with one person shown, that person's belief itself.
+    """
+    shown = missing or range(len(beliefs))
+    total = beliefs[shown[0]]
+    for person in shown[1:]:
+        total = total + beliefs[person]
+    return total / len(shown) if len(shown) > 1 else total
+
+
+def means_over_missing(beliefs: Sequence[Floats], shown: NDArray[np.bool_]) -> Floats:
+    """`mean_over_missing` for a batch, equal to it bit for bit.
+
+    Args:
+        beliefs: of each person, float64, all of one shape (...).
+        shown: see `shown_persons`; broadcasts to shape (persons, ...).
+    """
+    total = np.zeros(beliefs[0].shape)
+    for belief, counts in zip(beliefs, shown, strict=True):
+        np.add(total, belief, out=total, where=counts)
+    mean: Floats = total / shown.sum(axis=0)
+    return mean
+
+
+def shown_persons(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which persons each matrix of a batch shows: the missing ones, or all once none is missing.
+
+    Args:
+        missing: bool, shape (persons, n).
+    """
+    shown: NDArray[np.bool_] = missing | ~missing.any(axis=0)
+    return shown

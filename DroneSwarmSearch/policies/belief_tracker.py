@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, mean_belief
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, mean_over_missing
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -99,11 +99,12 @@ class BeliefTracker:
         """
         persons = self.missing if missing is None else missing
         if self.scenario.bayesian_update and self._beliefs is not None:
-            return mean_belief([self._beliefs[person] for person in persons])
+            return mean_over_missing(self._beliefs, persons).astype(np.float32)
         forecasts = [self.forecasts[person] for person in persons]
         if all(forecast.parameters == forecasts[0].parameters for forecast in forecasts):
             return forecasts[0].at(self.step)
-        return mean_belief([forecast.exact(self.step) for forecast in forecasts])
+        exact = [forecast.exact(self.step) for forecast in forecasts]
+        return mean_over_missing(exact, range(len(exact))).astype(np.float32)
 
     def observe(self, matrix: Singles) -> None:
         """Infer from this step's matrix who was found in the last step.

@@ -19,8 +19,8 @@ from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.wrappers.crops import LENGTH, CropsLayout
 from DroneSwarmSearch.wrappers.layouts import remaining_time_fraction
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH, CropsLayout
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 __all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]

@@ -10,14 +10,15 @@ The batched views of `DroneSwarmSearch.vector` offer the same by their arguments
 """
 
 from DroneSwarmSearch.wrappers.action_mask import ActionMask
-from DroneSwarmSearch.wrappers.crops_observation import CropsObservation
-from DroneSwarmSearch.wrappers.dict_observation import DictObservation
-from DroneSwarmSearch.wrappers.flat_observation import FlatObservation
+from DroneSwarmSearch.wrappers.crops import CropsObservation
+from DroneSwarmSearch.wrappers.dictionary import DictObservation
+from DroneSwarmSearch.wrappers.flat import FlatObservation
+from DroneSwarmSearch.wrappers.masks import action_masks
 from DroneSwarmSearch.wrappers.other_drones import OtherDrones
-from DroneSwarmSearch.wrappers.planes_observation import PlanesObservation
+from DroneSwarmSearch.wrappers.planes import PlanesObservation
 from DroneSwarmSearch.wrappers.scaled_rewards import ScaledRewards
 from DroneSwarmSearch.wrappers.separate_flags import SeparateFlags
-from DroneSwarmSearch.wrappers.top_cells_observation import TopCellsObservation
+from DroneSwarmSearch.wrappers.top_cells import TopCellsObservation
 
 __all__ = [
     "ActionMask",
@@ -29,4 +30,5 @@ __all__ = [
     "ScaledRewards",
     "SeparateFlags",
     "TopCellsObservation",
+    "action_masks",
 ]

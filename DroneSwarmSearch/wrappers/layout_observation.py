@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.mappings import Infos
-from DroneSwarmSearch.wrappers.layouts import Layout, remaining_time_fraction
+from DroneSwarmSearch.wrappers.layout import Layout, remaining_time_fraction
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
 
 __all__ = ["LayoutObservation"]

@@ -9,7 +9,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal.mappings import Infos
-from DroneSwarmSearch.wrappers.layouts.layout import own_first
+from DroneSwarmSearch.wrappers.layout import own_first
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
 
 __all__ = ["OtherDrones"]

@@ -6,12 +6,12 @@ layout is one file here, and one line in `LAYOUTS`.
 
 from __future__ import annotations
 
-from DroneSwarmSearch.wrappers.layouts.crops import CropsLayout
-from DroneSwarmSearch.wrappers.layouts.dictionary import DictLayout, JointDictLayout
-from DroneSwarmSearch.wrappers.layouts.flat import FlatLayout, JointFlatLayout
-from DroneSwarmSearch.wrappers.layouts.layout import Layout, StackedLayout, remaining_time_fraction
-from DroneSwarmSearch.wrappers.layouts.planes import JointPlanesLayout, PlanesLayout
-from DroneSwarmSearch.wrappers.layouts.top_cells import TopCellsLayout
+from DroneSwarmSearch.wrappers.crops import CropsLayout
+from DroneSwarmSearch.wrappers.dictionary import DictLayout, JointDictLayout
+from DroneSwarmSearch.wrappers.flat import FlatLayout, JointFlatLayout
+from DroneSwarmSearch.wrappers.layout import Layout, StackedLayout, remaining_time_fraction
+from DroneSwarmSearch.wrappers.planes import JointPlanesLayout, PlanesLayout
+from DroneSwarmSearch.wrappers.top_cells import TopCellsLayout
 
 __all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "remaining_time_fraction"]
 

@@ -8,13 +8,17 @@ number of drones, so that one network serves all searches.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
+from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.wrappers.layouts.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
 
-__all__ = ["LENGTH", "SCALES", "WINDOW", "CropsLayout"]
+__all__ = ["LENGTH", "SCALES", "WINDOW", "CropsLayout", "CropsObservation"]
 
 WINDOW = 5
 """Boxes along each side of a window; odd, so that the drone is in the middle one."""
@@ -132,3 +136,21 @@ class CropsLayout(Layout):
         first = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
         places = first.transpose(3, 0, 1, 2) + box  # in `out`, flat
         out[...] = np.bincount(places[seen], minlength=out.size).reshape(out.shape)
+
+
+class CropsObservation(LayoutObservation):
+    """Shows each drone the matrix and the other drones in windows around itself.
+
+    float32, shape (202,), whatever the size of the grid and the number of drones, see
+    `layouts.crops`. The policy "ppo" sees this.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is no `DroneSwarmSearch` and no wrapper of one.
+        ValueError: it has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env, CropsLayout)

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.wrappers.layouts.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
 
-__all__ = ["DictLayout", "JointDictLayout"]
+__all__ = ["DictLayout", "DictObservation", "JointDictLayout"]
 
 
 class DictLayout(Layout):
@@ -57,3 +59,21 @@ class JointDictLayout(Layout):
     ) -> None:
         out["positions"][...] = positions
         out["probability_matrix"][...] = matrices
+
+
+class DictObservation(LayoutObservation):
+    """Shows each drone {"position": (x, y), "probability_matrix": matrix}.
+
+    The position is int32, shape (2,); the matrix float32, shape (N, N), indexed [y, x],
+    summing to 1.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is no `DroneSwarmSearch` and no wrapper of one.
+        ValueError: it has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env, DictLayout)

@@ -1,4 +1,4 @@
-"""Observations as planes, as of a picture."""
+"""The layout "planes": channels as of a picture, for convolutional networks."""
 
 from __future__ import annotations
 
@@ -10,11 +10,57 @@ from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.mappings import Infos
+from DroneSwarmSearch.wrappers.layout import (
+    Layout,
+    Positions,
+    Singles,
+    mark,
+    own_first,
+    scaled_matrices,
+)
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
-from DroneSwarmSearch.wrappers.layouts.planes import PlanesLayout
 from DroneSwarmSearch.wrappers.wrapper import Observations
 
-__all__ = ["PlanesObservation"]
+__all__ = ["JointPlanesLayout", "PlanesLayout", "PlanesObservation"]
+
+
+class PlanesLayout(Layout):
+    """For each drone four planes: float32 in [0, 1], shape (4, N, N), indexed [plane, y, x].
+
+    The matrix, with its maximum scaled to 1; the drone itself, 1 at its cell; the other
+    drones, 1 at their cells; the share of the steps left, in every cell.
+    """
+
+    def __init__(self, grid_size: int, n_drones: int) -> None:
+        super().__init__(grid_size, n_drones)
+        self.space = self._fractions(4, grid_size, grid_size)
+        self._own_first = own_first(n_drones)
+
+    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+        scaled_matrices(matrices, matrices)
+        out[:, :, 0] = matrices[:, None]
+        ordered = positions[:, self._own_first]
+        mark(ordered[:, :, :1], out[:, :, 1])
+        mark(ordered[:, :, 1:], out[:, :, 2])
+        out[:, :, 3] = left[:, None, None, None]
+
+
+class JointPlanesLayout(Layout):
+    """For each swarm 2 + n planes: float32 in [0, 1], shape (2 + n, N, N).
+
+    The matrix, with its maximum scaled to 1; for every drone a plane with 1 at its cell;
+    the share of the steps left, in every cell. Indexed [plane, y, x].
+    """
+
+    def __init__(self, grid_size: int, n_drones: int) -> None:
+        super().__init__(grid_size, n_drones)
+        self.space = self._fractions(2 + n_drones, grid_size, grid_size)
+
+    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+        scaled_matrices(matrices, matrices)
+        out[:, 0] = matrices
+        mark(positions[:, :, None], out[:, 1:-1])
+        out[:, -1] = left[:, None, None]
 
 
 class PlanesObservation(LayoutObservation):
