@@ -85,7 +85,7 @@ def targets_of(of: NamedSearch, tracker: BeliefTracker | None = None) -> list[Ta
     tracker = tracker or BeliefTracker(of.scenario)
     return [
         Target(
-            MarkovChain(forecast_of(of, person), tracker.step, of.scenario.timestep_limit),
+            MarkovChain(forecast_of(of, person)),
             of.scenario.detections[person],
             tracker.belief(person),
         )

@@ -49,7 +49,7 @@ class TestObjectives:
 
     def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
         return MarkovChainObjective(
-            MarkovChain(self.FORECAST, 0, 5), self.FORECAST.exact(0), rate, effort.reshape(-1)
+            MarkovChain(self.FORECAST), self.FORECAST.exact(0), rate, effort.reshape(-1)
         )
 
     def test_at_whole_paths_equal_the_success_of_the_plan(self) -> None:
@@ -125,7 +125,7 @@ class TestObjectives:
     def test_a_sample_does_not_exceed_the_exact_bound(self) -> None:
         forecast = self.FORECAST
         chain = MarkovChainObjective(
-            MarkovChain(forecast, 0, 12), forecast.exact(0), -math.log(0.4), np.zeros(300)
+            MarkovChain(forecast), forecast.exact(0), -math.log(0.4), np.zeros(300)
         )
         trajectories = sample_trajectories(forecast, 12, 4000)
         oracle = drone_paths([0, 2])
@@ -160,9 +160,9 @@ def free_effort(amount: float) -> Oracle:
     return oracle
 
 
-def stationary(size: int, steps: int) -> MarkovChain:
+def stationary(size: int) -> MarkovChain:
     """The chain of a person who stays."""
-    return MarkovChain(ProbabilityMatrix(size, (0, 0), (0.0, 0.0), 0.0), 0, steps)
+    return MarkovChain(ProbabilityMatrix(size, (0, 0), (0.0, 0.0), 0.0))
 
 
 class TestFreeEffort:
@@ -173,7 +173,7 @@ class TestFreeEffort:
         rates, prior = np.array([9.0, 3.0, 6.0]), np.array([2.0, 4.0, 2.0]) / 8
         first, rate = np.append(prior, 0.0).reshape(2, 2), np.append(rates, 1.0).reshape(2, 2)
         effort = np.zeros(4)
-        objective = MarkovChainObjective(stationary(2, 1), first, rate, effort)
+        objective = MarkovChainObjective(stationary(2), first, rate, effort)
         reached = frank_wolfe(objective, free_effort(0.2), gap=0.0, iterations=1500)
         best_effort = np.array([0.073224, 0.0845173, 0.0422587])
         np.testing.assert_allclose(effort[:3], best_effort, rtol=0.01)
@@ -197,7 +197,7 @@ class TestFreeEffort:
     def searched(cls, tau: float, steps: int = 1) -> tuple[Solution, Floats]:
         """The optimum reached and its effort; tau is H² t = W v t / (pi sigma²)."""
         effort = np.zeros(steps * cls.SIDE**2)
-        objective = MarkovChainObjective(stationary(cls.SIDE, steps), cls.normal(), 1.0, effort)
+        objective = MarkovChainObjective(stationary(cls.SIDE), cls.normal(), 1.0, effort)
         amount = tau * math.pi * cls.SIGMA**2 / steps
         reached = frank_wolfe(objective, free_effort(amount), gap=0.003, iterations=2500)
         return reached, effort.reshape(steps, cls.SIDE, cls.SIDE).sum(axis=0)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from typing import Any
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -34,7 +38,7 @@ def random_grid(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarra
 def test_forward_is_the_drift_of_a_belief(
     forecast: ProbabilityMatrix, begin: int, steps: int, seed: int
 ) -> None:
-    chain = MarkovChain(forecast, begin, begin + steps)
+    chain = MarkovChain(forecast)
     for step in range(begin, begin + steps):
         mass = random_grid(forecast, seed + step)
         after = chain.forward(mass, step)
@@ -51,7 +55,7 @@ def test_forward_is_the_drift_of_a_belief(
 def test_backward_is_the_adjoint_of_forward(
     forecast: ProbabilityMatrix, step: int, seed: int
 ) -> None:
-    chain = MarkovChain(forecast, step, step + 1)
+    chain = MarkovChain(forecast)
     mass, value = random_grid(forecast, seed), random_grid(forecast, seed + 1)
     now = float(np.vdot(chain.backward(value, step), mass))
     assert now == pytest.approx(float(np.vdot(value, chain.forward(mass, step))), rel=1e-12)
@@ -66,25 +70,25 @@ def test_backward_in_a_corner_is_the_mean_over_the_moves_there() -> None:
     for dx, along_x in ((0, 1 - right[0] - left[0]), (1, right[0])):
         for dy, along_y in ((0, 1 - down[3] - up[3]), (-1, up[3])):
             expected += along_x * along_y * value[3 + dy, dx]
-    assert MarkovChain(forecast, 0, 5).backward(value, 2)[3, 0] == pytest.approx(
-        expected, rel=1e-12
-    )
+    assert MarkovChain(forecast).backward(value, 2)[3, 0] == pytest.approx(expected, rel=1e-12)
     assert 0.0 < right[0] < 1.0
     assert 0.0 < up[3] < 1.0
 
 
-def test_step_numbers_do_not_depend_on_where_the_chain_begins() -> None:
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate: Any) -> None:
     forecast = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
     mass = random_grid(forecast, 4)
-    whole, part = MarkovChain(forecast, 0, 9), MarkovChain(forecast, 4, 7)
-    for step in (4, 5, 6):
-        assert np.array_equal(whole.forward(mass, step), part.forward(mass, step))
-        assert np.array_equal(whole.backward(mass, step), part.backward(mass, step))
+    chain, other = MarkovChain(forecast), MarkovChain(forecast)
+    after = {step: chain.forward(mass, step) for step in (3, 33, 70, 71)}
+    for step in (70, 3, 71, 33):
+        assert np.array_equal(other.forward(mass, step), after[step])
+        assert np.array_equal(duplicate(chain).forward(mass, step), after[step])
 
 
 def test_leading_axes_are_batch_axes() -> None:
     forecast = ProbabilityMatrix(5, (2, 3), (0.3, -0.2), 5)
-    chain, batch = MarkovChain(forecast, 0, 3), random_grid(forecast, 5, 2, 3)
+    chain, batch = MarkovChain(forecast), random_grid(forecast, 5, 2, 3)
     for direction in (chain.forward, chain.backward):
         together = direction(batch, 1)
         for i, j in np.ndindex(2, 3):

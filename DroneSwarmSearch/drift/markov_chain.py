@@ -7,6 +7,8 @@ faster there, and agree with `after_drift` to rounding.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,31 +39,40 @@ def transition_matrices(higher: Floats, lower: Floats) -> Floats:
 
 
 class MarkovChain:
-    """The steps of one person over part of an episode.
+    """The steps of one person.
 
     Arrays over the grid have shape (..., N, N), indexed [..., y, x], with any leading axes.
+    The matrices of the steps used so far are kept as long as the object; copies do without.
 
     Args:
         forecast: the person's forecast.
-        begin: the first step covered.
-        end: the step after the last.
     """
 
-    def __init__(self, forecast: ProbabilityMatrix, begin: int, end: int) -> None:
-        self._begin = begin
-        moves = [forecast.moves(step) for step in range(begin, end)]
-        right, left, down, up = (np.array(chances) for chances in zip(*moves, strict=True))
-        self._along_x = transition_matrices(right, left)
-        self._along_y = transition_matrices(down, up)
+    def __init__(self, forecast: ProbabilityMatrix) -> None:
+        self._forecast = forecast
+        self._matrices: dict[int, tuple[Floats, Floats]] = {}  # along x and y, by step
 
     def forward(self, mass: Floats, step: int) -> Floats:
         """The distribution after a step, given the distribution before it."""
-        index = step - self._begin
-        moved: Floats = self._along_y[index].T @ mass @ self._along_x[index]
+        along_x, along_y = self._matrices.get(step) or self._made(step)
+        moved: Floats = along_y.T @ mass @ along_x
         return moved
 
     def backward(self, value: Floats, step: int) -> Floats:
         """The expected value before a step in each cell, given the values after it."""
-        index = step - self._begin
-        expected: Floats = self._along_y[index] @ value @ self._along_x[index].T
+        along_x, along_y = self._matrices.get(step) or self._made(step)
+        expected: Floats = along_y @ value @ along_x.T
         return expected
+
+    def _made(self, step: int) -> tuple[Floats, Floats]:
+        """The matrices of a step, after making those of its block in the forecast."""
+        count = self._forecast.block_steps
+        first = step - step % count
+        moves = zip(*map(self._forecast.moves, range(first, first + count)), strict=True)
+        right, left, down, up = map(np.array, moves)
+        along_x, along_y = transition_matrices(right, left), transition_matrices(down, up)
+        self._matrices.update(enumerate(zip(along_x, along_y, strict=True), first))
+        return self._matrices[step]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_matrices": {}}

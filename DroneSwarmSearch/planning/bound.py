@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,22 +127,36 @@ def success_bound(
     parameters = zip(scenario.person_initial_position, scenario.detections, strict=True)
     forecasts = dict(zip(parameters, scenario.forecasts(), strict=True))
     persons = [
-        _PersonBound(forecast, detection, oracle, limit, gap)
+        _Person(forecast, detection, enumerate_trajectories(forecast, limit))
         for (_, detection), forecast in sorted(forecasts.items())
     ]
-    sampled_bounds = len(ends) * sum(person.is_sampled for person in persons)
+    sampled_bounds = len(ends) * sum(person.enumerated is None for person in persons)
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
-    bounds = []
+    curves, solutions = [], []
     for number, person in enumerate(persons):
-
-        def report_person(fraction: float, number: int = number) -> None:
-            report((number + fraction) / len(persons))
-
-        bounds.append(person.solve(ends, sample, 1.0 - failure, report_person))
-    hardest = min(bounds, key=lambda bound: bound.by_limit)
-    by_time = np.min([bound.by_time for bound in bounds], axis=0)
-    confidence = CONFIDENCE if sampled_bounds else 1.0
-    return SuccessBound(by_time, hardest.relaxed, hardest.gap, confidence)
+        trajectories = person.enumerated or sample_trajectories(person.forecast, limit, sample)
+        chain = MarkovChain(person.forecast)
+        curve = np.full(limit + 1, np.inf)
+        curve[0] = 0.0
+        for end in ends:
+            solution = _over_trajectories(person, trajectories, end, oracle, gap)
+            curve[end] = solution.upper_bound
+            if person.enumerated is None:
+                curve[end] = chernoff_bound(solution.upper_bound, sample, 1.0 - failure)
+            if 0.0 < person.detection < 1.0:
+                curve[end] = _over_chain(person, chain, end, oracle, gap, curve[end])
+            # The work grows with the square of the number of steps.
+            report((number + end * (end + 1) / (limit * (limit + 1))) / len(persons))
+        # More time never hurts, so a bound for more steps holds for fewer.
+        curves.append(np.minimum.accumulate(curve[::-1])[::-1])
+        solutions.append(solution)
+    hardest = min(range(len(persons)), key=lambda number: curves[number][-1])
+    return SuccessBound(
+        by_time=np.min(curves, axis=0),
+        relaxed=solutions[hardest].value,
+        gap=solutions[hardest].gap,
+        confidence=CONFIDENCE if sampled_bounds else 1.0,
+    )
 
 
 def drone_paths(starts: Sequence[int]) -> Oracle:
@@ -166,77 +181,44 @@ def drone_paths(starts: Sequence[int]) -> Oracle:
     return oracle
 
 
-class _PersonBound:
-    """The bound for one person.
+class _Person(NamedTuple):
+    """A person to find.
 
     Attributes:
-        is_sampled: whether the person has too many trajectories to enumerate.
+        forecast: the person's.
+        detection: the probability of detection, q.
+        enumerated: all trajectories; None if there are too many.
     """
 
-    def __init__(
-        self,
-        forecast: ProbabilityMatrix,
-        detection: float,
-        oracle: Oracle,
-        limit: int,
-        gap: float,
-    ) -> None:
-        self._forecast, self._detection = forecast, detection
-        self._oracle, self._limit, self._gap = oracle, limit, gap
-        self._enumerated = enumerate_trajectories(forecast, limit)
-        self.is_sampled = self._enumerated is None
+    forecast: ProbabilityMatrix
+    detection: float
+    enumerated: Trajectories | None
 
-    def solve(
-        self, ends: Sequence[int], sample: int, confidence: float, report: Callable[[float], None]
-    ) -> SuccessBound:
-        """The bound after every number of steps.
 
-        Args:
-            ends: numbers of steps for which to solve the relaxation; the last is the limit.
-            sample: trajectories to draw if they are not enumerated.
-            confidence: of each sampled bound.
-            report: called with the completed fraction.
-        """
-        limit, trajectories = self._limit, self._enumerated
-        if trajectories is None:
-            trajectories = sample_trajectories(self._forecast, limit, sample)
-        chain = MarkovChain(self._forecast, 0, limit)
-        by_time = np.full(limit + 1, np.inf)
-        by_time[0] = 0.0
-        for end in ends:
-            solution = self._over_trajectories(trajectories.until(end))
-            by_time[end] = solution.upper_bound
-            if self.is_sampled:
-                by_time[end] = chernoff_bound(solution.upper_bound, sample, confidence)
-            if 0.0 < self._detection < 1.0:
-                by_time[end] = self._over_chain(chain, end, by_time[end])
-            report(end * (end + 1) / (limit * (limit + 1)))
-        # More time never hurts, so a bound for more steps holds for fewer.
-        by_time = np.minimum.accumulate(by_time[::-1])[::-1]
-        return SuccessBound(
-            by_time, solution.value, solution.gap, confidence if self.is_sampled else 1.0
-        )
+def _over_trajectories(
+    person: _Person, trajectories: Trajectories, steps: int, oracle: Oracle, gap: float
+) -> Solution:
+    """Maximise E[g(s)] over trajectories of some steps."""
+    at_limit = steps == len(trajectories.cells)
+    return frank_wolfe(
+        TrajectoryObjective(trajectories.until(steps), person.forecast.grid_size, person.detection),
+        oracle,
+        gap=gap,
+        iterations=ITERATIONS if at_limit else ITERATIONS_BEFORE,
+        upper_bound=1.0,
+    )
 
-    def _over_trajectories(self, trajectories: Trajectories) -> Solution:
-        """Maximise E[g(s)]."""
-        objective = TrajectoryObjective(trajectories, self._forecast.grid_size, self._detection)
-        at_limit = len(trajectories.cells) == self._limit
-        return frank_wolfe(
-            objective,
-            self._oracle,
-            gap=self._gap,
-            iterations=ITERATIONS if at_limit else ITERATIONS_BEFORE,
-            upper_bound=1.0,
-        )
 
-    def _over_chain(self, chain: MarkovChain, steps: int, known: float) -> float:
-        """Maximise E[1 - (1 - q)^s]; never above the bound that is known."""
-        prior = self._forecast.exact(0)
-        rate, effort = -math.log1p(-self._detection), np.zeros(steps * prior.size)
-        return frank_wolfe(
-            MarkovChainObjective(chain, prior, rate, effort),
-            self._oracle,
-            gap=self._gap,
-            iterations=ITERATIONS_BEFORE,
-            upper_bound=known,
-        ).upper_bound
+def _over_chain(
+    person: _Person, chain: MarkovChain, steps: int, oracle: Oracle, gap: float, known: float
+) -> float:
+    """Maximise E[1 - (1 - q)^s] over some steps; never above the bound that is known."""
+    prior = person.forecast.exact(0)
+    rate, effort = -math.log1p(-person.detection), np.zeros(steps * prior.size)
+    return frank_wolfe(
+        MarkovChainObjective(chain, prior, rate, effort),
+        oracle,
+        gap=gap,
+        iterations=ITERATIONS_BEFORE,
+        upper_bound=known,
+    ).upper_bound

@@ -51,7 +51,7 @@ class _BranchAndBound:
         (self._detection,) = scenario.detections
         self._prior = forecast.exact(0)
         self._limit = scenario.timestep_limit
-        self._chain = MarkovChain(forecast, 0, self._limit)
+        self._chain = MarkovChain(forecast)
         self._best = known
         # For each cell, (searches, next cell) of every action; idling is never better.
         self._choices = [

@@ -163,12 +163,13 @@ class Plan:
         for middle in range(-offset, self.steps, length):
             begin, end = max(middle, 0), min(middle + length, self.steps)
             steps = slice(begin, end)
-            segment = _Segment(
-                begin, by_others[steps], blocked[steps], beliefs, [values[end] for values in to_go]
-            )
-            candidate = self._best_segment(segment, path, distort)
-            left, found = self._follow(beliefs, begin, _added(segment.by_others, candidate))
-            gain = found + self._expected(left, segment.to_go)
+            after = [values[end] for values in to_go]
+            gains = self._gains(begin, by_others[steps], beliefs, after)
+            if distort is not None:
+                gains = distort(gains)
+            candidate = self._best_segment(path, begin, gains, blocked[steps])
+            left, found = self._follow(beliefs, begin, _added(by_others[steps], candidate))
+            gain = found + self._expected(left, after)
             gain -= self._expected(beliefs, [values[begin] for values in to_go])
             if gain > MIN_GAIN:
                 gained += gain
@@ -178,29 +179,42 @@ class Plan:
                 beliefs, _ = self._follow(beliefs, begin, schedule[steps])
         return gained
 
-    def _best_segment(
-        self, segment: _Segment, path: Path, distort: Callable[[Floats], Floats] | None
-    ) -> Path:
-        """The path with the largest sum of gains that joins the rest of a drone's path."""
-        begin, n = segment.begin, len(segment.by_others)
-        gains = np.zeros((n, *self._grid))
-        worth = self._worth[begin : begin + n, None, None]
-        for target, belief, to_go in zip(self.targets, segment.beliefs, segment.to_go, strict=True):
-            masses, _ = self._forward(target, belief, begin, segment.by_others)
-            _, rest = self._backward(target, to_go, begin, segment.by_others)
+    def _gains(
+        self, begin: int, schedule: Schedule, beliefs: Sequence[Floats], after: Sequence[Floats]
+    ) -> Floats:
+        """What one more search of each cell gains in each of some steps.
+
+        Args:
+            begin: the first of the steps.
+            schedule: the searches in them.
+            beliefs: where every target is and unfound before them.
+            after: what the plan will gain from every target in each cell after them.
+
+        Returns:
+            float64, shape (n, N, N), indexed [t, y, x].
+        """
+        gains = np.zeros((len(schedule), *self._grid))
+        worth = self._worth[begin : begin + len(schedule), None, None]
+        for target, belief, value in zip(self.targets, beliefs, after, strict=True):
+            masses, _ = self._forward(target, belief, begin, schedule)
+            _, rest = self._backward(target, value, begin, schedule)
             gain = np.subtract(worth, rest)
             gain *= np.array(masses[:-1])
             gain *= target.weight * target.detection
             gains += gain
-        np.maximum(gains, 0.0, out=gains)  # rounding errors
-        if distort is not None:
-            gains = distort(gains)
+        return np.maximum(gains, 0.0, out=gains)  # rounding errors
+
+    def _best_segment(
+        self, path: Path, begin: int, gains: Floats, blocked: list[list[int]]
+    ) -> Path:
+        """The segment with the largest sum of gains that connects to the rest of a path."""
+        end = begin + len(gains)
         at_end = np.zeros(self._grid)
-        if begin + n < self.steps:
+        if end < self.steps:
             at_end += FORBIDDEN
-            at_end.reshape(-1)[path.cells[begin + n]] = 0.0
-        values = values_to_go(gains, at_end, segment.blocked)
-        return best_path(gains, values, int(path.cells[begin]), segment.blocked)
+            at_end.reshape(-1)[path.cells[end]] = 0.0
+        values = values_to_go(gains, at_end, blocked)
+        return best_path(gains, values, int(path.cells[begin]), blocked)
 
     def _expected(self, masses: Sequence[Floats], values: Sequence[Floats]) -> float:
         """The expected gain from all targets, given where they are and each cell's value."""
@@ -271,25 +285,6 @@ class Plan:
                 flat[cells] = (1.0 - q) * flat[cells] + q * self._worth[begin + index]
             before.append(value)
         return before[::-1], after[::-1]
-
-
-@dataclass
-class _Segment:
-    """Some consecutive steps in which one drone's path may change.
-
-    Attributes:
-        begin: the first step.
-        by_others: the cells that the other drones search in each step.
-        blocked: the cells where the other drones are after each step.
-        beliefs: where every target is before the segment.
-        to_go: what the plan will gain from every target in each cell after the segment.
-    """
-
-    begin: int
-    by_others: Schedule
-    blocked: list[list[int]]
-    beliefs: Sequence[Floats]
-    to_go: Sequence[Floats]
 
 
 def _schedule(paths: Sequence[Path], steps: int) -> Schedule:

@@ -73,10 +73,8 @@ class PlannerPolicy(SwarmPolicy):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._forecasts = scenario.forecasts()
         self._neighbours, self._positions = grid_of(scenario.grid_size)
-        self._chains: dict[tuple[int, int], MarkovChain] = {}
-        self._chains_begin = -1
+        self._chains: dict[int, list[MarkovChain]] = {}  # by part of the episode, the latest
         self._plans: dict[_PlanKey, list[Path]] = {}
 
     def prepare(self, drones_positions: object) -> None:
@@ -124,12 +122,12 @@ class PlannerPolicy(SwarmPolicy):
     def _plan(self, memory: _PlanMemory, starts: list[int]) -> list[Path]:
         tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
+        part = step // HORIZON
+        if part not in self._chains:
+            self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
+        chains, detections = self._chains[part], self.scenario.detections
         targets = [
-            Target(
-                self._chain(person, step, steps),
-                self.scenario.detections[person],
-                tracker.belief(person),
-            )
+            Target(chains[person], detections[person], tracker.belief(person))
             for person in tracker.missing
         ]
         worth = 1.0 + EARLY_BONUS * (1.0 - np.arange(steps) / steps)
@@ -174,21 +172,6 @@ class PlannerPolicy(SwarmPolicy):
         return [
             Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
-
-    def _chain(self, person: int, step: int, steps: int) -> MarkovChain:
-        """A person's Markov chain over the steps of a plan."""
-        begin = step // HORIZON * HORIZON
-        end = max(min(begin + 2 * HORIZON, self.scenario.timestep_limit), step + steps)
-        if begin != self._chains_begin:
-            self._chains.clear()
-            self._chains_begin = begin
-        if (person, end) not in self._chains:
-            self._chains[person, end] = MarkovChain(self._forecasts[person], begin, end)
-        return self._chains[person, end]
-
-    def __getstate__(self) -> dict[str, Any]:
-        # The Markov chains are large, and quick to make again.
-        return {**self.__dict__, "_chains": {}, "_chains_begin": -1}
 
 
 def _set_weights(plan: Plan) -> None:
