@@ -18,7 +18,7 @@ from typing import Any
 
 from pettingzoo import AECEnv
 
-from DroneSwarmSearch._internal.actions import TurnBased
+from DroneSwarmSearch._internal.turn_based import TurnBased
 from DroneSwarmSearch.env import env, parallel_env
 from DroneSwarmSearch.observations import Observation
 

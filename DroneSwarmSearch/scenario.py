@@ -43,7 +43,7 @@ class Scenario:
         person_initial_position: each person's cell (x, y) at step 0, a tuple of cells. A
             single cell may be given, and cells in lists or arrays.
         disperse_constant: how quickly the persons may stray; finite, at least 0
-            (`probability_matrix.dispersion_rate`).
+            (`drift.dispersion_rate`).
         timestep_limit: steps in an episode; from 1 to 2**53.
         probability_of_detection: the chance that a search of the right cell finds a
             person, from 0 to 1: a number for all persons, or a tuple with one for each.

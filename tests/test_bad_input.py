@@ -387,7 +387,7 @@ def test_use_before_reset(use):
 def test_step_after_the_end(actions):
     env = after_the_end()
     assert_untouched(
-        env, lambda env: refused(lambda: env.step(actions), ResetNeeded, "reset()", "over")
+        env, lambda env: refused(lambda: env.step(actions), ResetNeeded, "reset()", "ended")
     )
 
 

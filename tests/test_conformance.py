@@ -28,8 +28,8 @@ from DroneSwarmSearch import (
     RewardScheme,
     drone_swarm_search_v0,
 )
-from DroneSwarmSearch._internal.actions import TurnBased
 from DroneSwarmSearch._internal.mappings import Infos, Rewards
+from DroneSwarmSearch._internal.turn_based import TurnBased
 
 with warnings.catch_warnings():
     # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
@@ -172,7 +172,7 @@ def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, a
         if not over or action is not None:
             before = plain(seen_in_turn(aec))
             refused = (
-                pytest.raises(ValueError, match="action must be None once the episode is over, got")
+                pytest.raises(ValueError, match="action must be None after the episode's end, got")
                 if over
                 else pytest.raises(error, match="action must be an integer from 0 to 5, got")
             )
