@@ -237,6 +237,18 @@ def policy_for(kind: type[PatternPolicy], n_drones: int, **changes: Any) -> Patt
     return kind(Scenario(**parameters))
 
 
+def recorded_routes(policy: PatternPolicy) -> list[list[list[list[Cell]]]]:
+    """A list that receives the routes each time the policy lays out tracks."""
+    recorded, routes = [], policy.routes
+
+    def record(datum: Datum, passes: int) -> list[list[list[Cell]]]:
+        recorded.append(routes(datum, passes))
+        return recorded[-1]
+
+    policy.routes = record  # type: ignore[method-assign]
+    return recorded
+
+
 WIDE = Datum((20.0, 18.0), (4.0, 2.0), 10_000)
 
 
@@ -310,14 +322,8 @@ def test_flies_to_the_commence_search_point_then_searches_every_cell(
         probability_of_detection=0.0,
         timestep_limit=150,
     )
-    policy, laid_out = kind(env.scenario), []
-    routes = policy.routes
-
-    def recorded(datum: Datum, passes: int) -> list[list[list[Cell]]]:
-        laid_out.append(routes(datum, passes))
-        return laid_out[-1]
-
-    policy.routes = recorded  # type: ignore[method-assign]
+    policy = kind(env.scenario)
+    laid_out = recorded_routes(policy)
     observations, _ = env.reset(0)
     flown: list[tuple[Cell, int]] = []
     while env.agents:
@@ -358,26 +364,24 @@ def test_drones_that_meet_keep_searching(kind: type[PatternPolicy], n_drones: in
     assert all(searches[name] >= 100 for name in env.possible_agents)
 
 
-def passes_flown(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
+def laid_out_in_a_long_search(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
     """How many times tracks are laid out in a long unsuccessful search."""
     env = DroneSwarmSearch(
         n_drones=len(starts), probability_of_detection=0.0, timestep_limit=200, **changes
     )
     policy = kind(env.scenario)
-    memory = policy.begin()
+    laid_out = recorded_routes(policy)
     observations, _ = env.reset(0, drones_positions=starts)
-    matrix = observations["drone0"]["observation"][1]
     while env.agents:
-        actions = policy.choose(memory, list(env.frame().drones), matrix)
-        env.step(dict(zip(env.possible_agents, actions, strict=True)))
-    return memory.passes
+        observations, *_ = env.step(policy(observations))
+    return len(laid_out)
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
 def test_drones_that_are_done_let_others_pass(kind: type[PatternPolicy]) -> None:
     starts = [(0, 0), (1, 0), (2, 0), (0, 1)]
     place = {"vector": (0, 0), "person_initial_position": (2, 0), "disperse_constant": 1}
-    assert passes_flown(kind, starts, grid_size=3, **place) >= 2
+    assert laid_out_in_a_long_search(kind, starts, grid_size=3, **place) >= 2
 
 
 @settings(deadline=None, max_examples=20, derandomize=True)
@@ -388,7 +392,7 @@ def test_drones_never_block_each_other_for_ever(
     size = data.draw(st.integers(2, 6))
     grid = [(x, y) for y in range(size) for x in range(size)]
     n = data.draw(st.integers(1, min(8, len(grid))))
-    passes = passes_flown(
+    passes = laid_out_in_a_long_search(
         kind,
         data.draw(st.permutations(grid))[:n],
         grid_size=size,

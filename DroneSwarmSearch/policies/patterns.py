@@ -250,8 +250,8 @@ def _wanted(progress: Sequence[_Progress], cells: Sequence[Cell]) -> tuple[list[
     wanted = list(cells)
     searching = {
         drone
-        for drone, its in enumerate(progress)
-        if its.next_cell == cells[drone] and not its.is_done
+        for drone, cell in enumerate(cells)
+        if progress[drone].next_cell == cell and not progress[drone].is_done
     }
     occupied = {cells[drone] for drone in searching}
     wanted_by: dict[Cell, int] = {}

@@ -30,18 +30,16 @@ class RandomPolicy(BatchPolicy):
     an environment with the same seed.
     """
 
+    _seeds: int | list[int]  # as given to `reset`
+    _resets: int  # of all rows without a seed, since then
+    _keys: Words  # of each row used so far, as the next two
+    _episodes: Words
+    _steps: Words
+
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._targets = neighbours_of_all(scenario.grid_size)  # [cell, action]
-        self._seed = 0  # row i has this + i,
-        self._first_seeds: list[int] = []  # except for the first rows
-        self._resets = 0  # of all rows, since they were seeded
-        self._forget_rows()
-
-    def _forget_rows(self) -> None:
-        self._keys: Words = np.empty(0, np.uint64)
-        self._episodes: Words = np.empty(0, np.uint64)
-        self._steps: Words = np.empty(0, np.uint64)
+        self._reset(None, 0)
 
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
         if rows is None:
@@ -50,9 +48,8 @@ class RandomPolicy(BatchPolicy):
                 self._episodes = self._episodes + np.uint64(1)
                 self._steps = np.zeros_like(self._steps)
                 return
-            self._seed, self._first_seeds = (seeds, []) if isinstance(seeds, int) else (0, seeds)
-            self._resets = 0
-            self._forget_rows()
+            self._seeds, self._resets = seeds, 0
+            self._keys, self._episodes, self._steps = np.empty((3, 0), np.uint64)
             return
         if not rows.size:
             return
@@ -78,7 +75,9 @@ class RandomPolicy(BatchPolicy):
         self._steps = np.concatenate([self._steps, np.zeros(count - known, np.uint64)])
 
     def _seed_of(self, row: int) -> int:
-        return self._first_seeds[row] if row < len(self._first_seeds) else self._seed + row
+        if isinstance(self._seeds, int):
+            return self._seeds + row
+        return self._seeds[row] if row < len(self._seeds) else row
 
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
         drones = positions.shape[1]
