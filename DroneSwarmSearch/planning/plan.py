@@ -160,8 +160,8 @@ class Plan:
         to_go = [self._backward(target, None, 0, schedule)[0] for target in self.targets]
         beliefs = [target.belief for target in self.targets]
         path, gained = self.paths[drone], 0.0
-        for middle in range(-offset, self.steps, length):
-            begin, end = max(middle, 0), min(middle + length, self.steps)
+        for first in range(-offset, self.steps, length):
+            begin, end = max(first, 0), min(first + length, self.steps)
             steps = slice(begin, end)
             after = [values[end] for values in to_go]
             gains = self._gains(begin, by_others[steps], beliefs, after)

@@ -74,7 +74,7 @@ class PlannerPolicy(SwarmPolicy):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._neighbours, self._positions = grid_of(scenario.grid_size)
-        self._chains: dict[int, list[MarkovChain]] = {}  # by part of the episode, the latest
+        self._chains: dict[int, list[MarkovChain]] = {}  # of the latest `HORIZON` steps
         self._plans: dict[_PlanKey, list[Path]] = {}
 
     def prepare(self, drones_positions: object) -> None:
@@ -120,10 +120,11 @@ class PlannerPolicy(SwarmPolicy):
         memory.first, memory.missing = tracker.step, tracker.missing
 
     def _plan(self, memory: _PlanMemory, starts: list[int]) -> list[Path]:
+        """A new plan's paths; if the old plan is still possible, an improvement of its rest."""
         tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
         part = step // HORIZON
-        if part not in self._chains:
+        if part not in self._chains:  # release the matrices of other parts
             self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
         chains, detections = self._chains[part], self.scenario.detections
         targets = [
