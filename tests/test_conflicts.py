@@ -40,12 +40,10 @@ def test_no_drones_meet_and_none_waits_without_need(data: st.DataObject) -> None
     for x, y in cells:
         around = [(x, y), (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)]
         wanted.append(data.draw(st.sampled_from([cell for cell in around if cell in grid])))
-    priority = data.draw(st.permutations(range(n)))
-    nexts = resolve_conflicts(cells, wanted, priority)
+    nexts = resolve_conflicts(cells, wanted)
     check(cells, wanted, nexts)
-    first = priority[0]
-    if wanted[first] not in cells:
-        assert nexts[first] == wanted[first], "the first moves if no drone is in its way"
+    if wanted[0] not in cells:
+        assert nexts[0] == wanted[0], "the first moves if no drone is in its way"
 
 
 def test_drones_exchange_cells() -> None:
@@ -56,10 +54,9 @@ def test_drones_follow_one_another() -> None:
     assert resolve_conflicts(LINE[:3], LINE[1:]) == LINE[1:]
 
 
-def test_the_first_in_priority_enters_a_contested_cell() -> None:
+def test_the_first_drone_enters_a_contested_cell() -> None:
     cells, wanted = [(0, 0), (2, 0)], [(1, 0), (1, 0)]
     assert resolve_conflicts(cells, wanted) == [(1, 0), (2, 0)]
-    assert resolve_conflicts(cells, wanted, priority=[1, 0]) == [(0, 0), (1, 0)]
 
 
 def test_a_drone_behind_one_that_stays_also_stays() -> None:
@@ -67,7 +64,7 @@ def test_a_drone_behind_one_that_stays_also_stays() -> None:
 
 
 def test_a_ring_rotates_even_if_another_drone_wants_in() -> None:
-    # 1 and 2 exchange cells; 0, first in priority, wants the cell of 1.
+    # 1 and 2 exchange cells; 0 wants the cell of 1.
     cells, wanted = [(0, 0), (1, 0), (2, 0)], [(1, 0), (2, 0), (1, 0)]
     assert resolve_conflicts(cells, wanted) == [(0, 0), (2, 0), (1, 0)]
     square = [(1, 0), (2, 0), (2, 1), (1, 1)]

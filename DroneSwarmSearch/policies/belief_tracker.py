@@ -72,11 +72,6 @@ class BeliefTracker:
         return self._beliefs[person].copy()
 
     @property
-    def beliefs(self) -> Floats:
-        """`belief` of every person: float64, shape (persons, N, N); meaningless for those found."""
-        return np.array([self.belief(person) for person in range(len(self.forecasts))])
-
-    @property
     def success(self) -> Floats:
         """Probability of success (POS) of searching each cell, the mean over the missing persons.
 

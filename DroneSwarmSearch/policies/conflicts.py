@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
@@ -19,27 +19,23 @@ MOVES: dict[Cell, Action] = {
 """The action that moves a drone by (x, y)."""
 
 
-def resolve_conflicts(
-    cells: Sequence[Cell], wanted: Sequence[Cell], priority: Iterable[int] | None = None
-) -> list[Cell]:
+def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:
     """Every drone's next cell, given the cells that the drones want to enter.
 
     Drones that exchange cells, or rotate in a ring, always move; if one of them gave way to
     another drone, all of them would block each other for ever. Of the other drones that want
-    one cell, the first in priority moves and the rest stay. A drone that wants the cell of a
+    one cell, the first moves and the rest stay. A drone that wants the cell of a
     drone that stays, stays too. Drones may follow one another.
 
     Args:
         cells: every drone's cell, all different.
         wanted: the next cell that every drone wants; its own to stay.
-        priority: the drones' numbers, first the one with right of way; by default in order.
 
     Returns:
         For every drone the cell it wants or its own; all different.
     """
-    order = range(len(cells)) if priority is None else list(priority)
     rings = _in_rings(cells, wanted)
-    order = [*rings, *(drone for drone in order if drone not in rings)]
+    order = [*rings, *(drone for drone in range(len(cells)) if drone not in rings)]
     nexts = list(wanted)
     changed = True
     while changed:  # ends, since a drone that is stopped stays stopped
