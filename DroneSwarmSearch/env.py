@@ -384,13 +384,12 @@ class DroneSwarmSearch(WithSpaces):
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
-        if not self.agents and self._ending is None:
-            raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
-        positions, drones, world = self._positions, self._drones, self._world
+        cells, world = self._cells_and_world()
+        positions = self._positions
         return Frame(
             matrix=world.matrix(),
-            drones=tuple(positions[cell] for cell in drones.cells),
-            searching=tuple(action == Action.SEARCH for action in drones.chosen),
+            drones=tuple(positions[cell] for cell in cells),
+            searching=tuple(action == Action.SEARCH for action in self._drones.chosen),
             persons=tuple(positions[world.person_cell(person)] for person in world.persons),
             found=tuple(person not in world.missing for person in world.persons),
             step=world.step,
@@ -398,3 +397,9 @@ class DroneSwarmSearch(WithSpaces):
             vector=self.vector,
             ending=self._ending,
         )
+
+    def _cells_and_world(self) -> tuple[list[int], WorldState]:
+        """The drones' cells and the world state, for reading only; wrappers use these."""
+        if not self.agents and self._ending is None:
+            raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
+        return self._drones.cells, self._world

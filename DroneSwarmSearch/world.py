@@ -195,6 +195,17 @@ class WorldState:
         matrix: Matrix = self._loaded[self.step - self._loaded_first]
         return matrix.copy()
 
+    def loaded_matrices(self) -> tuple[Matrix, int]:
+        """Matrices of some steps, and the index of the present step's among them.
+
+        Returns:
+            float32, shape (n, N, N), for reading only, and the index. The same array object
+            always holds the matrices of the same steps.
+        """
+        if self._active_posteriors is not None:
+            return self._returned[0][None], 0
+        return self._loaded, self.step - self._loaded_first
+
     def probability(self, cell: int) -> float:
         """What the matrix of the present step holds for a cell, y * N + x."""
         if self._active_posteriors is not None:

@@ -71,7 +71,7 @@ def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -
     together = crops(*shown)
     alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_DRONES_AT_ONCE", 4)
+        patch.setattr(module, "_CHUNK_DRONES", 4)
         in_parts = crops(*shown)
     assert plain(np.concatenate(alone)) == plain(together) == plain(in_parts)
 

@@ -1,12 +1,12 @@
-"""PettingZoo wrappers that make the environment fit for trainers; they compose.
+"""PettingZoo wrappers that adapt the environment to RL libraries; they compose.
 
-The usual stack, from the inside out:
+A typical stack:
 
     env = DroneSwarmSearch(n_drones=2, bayesian_update=True)
     env = FlatObservation(ScaledRewards(SeparateFlags(env)))
     env = ActionMask(env, in_observation=True)
 
-The batched views of `DroneSwarmSearch.vector` offer the same by their arguments.
+The environments in `DroneSwarmSearch.vector` offer the same through their arguments.
 """
 
 from DroneSwarmSearch.wrappers.action_mask import ActionMask

@@ -1,4 +1,4 @@
-"""The layout "dict": positions and matrix by name, as the environment has them."""
+"""The layout "dict": positions and matrix by name."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["DictLayout", "DictObservation", "JointDictLayout"]
 
 
 class DictLayout(Layout):
-    """For each drone `position`, its (x, y), and `probability_matrix`.
+    """For each drone, `position`, its (x, y), and `probability_matrix`.
 
-    int32, shape (2,); float32, shape (N, N), indexed [y, x], summing to 1.
+    int32, shape (2,); float32, shape (N, N), indexed [y, x], sums to 1.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -39,9 +39,9 @@ class DictLayout(Layout):
 
 
 class JointDictLayout(Layout):
-    """For each swarm `positions`, every drone's (x, y), and `probability_matrix`.
+    """For each swarm, `positions`, every drone's (x, y), and `probability_matrix`.
 
-    int32, shape (n, 2); float32, shape (N, N), indexed [y, x], summing to 1.
+    int32, shape (n, 2); float32, shape (N, N), indexed [y, x], sums to 1.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -62,16 +62,16 @@ class JointDictLayout(Layout):
 
 
 class DictObservation(LayoutObservation):
-    """Shows each drone {"position": (x, y), "probability_matrix": matrix}.
+    """Each drone observes {"position": (x, y), "probability_matrix": matrix}.
 
-    The position is int32, shape (2,); the matrix float32, shape (N, N), indexed [y, x],
-    summing to 1.
+    The position is int32, shape (2,). The matrix is float32, shape (N, N), indexed [y, x],
+    and sums to 1.
 
     Args:
         env: the environment.
 
     Raises:
-        TypeError: `env` is no `DroneSwarmSearch` and no wrapper of one.
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
         ValueError: it has masks in its observations.
     """
 

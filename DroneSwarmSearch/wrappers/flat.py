@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch.wrappers.layout import (
@@ -13,8 +15,10 @@ from DroneSwarmSearch.wrappers.layout import (
     own_first,
     scaled_matrices,
     scaled_positions,
+    time_fraction,
 )
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.wrapper import Observations
 
 __all__ = ["FlatLayout", "FlatObservation", "JointFlatLayout"]
 
@@ -22,8 +26,8 @@ __all__ = ["FlatLayout", "FlatObservation", "JointFlatLayout"]
 class FlatLayout(Layout):
     """For each drone a vector: float32 in [0, 1], length 2 n + 1 + N².
 
-    Its own x and y, then those of the other drones by number, with the grid scaled to 1;
-    the share of the steps left; the matrix row by row, with its maximum scaled to 1.
+    The drone's own x and y, then those of the other drones by number, with the grid scaled to
+    1; the remaining time fraction; the matrix row by row, with its maximum scaled to 1.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -43,8 +47,8 @@ class FlatLayout(Layout):
 class JointFlatLayout(Layout):
     """For each swarm a vector: float32 in [0, 1], length 2 n + 1 + N².
 
-    Every drone's x and y, with the grid scaled to 1; the share of the steps left; the
-    matrix row by row, with its maximum scaled to 1.
+    Every drone's x and y, with the grid scaled to 1; the remaining time fraction; the matrix
+    row by row, with its maximum scaled to 1.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -60,19 +64,56 @@ class JointFlatLayout(Layout):
 
 
 class FlatObservation(LayoutObservation):
-    """Shows each drone a vector: float32 in [0, 1], length 2 n_drones + 1 + N².
+    """Each drone observes a vector: float32 in [0, 1], length 2 n_drones + 1 + N².
 
     Its own x and y, then those of the other drones in the order of their names, with the
-    grid scaled to 1; the share of the steps left, 1 at the beginning; the matrix row by
-    row, with its maximum scaled to 1.
+    grid scaled to 1; the remaining time fraction, 1 at the start; the matrix row by row,
+    with its maximum scaled to 1.
 
     Args:
         env: the environment.
 
     Raises:
-        TypeError: `env` is no `DroneSwarmSearch` and no wrapper of one.
-        ValueError: it has masks in its observations.
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
+        ValueError: `env` has masks in its observations.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env, FlatLayout)
+        n, size = self._search.n_drones, self._search.grid_size
+        # Each cell's scaled x and y, as one item of eight bytes: a look-up gives both.
+        y, x = np.divmod(np.arange(size**2, dtype=np.int32), np.int32(size))
+        pairs = np.empty((size**2, 2), np.float32)
+        scaled_positions(np.stack([x, y], axis=-1), size, pairs)
+        self._pairs: NDArray[np.float64] = pairs.view(np.float64)[:, 0]
+        self._order = own_first(n)
+        self._shape = (n, 2 * n + 1 + size**2)
+        self._matrices: Singles | None = None  # those that the tails belong to
+        self._tails: Singles
+
+    def _observe(self) -> Observations:
+        # `FlatLayout.write` for one search, with as few NumPy calls as possible.
+        cells, world = self._search._cells_and_world()
+        matrices, index = world.loaded_matrices()
+        if matrices is not self._matrices:
+            self._tails = self._make_tails(matrices, world.step - index)
+            self._matrices = matrices
+        width = 2 * len(cells)
+        vectors = np.empty(self._shape, np.float32)
+        vectors[:, width:] = self._tails[index]
+        vectors[:, :width] = self._pairs.take(cells).take(self._order).view(np.float32)
+        return dict(zip(self._names, vectors, strict=True))
+
+    def _make_tails(self, matrices: Singles, first: int) -> Singles:
+        """What all drones' vectors end with, for consecutive steps: float32, (n, 1 + N²)."""
+        count = len(matrices)
+        rows = matrices.reshape(count, -1)
+        tails = np.empty((count, 1 + rows.shape[1]), np.float32)
+        limit = self._search.timestep_limit
+        tails[:, 0] = [time_fraction(step, limit) for step in range(first, first + count)]
+        np.divide(rows, np.maximum.reduce(rows, 1, keepdims=True), out=tails[:, 1:])
+        return tails
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy computes its tails itself."""
+        return {**self.__dict__, "_matrices": None, "_tails": None}

@@ -1,7 +1,6 @@
-"""Layouts of observations for networks: what each drone is shown, as arrays.
+"""All observation layouts by name; the vector environments and the wrappers use the same.
 
-The batched views and the PettingZoo wrappers show the same arrays by the same code. A
-layout is one file here, and one line in `LAYOUTS`.
+A new layout is a class in a file of this folder, next to its wrapper, and a line in `LAYOUTS`.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ LAYOUTS: dict[str, type[Layout]] = {
     "top-cells": TopCellsLayout,
     "crops": CropsLayout,
 }
-"""What each drone is shown, by the name of the layout."""
+"""The layouts of single drones, by name."""
 
 JOINT_LAYOUTS: dict[str, type[Layout]] = {
     "dict": JointDictLayout,
     "flat": JointFlatLayout,
     "planes": JointPlanesLayout,
 }
-"""What a swarm is shown as a whole; in the other layouts it is shown what its drones are."""
+"""The layouts of whole swarms; for other names, the drones' observations are stacked."""

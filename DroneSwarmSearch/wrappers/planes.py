@@ -1,4 +1,4 @@
-"""The layout "planes": channels as of a picture, for convolutional networks."""
+"""The layout "planes": image-like channels, for convolutional networks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch.wrappers.layout import (
     Layout,
     Positions,
@@ -27,8 +26,8 @@ __all__ = ["JointPlanesLayout", "PlanesLayout", "PlanesObservation"]
 class PlanesLayout(Layout):
     """For each drone four planes: float32 in [0, 1], shape (4, N, N), indexed [plane, y, x].
 
-    The matrix, with its maximum scaled to 1; the drone itself, 1 at its cell; the other
-    drones, 1 at their cells; the share of the steps left, in every cell.
+    The matrix, with its maximum scaled to 1; 1 in the drone's own cell; 1 in the other
+    drones' cells; the remaining time fraction in every cell.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -48,8 +47,8 @@ class PlanesLayout(Layout):
 class JointPlanesLayout(Layout):
     """For each swarm 2 + n planes: float32 in [0, 1], shape (2 + n, N, N).
 
-    The matrix, with its maximum scaled to 1; for every drone a plane with 1 at its cell;
-    the share of the steps left, in every cell. Indexed [plane, y, x].
+    The matrix, with its maximum scaled to 1; for each drone a plane with 1 in its cell; the
+    remaining time fraction in every cell. Indexed [plane, y, x].
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -64,19 +63,19 @@ class JointPlanesLayout(Layout):
 
 
 class PlanesObservation(LayoutObservation):
-    """Shows each drone four planes: float32 in [0, 1], shape (4, N, N), indexed [plane, y, x].
+    """Each drone observes four planes: float32 in [0, 1], (4, N, N), indexed [plane, y, x].
 
-    The matrix, with its maximum scaled to 1; the drone itself, 1 at its cell; the other
-    drones, 1 at their cells; the share of the steps left, in every cell.
+    The matrix, with its maximum scaled to 1; 1 in the drone's own cell; 1 in the other
+    drones' cells; the remaining time fraction in every cell.
 
     Args:
         env: the environment.
-        channels_last: shape (N, N, 4), indexed [y, x, plane], as RLlib wants pictures;
-            PyTorch, and what is built on its layers, wants them first.
+        channels_last: shape (N, N, 4), indexed [y, x, plane], as RLlib expects images. PyTorch
+            expects channels first.
 
     Raises:
-        TypeError: `env` is no `DroneSwarmSearch` and no wrapper of one, or `channels_last`
-            no bool.
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or `channels_last`
+            is not a bool.
         ValueError: `env` has masks in its observations.
     """
 
@@ -90,11 +89,11 @@ class PlanesObservation(LayoutObservation):
                 for agent in self.possible_agents
             }
 
-    def _shown(self, observations: Observations, infos: Infos) -> tuple[Observations, Infos]:
-        shown, infos = super()._shown(observations, infos)
-        if self.channels_last:
-            shown = {
-                agent: np.ascontiguousarray(planes.transpose(1, 2, 0))
-                for agent, planes in shown.items()
-            }
-        return shown, infos
+    def _observe(self) -> Observations:
+        observations = super()._observe()
+        if not self.channels_last:
+            return observations
+        return {
+            agent: np.ascontiguousarray(planes.transpose(1, 2, 0))
+            for agent, planes in observations.items()
+        }
