@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.person import move_probabilities, moved, walk
+from DroneSwarmSearch.drift.person import moves, walk
 
 
 def test_numbers_choose_right_left_and_stay() -> None:
@@ -70,17 +70,11 @@ def test_persons_are_where_the_matrix_says(
 def test_many_persons_move_as_one_does() -> None:
     forecast = ProbabilityMatrix(9, (4, 4), (0.3, -0.2), 10)
     rng = np.random.default_rng(1)
-    y, x = np.divmod(rng.integers(0, 81, 500), 9)
+    cells = rng.integers(0, 81, 500)
+    y, x = np.divmod(cells, 9)
     u, v = rng.random((2, 500))
     right, left, down, up = forecast.moves(3)
-    after = 9 * moved(y, v, down, up) + moved(x, u, right, left)
-    for person in range(500):
-        cell = int(9 * y[person] + x[person])
-        assert walk(forecast, 3, cell, [u[person]], [v[person]]) == [after[person]]
-
-
-def test_move_probabilities_are_those_of_the_forecast() -> None:
-    right, left, *_ = ProbabilityMatrix(9, (4, 4), (0.3, -0.2), 10).moves(3)
-    lower, stay, higher = move_probabilities(np.arange(9), right, left)
-    assert np.array_equal(lower, left) and np.array_equal(higher, right)
-    np.testing.assert_allclose(lower + stay + higher, 1.0)
+    y, x = y + moves(v, down[y], down[y] + up[y]), x + moves(u, right[x], right[x] + left[x])
+    for person, cell in enumerate(cells.tolist()):
+        after = walk(forecast, 3, cell, [u[person]], [v[person]])
+        assert after == [9 * y[person] + x[person]]

@@ -14,27 +14,41 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
-__all__ = ["MarkovChain", "transition_matrices"]
+__all__ = ["MarkovChain", "move_probabilities", "transition_matrices"]
 
 Floats = NDArray[np.float64]
+
+
+def move_probabilities(higher: Floats, lower: Floats) -> Floats:
+    """The probabilities of all moves along one axis.
+
+    Args:
+        higher: probability of moving from each cell to the next higher one, shape (...).
+        lower: the same for the next lower one.
+
+    Returns:
+        float64, shape (3, ...): of moving lower, staying and moving higher.
+    """
+    return np.stack([lower, 1.0 - higher - lower, higher])
 
 
 def transition_matrices(higher: Floats, lower: Floats) -> Floats:
     """The transition matrices of some steps along one axis.
 
     Args:
-        higher: probability of moving from each cell to the next higher one, shape (n, N).
-        lower: the same for the next lower one.
+        higher: as in `move_probabilities`, shape (n, N).
+        lower: likewise.
 
     Returns:
         float64, shape (n, N, N): the probability of moving from cell [i] to cell [j].
     """
     n, cells = higher.shape
+    falls, stays, rises = move_probabilities(higher, lower)
     matrices = np.zeros((n, cells, cells))
     here = np.arange(cells)
-    matrices[:, here, here] = 1.0 - higher - lower
-    matrices[:, here[:-1], here[1:]] = higher[:, :-1]
-    matrices[:, here[1:], here[:-1]] = lower[:, 1:]
+    matrices[:, here, here] = stays
+    matrices[:, here[:-1], here[1:]] = rises[:, :-1]
+    matrices[:, here[1:], here[:-1]] = falls[:, 1:]
     return matrices
 
 

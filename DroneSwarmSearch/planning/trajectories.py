@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.streams import numbers, stream_keys
-from DroneSwarmSearch.drift.person import move_probabilities, moved
+from DroneSwarmSearch.drift.markov_chain import move_probabilities
+from DroneSwarmSearch.drift.person import moves
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
 __all__ = ["Trajectories", "chernoff_bound", "enumerate_trajectories", "sample_trajectories"]
@@ -45,8 +46,8 @@ def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajector
     for step in range(steps - 1):
         right, left, down, up = forecast.moves(step)
         y_now, x_now = np.divmod(cells[-1], size)
-        along_x = move_probabilities(x_now, right, left)
-        along_y = move_probabilities(y_now, down, up)
+        along_x = move_probabilities(right, left)[:, x_now]
+        along_y = move_probabilities(down, up)[:, y_now]
         onward = probabilities * along_y[:, None] * along_x  # [dy + 1, dx + 1, trajectory]
         dy, dx, trajectory = onward.nonzero()
         if len(trajectory) > MOST_ENUMERATED:
@@ -69,7 +70,8 @@ def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> 
         right, left, down, up = forecast.moves(step)
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
         u, v = numbers(key, places).reshape(2, count)
-        x, y = moved(x, u, right, left), moved(y, v, down, up)
+        x = x + moves(u, right[x], right[x] + left[x])
+        y = y + moves(v, down[y], down[y] + up[y])
     return Trajectories(cells, np.full(count, 1 / count))
 
 

@@ -80,8 +80,8 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
     """Make a policy by its name.
 
     Args:
-        name: one of `POLICIES`; or a file of weights, "*.npz", as `examples/train_ppo.py`
-            writes it, for a `PPOPolicy`.
+        name: one of `POLICIES`, or the path of an .npz file of weights, as
+            `examples/train_ppo.py` writes it, for a `PPOPolicy`.
         scenario: the parameters of every search to steer.
 
     Raises:
