@@ -20,6 +20,6 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture(autouse=True)
 def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plans begun in two ways only, but for tests marked as being about their quality."""
+    """Skip the planner's random initial plans, except in tests of the quality of plans."""
     if request.node.get_closest_marker("good_plans") is None:
-        monkeypatch.setattr(planner, "STARTS", 0)
+        monkeypatch.setattr(planner, "RANDOM_STARTS", 0)

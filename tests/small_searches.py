@@ -1,4 +1,4 @@
-"""What the tests of planning share: searches small enough for brute force, and flights in them."""
+"""Shared by the tests of planning: searches small enough for brute force, and paths in them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from helpers import inside, target_of
 
 from DroneSwarmSearch import Action, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.chain import Chain
-from DroneSwarmSearch.planning.exact import best_success
+from DroneSwarmSearch.planning import best_success
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target
-from DroneSwarmSearch.policies import Knowledge, SwarmPolicy
+from DroneSwarmSearch.policies import BeliefTracker, SwarmPolicy
 
 Cell = tuple[int, int]
 
@@ -28,7 +28,7 @@ def search(drones: Sequence[Cell], **parameters: Any) -> NamedSearch:
     return NamedSearch("small", "For tests.", scenario, tuple(drones))
 
 
-def a_small_search(
+def small_search(
     grid_size: int,
     drones: Sequence[Cell],
     person: Cell,
@@ -49,105 +49,99 @@ def a_small_search(
 
 
 SMALL = [
-    a_small_search(5, [(0, 0)], (2, 2), (0, 0), 10, 10, 1.0),
-    a_small_search(5, [(0, 0)], (3, 2), (0.3, -0.2), 2, 10, 0.6),
-    a_small_search(6, [(5, 5)], (1, 1), (0.7, 0.4), 5, 10, 0.3),
-    a_small_search(6, [(2, 0)], (3, 3), (-0.4, 0.1), 30, 10, 1.0),
-    a_small_search(4, [(3, 0)], (0, 3), (0.25, -0.6), 1, 10, 0.6),
-    a_small_search(7, [(1, 5)], (5, 3), (-1.5, 0.2), 3, 10, 0.6),
-    a_small_search(4, [(0, 0), (3, 3)], (1, 2), (0.2, 0.1), 10, 6, 1.0),
-    a_small_search(5, [(4, 0), (0, 4)], (2, 2), (0.5, 0.5), 20, 6, 0.3),
-    a_small_search(3, [(0, 0), (1, 0)], (1, 1), (0, 0), 10, 6, 0.6),
-    a_small_search(4, [(3, 0), (3, 1)], (0, 1), (0.6, 0.3), 3, 6, 1.0),
+    small_search(5, [(0, 0)], (2, 2), (0, 0), 10, 10, 1.0),
+    small_search(5, [(0, 0)], (3, 2), (0.3, -0.2), 2, 10, 0.6),
+    small_search(6, [(5, 5)], (1, 1), (0.7, 0.4), 5, 10, 0.3),
+    small_search(6, [(2, 0)], (3, 3), (-0.4, 0.1), 30, 10, 1.0),
+    small_search(4, [(3, 0)], (0, 3), (0.25, -0.6), 1, 10, 0.6),
+    small_search(7, [(1, 5)], (5, 3), (-1.5, 0.2), 3, 10, 0.6),
+    small_search(4, [(0, 0), (3, 3)], (1, 2), (0.2, 0.1), 10, 6, 1.0),
+    small_search(5, [(4, 0), (0, 4)], (2, 2), (0.5, 0.5), 20, 6, 0.3),
+    small_search(3, [(0, 0), (1, 0)], (1, 1), (0, 0), 10, 6, 0.6),
+    small_search(4, [(3, 0), (3, 1)], (0, 1), (0.6, 0.3), 3, 6, 1.0),
 ]
-"""Searches for one person, of which branch and bound finds the best plan in no time."""
+"""Searches for one person that branch and bound solves at once."""
 
 
 @cache
 def best(index: int, steps: int | None = None) -> float:
-    """The chance of the best plan for a search of `SMALL`, perhaps in fewer steps."""
-    of = SMALL[index]
-    return best_success(shortened(of, steps).scenario, of.drones)
+    """The optimal probability of success of a search of `SMALL`, perhaps in fewer steps."""
+    of = shortened(SMALL[index], steps)
+    return best_success(of.scenario, of.drones)
 
 
 def shortened(of: NamedSearch, steps: int | None) -> NamedSearch:
-    """The same search with an earlier end."""
+    """The same search with a lower time limit."""
     scenario = of.scenario
     return replace(of, scenario=scenario.replace(timestep_limit=steps or scenario.timestep_limit))
 
 
 def forecast_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
-    scenario = of.scenario
-    return ProbabilityMatrix(
-        scenario.grid_size,
-        scenario.person_initial_position[person],
-        scenario.vector,
-        scenario.disperse_constant,
-    )
+    return of.scenario.forecasts()[person]
 
 
-def targets_of(of: NamedSearch, knowledge: Knowledge | None = None) -> list[Target]:
-    """The persons who are missing, from the present step to the last one."""
-    known = Knowledge(of.scenario) if knowledge is None else knowledge
-    end, detections = of.scenario.timestep_limit, of.scenario.detections
+def targets_of(of: NamedSearch, tracker: BeliefTracker | None = None) -> list[Target]:
+    """The missing persons, from the present step to the last one."""
+    tracker = tracker or BeliefTracker(of.scenario)
     return [
         Target(
-            Chain(forecast_of(of, person), detections[person], known.step, end),
-            known.belief(person),
+            MarkovChain(forecast_of(of, person)),
+            of.scenario.detections[person],
+            tracker.belief(person),
         )
-        for person in known.missing
+        for person in tracker.missing
     ]
 
 
-def chances(
-    of: NamedSearch, paths: Sequence[Path], knowledge: Knowledge | None = None
+def success_of(
+    of: NamedSearch, paths: Sequence[Path], tracker: BeliefTracker | None = None
 ) -> list[float]:
-    """The chance that each missing person is found by drones that fly some paths."""
-    first = 0 if knowledge is None else knowledge.step
+    """The probability that drones on some paths find each missing person."""
+    first = 0 if tracker is None else tracker.step
     worth = np.ones(of.scenario.timestep_limit - first)
-    return Plan(targets_of(of, knowledge), worth, first, paths).chances()
+    return Plan(targets_of(of, tracker), worth, first, paths).success_probabilities()
 
 
 def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
-    """What drones in some cells are shown."""
+    """The observations of drones in some cells."""
     return {f"drone{i}": {"observation": (cell, matrix)} for i, cell in enumerate(cells)}
 
 
-def fly(policy: SwarmPolicy, knowledge: Knowledge, cells: Sequence[Cell], steps: int) -> list[Path]:
-    """The paths on which a policy leads the drones while nobody is found; checks each step.
+def fly(
+    policy: SwarmPolicy, tracker: BeliefTracker, cells: Sequence[Cell], steps: int
+) -> list[Path]:
+    """The paths of a policy's drones while nobody is found. Checks that every step is legal.
 
     Args:
         policy: as it is in the present step.
-        knowledge: what is known in that step; taken on with the steps.
+        tracker: of the present step; updated.
         cells: every drone's.
         steps: how many.
     """
-    size = knowledge.scenario.grid_size
-    ways, searches = [list(cells)], []
+    size = tracker.scenario.grid_size
+    positions, searches = [list(cells)], []
     for _ in range(steps):
-        here = ways[-1]
-        actions = list(policy(observations(here, knowledge.shown())).values())
-        knowledge.acted(here, actions)
-        there = [target_of(cell, action) for cell, action in zip(here, actions, strict=True)]
-        assert all(inside(cell, size) for cell in there), "a drone has left the grid"
-        assert len({*there}) == len(there), "drones have collided"
-        ways.append(there)
+        here = positions[-1]
+        actions = list(policy(observations(here, tracker.matrix())).values())
+        tracker.update(here, actions)
+        ahead = [target_of(cell, action) for cell, action in zip(here, actions, strict=True)]
+        assert all(inside(cell, size) for cell in ahead), "a drone has left the grid"
+        assert len({*ahead}) == len(ahead), "drones have collided"
+        positions.append(ahead)
         searches.append([action == Action.SEARCH for action in actions])
-    numbers = np.array(ways) @ [1, size]
-    return [
-        Path(way, searched) for way, searched in zip(numbers.T, np.array(searches).T, strict=True)
-    ]
+    numbers = np.array(positions) @ [1, size]
+    return [Path(*path) for path in zip(numbers.T, np.array(searches).T, strict=True)]
 
 
-def flown(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
-    """The paths of a policy from the beginning to the end of an episode that finds nobody."""
-    return fly(policy, Knowledge(of.scenario), of.drones, of.scenario.timestep_limit)
+def paths_of(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
+    """The paths of a policy's drones in a whole episode in which nobody is found."""
+    return fly(policy, BeliefTracker(of.scenario), of.drones, of.scenario.timestep_limit)
 
 
 def found_in_each_step(
     forecast: ProbabilityMatrix, detection: float, schedule: Sequence[Sequence[int]]
 ) -> list[float]:
-    """The chance that a person is found in each step, by following every way there is.
+    """The probability that a person is found in each step, by following every trajectory.
 
     Args:
         forecast: the person's.
@@ -156,26 +150,26 @@ def found_in_each_step(
     """
     found = [0.0] * len(schedule)
 
-    def follow(step: int, x: int, y: int, chance: float) -> None:
+    def follow(step: int, x: int, y: int, probability: float) -> None:
         if step == len(schedule):
             return
-        left = chance
+        left = probability
         for cell in schedule[step]:
             if cell == y * forecast.grid_size + x:
                 left *= 1 - detection
-        found[step] += chance - left
+        found[step] += probability - left
         right, left_x, down, up = forecast.moves(step)
-        for dx, across in ((1, right[x]), (-1, left_x[x]), (0, 1 - right[x] - left_x[x])):
-            for dy, along in ((1, down[y]), (-1, up[y]), (0, 1 - down[y] - up[y])):
-                if left * across * along > 0:
-                    follow(step + 1, x + dx, y + dy, left * across * along)
+        for dx, along_x in ((1, right[x]), (-1, left_x[x]), (0, 1 - right[x] - left_x[x])):
+            for dy, along_y in ((1, down[y]), (-1, up[y]), (0, 1 - down[y] - up[y])):
+                if left * along_x * along_y > 0:
+                    follow(step + 1, x + dx, y + dy, left * along_x * along_y)
 
     follow(0, *forecast.parameters[1], 1.0)
     return found
 
 
 def schedule_of(paths: Sequence[Path]) -> list[list[int]]:
-    """The cells that are searched in each step of some paths."""
+    """The cells that some paths search in each step."""
     return [
         [int(path.cells[step]) for path in paths if path.searches[step]]
         for step in range(len(paths[0].searches))
@@ -183,12 +177,12 @@ def schedule_of(paths: Sequence[Path]) -> list[list[int]]:
 
 
 def assert_legal(paths: Sequence[Path], starts: Sequence[int], size: int) -> None:
-    """Paths begin where they should, go step by step, search where they are, and never meet."""
+    """Paths start where they should, move by single cells, stay to search, and never meet."""
     assert [path.cells[0] for path in paths] == list(starts)
     cells = np.array([path.cells for path in paths])
     assert ((cells >= 0) & (cells < size**2)).all()
     y, x = np.divmod(cells, size)
-    gone = abs(np.diff(x)) + abs(np.diff(y))
-    assert (gone <= 1).all()
-    assert not gone[np.array([path.searches for path in paths])].any()
+    moved = abs(np.diff(x)) + abs(np.diff(y))
+    assert (moved <= 1).all()
+    assert not moved[np.array([path.searches for path in paths])].any()
     assert all(len({*column}) == len(column) for column in cells.T.tolist())

@@ -8,6 +8,7 @@ import pytest
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import (
     after_drift,
+    after_search,
     after_unsuccessful_search,
     mean_over_missing,
     means_over_missing,
@@ -94,6 +95,17 @@ def test_normalising_is_the_same_to_the_bit_alone_and_in_a_batch(size: int, batc
         assert totals[k] == normalise(alone)
         np.testing.assert_array_equal(beliefs.reshape(size, size, -1)[..., k], alone)
         assert alone.sum() == pytest.approx(float(totals[k] > 0))
+
+
+def test_searches_without_normalising_agree_with_bayes_rule() -> None:
+    mass = np.array([[0.1, 0.2], [0.3, 0.4]])
+    before = mass.copy()
+    left, found = after_search(mass, [3, 1], 0.7)
+    belief, kept = after_unsuccessful_search(mass, [3, 1], 0.7)
+    assert found == pytest.approx(0.7 * 0.6) == 1 - kept
+    np.testing.assert_allclose(left / left.sum(), belief)
+    assert after_search(mass, [], 0.7)[1] == 0.0
+    np.testing.assert_array_equal(mass, before)
 
 
 @pytest.mark.parametrize("missing", [(0, 1, 2), (0, 2), (1,), ()])

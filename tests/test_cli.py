@@ -25,7 +25,7 @@ from DroneSwarmSearch import __main__ as command
 from DroneSwarmSearch.evaluation import SUITE, Store, evaluate, progress, run
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS
+from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
 
 PATIENCE = 60.0
 """Seconds after which a test fails that waits for another process."""
@@ -210,7 +210,7 @@ def test_policies_of_ones_own_come_from_files_and_modules(capsys, own, monkeypat
 
 def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    shutil.copy(DEFAULT_WEIGHTS, "mine.npz")
     played: list[Any] = []
     original = run.play
     monkeypatch.setattr(run, "play", lambda *args: played.append(args[2]) or original(*args))
@@ -233,11 +233,11 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
 def test_weights_that_change_in_mid_work_are_stored_as_what_they_are(capsys, tmp_path, monkeypatch):
     """A trainer may write the file while it is evaluated."""
     monkeypatch.chdir(tmp_path)
-    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    shutil.copy(DEFAULT_WEIGHTS, "mine.npz")
     original = run.play
 
     def changing(*arguments: Any) -> Any:
-        with np.load(OWN_WEIGHTS) as file:
+        with np.load(DEFAULT_WEIGHTS) as file:
             np.savez("mine.npz", **{name: -file[name] for name in file})
         return original(*arguments)
 
@@ -245,7 +245,7 @@ def test_weights_that_change_in_mid_work_are_stored_as_what_they_are(capsys, tmp
     with monkeypatch.context() as patch:
         patch.setattr(run, "play", changing)
         answer(capsys, *arguments, "--out", "results")
-    shutil.copy(OWN_WEIGHTS, "mine.npz")
+    shutil.copy(DEFAULT_WEIGHTS, "mine.npz")
     fresh = json.loads(answer(capsys, *arguments).out)
     assert json.loads(answer(capsys, *arguments, "--out", "results").out) == fresh
 

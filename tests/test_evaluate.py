@@ -39,11 +39,11 @@ from DroneSwarmSearch.evaluation import (
 from DroneSwarmSearch.evaluation.episodes import play
 from DroneSwarmSearch.evaluation.run import EvaluationTask
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
-from DroneSwarmSearch.policies.ppo import OWN_WEIGHTS as OWN_WEIGHTS_PATH
+from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
-OWN_WEIGHTS = str(OWN_WEIGHTS_PATH)
+DEFAULT_WEIGHTS = str(DEFAULT_WEIGHTS_PATH)
 
 
 def named(**changes: Any) -> NamedSearch:
@@ -428,7 +428,7 @@ def test_what_a_policy_returns_is_checked(returned, view, error, message):
             ValueError,
             "observation must be 'dict'",
         ),
-        ({"policy": OWN_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
+        ({"policy": DEFAULT_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
         ({"bound": 3}, TypeError, "bound must be what planning.success_bound .* got 3"),
         ({"bound": np.zeros(13)}, TypeError, "bound must be what planning.success_bound"),
         ({"bound": 0.5}, TypeError, "bound must be .* or None, got 0.5"),

@@ -1,4 +1,4 @@
-"""The greedy policy: what it chooses, and that whole episodes go well with it."""
+"""The greedy policies: their choices, and their success in whole episodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Actions = dict[str, int]
 def seen(
     size: int, cells: list[tuple[int, int]], peaks: Mapping[tuple[int, int], float]
 ) -> dict[str, Any]:
-    """Observations of drones in some cells and a matrix with some peaks, by (x, y)."""
+    """Observations of drones in some cells, with a matrix of peaks at some (x, y)."""
     matrix = np.zeros((size, size), np.float32)
     for (x, y), probability in peaks.items():
         matrix[y, x] = probability
@@ -39,7 +39,7 @@ def choose(
     return [Action(action) for action in actions.values()]
 
 
-def a_search(size: int = 20, drones: int = 4, **changes: Any) -> DroneSwarmSearch:
+def make_env(size: int = 20, drones: int = 4, **changes: Any) -> DroneSwarmSearch:
     parameters = {
         "grid_size": size,
         "n_drones": drones,
@@ -97,39 +97,39 @@ class TestChoice:
         assert choose(7, [(1, 1)], {(4, 4): 0.9, (1, 2): 0.01}) == [Action.DOWN]
         assert choose(7, [(1, 1)], {(4, 4): 0.9, (2, 1): 0.01}) == [Action.RIGHT]
 
-    def test_flies_the_longer_leg_first_where_all_is_alike(self) -> None:
+    def test_flies_the_longer_leg_first_in_a_tie(self) -> None:
         assert choose(7, [(1, 1)], {(2, 5): 1.0}) == [Action.DOWN]
         assert choose(7, [(1, 5)], {(2, 1): 1.0}) == [Action.UP]
         assert choose(7, [(1, 1)], {(5, 2): 1.0}) == [Action.RIGHT]
 
     def test_different_drones_take_different_cells(self) -> None:
-        # Both are nearer to the left peak; the one in the lead gets it.
+        # Both are nearer to the left peak; the nearest one gets it.
         actions = choose(9, [(3, 4), (4, 4)], {(2, 4): 0.5, (8, 4): 0.5})
         assert actions == [Action.LEFT, Action.RIGHT]
 
-    def test_drones_without_a_cell_of_their_own_gather_around_the_one_there_is(self) -> None:
+    def test_drones_without_a_target_gather_around_the_only_one(self) -> None:
         actions = choose(9, [(0, 4), (8, 4), (4, 0)], {(4, 4): 1.0})
         assert actions == [Action.RIGHT, Action.LEFT, Action.DOWN]
 
-    def test_never_enters_a_cell_that_another_drone_is_in_or_enters(self) -> None:
-        # Two drones beside the only likely cell, and one in it.
+    def test_never_enters_an_occupied_or_claimed_cell(self) -> None:
+        # Two drones next to the only likely cell, and one in it.
         actions = choose(5, [(1, 2), (3, 2), (2, 2)], {(2, 2): 1.0})
         assert actions == [Action.IDLE, Action.IDLE, Action.SEARCH]
-        # Nobody is in it yet: one of them goes.
+        # The cell is empty: one of them enters it.
         actions = choose(5, [(1, 2), (3, 2)], {(2, 2): 1.0})
         assert actions == [Action.RIGHT, Action.IDLE]
-        # Not even a cell that is about to be left: that may come to nothing.
+        # Not even a cell whose drone is about to leave it: the drone may be blocked.
         actions = choose(5, [(1, 2), (2, 2)], {(4, 2): 1.0})
         assert actions == [Action.IDLE, Action.RIGHT]
 
-    def test_no_drones_no_actions(self) -> None:
+    def test_without_drones_there_are_no_actions(self) -> None:
         assert greedy(5)({}) == {}
 
     def test_is_a_policy(self) -> None:
         policy: Policy = greedy(5)
         assert policy.reset() is None  # type: ignore[func-returns-value]
 
-    def test_refuses_what_is_no_scenario(self) -> None:
+    def test_rejects_anything_but_a_scenario(self) -> None:
         with pytest.raises(TypeError, match=r"scenario must be a Scenario, got 20"):
             GreedyPolicy(20)  # type: ignore[arg-type]
 
@@ -158,7 +158,7 @@ def test_never_collides_nor_leaves_the_grid(
     bayesian_update: bool,
     kind: type[GreedyPolicy] | type[PosteriorGreedyPolicy],
 ) -> None:
-    env = a_search(size, drones, bayesian_update=bayesian_update, **changes)
+    env = make_env(size, drones, bayesian_update=bayesian_update, **changes)
     policy = kind(env.scenario)
     cells = [(i % size, i // size) for i in range(size**2)]
     for seed in range(8):
@@ -169,7 +169,7 @@ def test_never_collides_nor_leaves_the_grid(
 
 
 def test_is_deterministic() -> None:
-    env = a_search(bayesian_update=False)
+    env = make_env(bayesian_update=False)
     policy = GreedyPolicy(env.scenario)
     first = play(env, policy, 31)
     policy.reset()
@@ -184,11 +184,11 @@ def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() 
     search, away = {"drone0": int(Action.SEARCH)}, {"drone0": int(Action.RIGHT)}
     assert policy(seen(7, [here], peaks)) == search
     assert policy(seen(7, [here], peaks)) == away
-    # The posterior shows the search: no need to remember it.
+    # The posterior shows the search, so it is not remembered.
     policy.reset()
     assert policy(seen(7, [here], {**peaks, here: 0.4})) == search
     assert policy(seen(7, [here], peaks)) == search
-    # As if it had never been there.
+    # A new episode forgets the search.
     policy.reset()
     assert policy(seen(7, [here], peaks)) == search
     policy.reset()
@@ -199,7 +199,7 @@ class TestSuccess:
     EPISODES = 60
 
     def rate(self, make: Callable[[Any], Any], episodes: int = EPISODES, **changes: Any) -> float:
-        env = a_search(**changes)
+        env = make_env(**changes)
         policy = make(env.scenario)
         found = 0
         for seed in range(episodes):
@@ -216,23 +216,23 @@ class TestSuccess:
             ({"probability_of_detection": 0.5}, 0.6),
         ],
     )
-    def test_finds_the_person_mostly(self, changes: dict[str, Any], least: float) -> None:
+    def test_usually_finds_the_person(self, changes: dict[str, Any], least: float) -> None:
         assert self.rate(GreedyPolicy, **changes) >= least
 
     @pytest.mark.parametrize("bayesian_update", [False, True])
-    def test_the_posterior_of_its_own_is_as_good_whatever_is_shown(
+    def test_the_tracked_posterior_is_as_good_whatever_the_matrix_shows(
         self, bayesian_update: bool
     ) -> None:
         rate = self.rate(PosteriorGreedyPolicy, episodes=30, bayesian_update=bayesian_update)
         assert rate >= 0.8
 
-    def test_beats_chance(self) -> None:
+    def test_the_random_policy_is_worse(self) -> None:
         assert self.rate(RandomPolicy, episodes=20) <= 0.4
 
 
-def test_the_posterior_greedy_passes_over_slight_chances() -> None:
-    # Forecast and posterior are alike before the first search: a spread from the middle.
-    env = a_search(
+def test_posterior_greedy_ignores_unlikely_cells() -> None:
+    # Before the first search, forecast and posterior are equal.
+    env = make_env(
         20,
         1,
         vector=(0, 0),
@@ -254,8 +254,8 @@ def test_the_posterior_greedy_passes_over_slight_chances() -> None:
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 def test_does_not_hover(bayesian_update: bool) -> None:
-    """One drone over a wide area from which the person never turns up."""
-    env = a_search(
+    """One drone searches a wide area without success."""
+    env = make_env(
         drones=1,
         bayesian_update=bayesian_update,
         probability_of_detection=1.0,

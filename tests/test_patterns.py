@@ -1,4 +1,4 @@
-"""The search patterns: legs, turns and coverage, and the way they are flown."""
+"""The search patterns: legs, turns and coverage of the tracks, and how drones follow them."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from DroneSwarmSearch.policies import (
     ParallelSweepPolicy,
     SectorSearchPolicy,
 )
-from DroneSwarmSearch.policies.patterns import Datum, PatternPolicy
+from DroneSwarmSearch.policies.datum import Datum
+from DroneSwarmSearch.policies.patterns import PatternPolicy
 from DroneSwarmSearch.policies.tracks import (
     Point,
     Rectangle,
     cells_along,
-    divided,
     expanding_square,
+    parallel_legs,
+    parts_of,
     sector_search,
-    strips,
-    sweep,
+    strips_of,
 )
 from DroneSwarmSearch.scenario import Cell
 
@@ -40,14 +41,14 @@ def lengths(points: list[Point]) -> list[float]:
 
 
 def headings(points: list[Point]) -> list[float]:
-    """Of every leg, in degrees clockwise from up."""
+    """The heading of every leg, in degrees clockwise from up."""
     return [
         math.degrees(math.atan2(bx - ax, ay - by)) % 360 for (ax, ay), (bx, by) in pairwise(points)
     ]
 
 
 def turns(points: list[Point]) -> list[float]:
-    """From each leg to the next, in degrees to the right."""
+    """The turn from each leg to the next, in degrees to the right."""
     return [(b - a) % 360 for a, b in pairwise(headings(points))]
 
 
@@ -69,7 +70,7 @@ rectangles = st.builds(
 
 
 class TestExpandingSquare:
-    def test_legs_grow_by_the_spacing_at_every_second_turn(self) -> None:
+    def test_every_second_leg_is_longer_by_the_spacing(self) -> None:
         assert lengths(expanding_square((5, 5), 7)) == pytest.approx([1, 1, 2, 2, 3, 3, 4])
 
     def test_turns_are_right_angles_to_the_right(self) -> None:
@@ -77,7 +78,7 @@ class TestExpandingSquare:
         assert headings(points)[0] == pytest.approx(90)
         assert turns(points) == pytest.approx([90] * 6)
 
-    def test_turned_by_45_degrees_the_turns_are_at_centres_of_cells(self) -> None:
+    def test_turned_by_45_degrees_it_turns_at_centres_of_cells(self) -> None:
         points = expanding_square((5, 5), 7, heading=45)
         assert headings(points)[0] == pytest.approx(45)
         assert turns(points) == pytest.approx([90] * 6)
@@ -90,10 +91,10 @@ class TestExpandingSquare:
         cells = cells_along(expanding_square((10, 10), 9), 21)
         assert len(cells) == len(set(cells))
         columns, rows = {x for x, _ in cells}, {y for _, y in cells}
-        # Five cells a side, and the last leg's end beyond them.
+        # A square of five by five cells, and the end of the last leg.
         assert len(cells) == 26 and {len(columns), len(rows)} == {5, 6}
 
-    def test_turned_it_leaves_no_gap_either(self) -> None:
+    def test_covers_a_turned_square_without_a_gap(self) -> None:
         cells = set(cells_along(expanding_square((10, 10), 11, heading=45), 21))
         within = {(x, y) for x in range(21) for y in range(21) if abs(x - 10) + abs(y - 10) <= 4}
         assert within <= cells
@@ -105,7 +106,7 @@ class TestSectorSearch:
     def test_all_nine_legs_are_one_radius(self) -> None:
         assert lengths(self.POINTS) == pytest.approx([6] * 9)
 
-    def test_all_turns_are_120_degrees_and_over_the_datum_it_goes_straight_on(self) -> None:
+    def test_turns_are_120_degrees_but_it_crosses_the_datum_straight(self) -> None:
         straight = [turn for turn in turns(self.POINTS) if min(turn, 360 - turn) < 1e-6]
         assert len(straight) == 2
         assert [t for t in turns(self.POINTS) if t not in straight] == pytest.approx([120] * 6)
@@ -124,14 +125,14 @@ class TestSectorSearch:
         assert sorted(round(heading) for heading in out + back) == [30, 90, 150, 210, 270, 330]
 
 
-class TestSweep:
+class TestParallelLegs:
     @settings(deadline=None, max_examples=80, derandomize=True)
     @given(rectangles, st.booleans(), st.data())
-    def test_goes_to_and_fro_through_every_cell_once(
+    def test_visit_every_cell_once(
         self, area: Rectangle, along_x: bool, data: st.DataObject
     ) -> None:
         corner = data.draw(st.sampled_from(area.corners))
-        points = sweep(area, along_x, corner)
+        points = parallel_legs(area, along_x, corner)
         cells = cells_along(points, 20)
         assert cells[0] == corner
         assert len(cells) == area.area and set(cells) == cells_of(area)
@@ -145,31 +146,29 @@ class TestSweep:
 
     @settings(deadline=None, max_examples=80, derandomize=True)
     @given(rectangles, st.integers(1, 12), st.booleans())
-    def test_strips_share_out_all_cells_and_as_evenly_as_whole_legs_can(
+    def test_strips_divide_all_cells_as_evenly_as_whole_legs_allow(
         self, area: Rectangle, count: int, along_x: bool
     ) -> None:
-        parts = strips(area, count, along_x)
+        parts = strips_of(area, count, along_x)
         assert len(parts) == min(count, area.area)
         assert Counter(cell for part in parts for cell in cells_of(part)) == Counter(cells_of(area))
         legs, length = (area.height, area.width) if along_x else (area.width, area.height)
         if count <= legs:
-            shares = [part.area for part in parts]
-            assert max(shares) - min(shares) <= length
+            areas = [part.area for part in parts]
+            assert max(areas) - min(areas) <= length
             assert all((p.width if along_x else p.height) == length for p in parts)
 
 
 @settings(deadline=None, max_examples=80, derandomize=True)
 @given(rectangles, st.integers(1, 12))
-def test_divided_areas_have_a_part_for_each_drone_and_leave_no_cell_out(
-    area: Rectangle, count: int
-) -> None:
-    parts = divided(area, count)
+def test_parts_divide_all_cells(area: Rectangle, count: int) -> None:
+    parts = parts_of(area, count)
     assert 1 <= len(parts) <= count
     assert Counter(cell for part in parts for cell in cells_of(part)) == Counter(cells_of(area))
 
 
 def test_seven_parts_stand_as_two_three_two() -> None:
-    parts = divided(Rectangle(0, 0, 12, 12), 7)
+    parts = parts_of(Rectangle(0, 0, 12, 12), 7)
     assert list(Counter(part.y for part in parts).values()) == [2, 3, 2]
 
 
@@ -193,7 +192,7 @@ class TestCells:
 
     @settings(deadline=None, max_examples=100, derandomize=True)
     @given(st.lists(points, min_size=1, max_size=6))
-    def test_what_lies_outside_the_grid_is_left_out_and_no_cell_is_named_twice_running(
+    def test_cells_outside_the_grid_are_left_out_and_none_is_repeated_at_once(
         self, points: list[Point]
     ) -> None:
         whole = cells_along([(x + 10, y + 10) for x, y in points], 40)
@@ -203,16 +202,16 @@ class TestCells:
 
 
 class TestDatum:
-    LAW = ProbabilityMatrix(40, (10, 20), (0.3, -0.2), 3.0)
+    FORECAST = ProbabilityMatrix(40, (10, 20), (0.3, -0.2), 3.0)
 
     def test_is_the_mean_of_the_forecast_and_drifts_with_it(self) -> None:
         for step in (0, 10, 40):
-            datum = Datum.of_forecast(self.LAW, step, 100)
+            datum = Datum.of_forecast(self.FORECAST, step, 100)
             assert datum.mean == pytest.approx((10 + 0.3 * step, 20 - 0.2 * step), abs=0.1)
 
-    def test_spread_is_the_deviation_of_the_forecast(self) -> None:
-        datum = Datum.of_forecast(self.LAW, 40, 100)
-        assert datum.spread == pytest.approx([math.sqrt(2 / 3 * 3 / 8 * 40)] * 2, rel=0.02)
+    def test_deviation_is_that_of_the_forecast(self) -> None:
+        datum = Datum.of_forecast(self.FORECAST, 40, 100)
+        assert datum.deviation == pytest.approx([math.sqrt(2 / 3 * 3 / 8 * 40)] * 2, rel=0.02)
 
     def test_area_reaches_two_deviations_around_it(self) -> None:
         area = Datum((20.0, 12.0), (4.0, 2.0), 10_000).area(40)
@@ -224,7 +223,7 @@ class TestDatum:
         st.tuples(st.floats(0, 8), st.floats(0, 8)),
         st.floats(1, 150),
     )
-    def test_area_holds_the_datum_lies_in_the_grid_and_can_be_searched_in_time(
+    def test_area_contains_the_datum_and_is_within_the_grid_and_the_effort(
         self, mean: Point, spread: Point, cells: float
     ) -> None:
         area = Datum(mean, spread, cells).area(12)
@@ -238,28 +237,40 @@ def policy_for(kind: type[PatternPolicy], n_drones: int, **changes: Any) -> Patt
     return kind(Scenario(**parameters))
 
 
+def recorded_routes(policy: PatternPolicy) -> list[list[list[list[Cell]]]]:
+    """A list that receives the routes each time the policy lays out tracks."""
+    recorded, routes = [], policy.routes
+
+    def record(datum: Datum, passes: int) -> list[list[list[Cell]]]:
+        recorded.append(routes(datum, passes))
+        return recorded[-1]
+
+    policy.routes = record  # type: ignore[method-assign]
+    return recorded
+
+
 WIDE = Datum((20.0, 18.0), (4.0, 2.0), 10_000)
 
 
 @pytest.mark.parametrize("n_drones", [1, 2, 4, 7])
 @pytest.mark.parametrize("kind", [ParallelSweepPolicy, CreepingLinePolicy])
-def test_sweeps_visit_every_cell_of_the_area_once_between_the_drones(
+def test_sweeping_drones_visit_every_cell_of_the_area_once_together(
     kind: type[PatternPolicy], n_drones: int
 ) -> None:
     tracks = policy_for(kind, n_drones).routes(WIDE, 0)
     assert len(tracks) == n_drones
     for routes in tracks:
-        assert len({frozenset(route) for route in routes}) == 1, "the same cells either way"
+        assert len({frozenset(route) for route in routes}) == 1, "alternatives have the same cells"
     once = Counter(cell for routes in tracks for cell in routes[0])
     assert once == Counter(cells_of(WIDE.area(40)))
 
 
 @pytest.mark.parametrize(("kind", "axis"), [(ParallelSweepPolicy, 0), (CreepingLinePolicy, 1)])
 @pytest.mark.parametrize("spread", [(4.0, 2.0), (2.0, 4.0)])
-def test_legs_of_ps_follow_the_longer_side_and_those_of_cs_the_shorter(
+def test_legs_of_ps_are_along_the_longer_side_and_of_cs_along_the_shorter(
     kind: type[PatternPolicy], axis: int, spread: Point
 ) -> None:
-    (routes,) = policy_for(kind, 1).routes(WIDE._replace(spread=spread), 0)
+    (routes,) = policy_for(kind, 1).routes(WIDE._replace(deviation=spread), 0)
     along = axis if spread[0] > spread[1] else 1 - axis
     moves = [b[along] != a[along] for a, b in pairwise(routes[0])]
     assert sum(moves) > len(moves) / 2
@@ -276,13 +287,13 @@ def test_the_expanding_square_is_repeated_turned_by_45_degrees() -> None:
 
 
 def len_legs(route: list[Cell]) -> int:
-    """How many legs a route of straight legs along the axes has."""
+    """The number of legs of a route along the axes."""
     directions = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route)]
     return 1 + sum(a != b for a, b in pairwise(directions))
 
 
 @pytest.mark.parametrize("n_drones", [1, 2, 4])
-def test_the_sector_search_divides_the_circle_and_is_repeated_half_way_between(
+def test_sector_searches_divide_the_circle_and_alternate(
     n_drones: int,
 ) -> None:
     policy = policy_for(SectorSearchPolicy, n_drones, vector=(0.0, -0.3))
@@ -295,13 +306,13 @@ def test_the_sector_search_divides_the_circle_and_is_repeated_half_way_between(
         assert policy.routes(WIDE, passes) == expected
 
 
-def test_the_sector_search_is_no_wider_than_the_time_allows() -> None:
-    (routes,) = policy_for(SectorSearchPolicy, 1).routes(WIDE._replace(cells=60), 0)
+def test_the_sector_search_fits_the_effort() -> None:
+    (routes,) = policy_for(SectorSearchPolicy, 1).routes(WIDE._replace(effort=60), 0)
     assert 0.7 * 60 <= len(routes[0]) <= 1.2 * 60
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_flies_to_the_commence_point_then_searches_every_cell_of_the_track(
+def test_flies_to_the_commence_search_point_then_searches_every_cell(
     kind: type[PatternPolicy],
 ) -> None:
     env = DroneSwarmSearch(
@@ -311,35 +322,29 @@ def test_flies_to_the_commence_point_then_searches_every_cell_of_the_track(
         probability_of_detection=0.0,
         timestep_limit=150,
     )
-    policy, asked = kind(env.scenario), []
-    routes = policy.routes
-
-    def noted(datum: Datum, passes: int) -> list[list[list[Cell]]]:
-        asked.append(routes(datum, passes))
-        return asked[-1]
-
-    policy.routes = noted  # type: ignore[method-assign]
+    policy = kind(env.scenario)
+    laid_out = recorded_routes(policy)
     observations, _ = env.reset(0)
     flown: list[tuple[Cell, int]] = []
     while env.agents:
         actions = policy(observations)
         flown.append((observations["drone0"]["observation"][0], actions["drone0"]))
         observations, *_ = env.step(actions)
-    ((*choices,),) = asked[0]
+    ((*choices,),) = laid_out[0]
     searched = [cell for cell, action in flown if action == Action.SEARCH]
     route = next(route for route in choices if route[0] == searched[0])
-    route = route[: len(searched)]  # the time it takes is an estimate
+    route = route[: len(searched)]  # the required time is an estimate
     assert len(route) >= 0.8 * len(choices[0])
     assert searched[: len(route)] == route
     begun = next(i for i, (_, action) in enumerate(flown) if action == Action.SEARCH)
-    assert begun == abs(route[0][0]) + abs(route[0][1]), "there is no shorter way"
+    assert begun == abs(route[0][0]) + abs(route[0][1]), "the shortest way"
     ((*_, last),) = [[cell for cell, _ in flown[begun : begun + 2 * len(route) - 1]]]
-    assert last == route[-1], "a move and a search for every cell"
+    assert last == route[-1], "a move and a search per cell"
 
 
 @pytest.mark.parametrize("n_drones", [4, 7])
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_drones_that_meet_do_not_block_each_other(kind: type[PatternPolicy], n_drones: int) -> None:
+def test_drones_that_meet_keep_searching(kind: type[PatternPolicy], n_drones: int) -> None:
     env = DroneSwarmSearch(
         grid_size=14,
         n_drones=n_drones,
@@ -355,41 +360,39 @@ def test_drones_that_meet_do_not_block_each_other(kind: type[PatternPolicy], n_d
         actions = policy(observations)
         searches.update(name for name, action in actions.items() if action == Action.SEARCH)
         observations, *_ = env.step(actions)
-    # Half of the time, but for the way there and for giving way.
+    # About half of the steps; the rest are moves.
     assert all(searches[name] >= 100 for name in env.possible_agents)
 
 
-def passes_flown(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
-    """How many times drones lay out tracks in a long search that finds nobody."""
+def laid_out_in_a_long_search(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
+    """How many times tracks are laid out in a long unsuccessful search."""
     env = DroneSwarmSearch(
         n_drones=len(starts), probability_of_detection=0.0, timestep_limit=200, **changes
     )
     policy = kind(env.scenario)
-    memory = policy.begin()
+    laid_out = recorded_routes(policy)
     observations, _ = env.reset(0, drones_positions=starts)
-    matrix = observations["drone0"]["observation"][1]
     while env.agents:
-        actions = policy.choose(memory, list(env.frame().drones), matrix)
-        env.step(dict(zip(env.possible_agents, actions, strict=True)))
-    return memory.passes
+        observations, *_ = env.step(policy(observations))
+    return len(laid_out)
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_drones_that_are_done_make_way(kind: type[PatternPolicy]) -> None:
+def test_drones_that_are_done_let_others_pass(kind: type[PatternPolicy]) -> None:
     starts = [(0, 0), (1, 0), (2, 0), (0, 1)]
     place = {"vector": (0, 0), "person_initial_position": (2, 0), "disperse_constant": 1}
-    assert passes_flown(kind, starts, grid_size=3, **place) >= 2
+    assert laid_out_in_a_long_search(kind, starts, grid_size=3, **place) >= 2
 
 
 @settings(deadline=None, max_examples=20, derandomize=True)
 @given(st.data(), st.sampled_from(PATTERNS))
-def test_drones_never_block_each_other_for_good(
+def test_drones_never_block_each_other_for_ever(
     data: st.DataObject, kind: type[PatternPolicy]
 ) -> None:
     size = data.draw(st.integers(2, 6))
     grid = [(x, y) for y in range(size) for x in range(size)]
     n = data.draw(st.integers(1, min(8, len(grid))))
-    passes = passes_flown(
+    passes = laid_out_in_a_long_search(
         kind,
         data.draw(st.permutations(grid))[:n],
         grid_size=size,
@@ -401,7 +404,7 @@ def test_drones_never_block_each_other_for_good(
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_serves_several_persons_in_turn(kind: type[PatternPolicy]) -> None:
+def test_searches_for_several_persons_in_turn(kind: type[PatternPolicy]) -> None:
     env = DroneSwarmSearch(
         grid_size=20,
         n_drones=2,
@@ -424,7 +427,7 @@ def test_serves_several_persons_in_turn(kind: type[PatternPolicy]) -> None:
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_finds_the_person_more_often_than_chance(kind: type[PatternPolicy]) -> None:
+def test_usually_finds_the_person(kind: type[PatternPolicy]) -> None:
     env = DroneSwarmSearch(
         grid_size=20,
         n_drones=4,

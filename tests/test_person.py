@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.person import walk
+from DroneSwarmSearch.drift.person import moves, walk
 
 
 def test_numbers_choose_right_left_and_stay() -> None:
@@ -65,3 +65,16 @@ def test_persons_are_where_the_matrix_says(
         # Four standard deviations of a chi-square of that freedom, by Wilson and Hilferty.
         limit = freedom * (1 - 2 / (9 * freedom) + 4 * (2 / (9 * freedom)) ** 0.5) ** 3
         assert statistic < limit, (t, statistic, freedom)
+
+
+def test_many_persons_move_as_one_does() -> None:
+    forecast = ProbabilityMatrix(9, (4, 4), (0.3, -0.2), 10)
+    rng = np.random.default_rng(1)
+    cells = rng.integers(0, 81, 500)
+    y, x = np.divmod(cells, 9)
+    u, v = rng.random((2, 500))
+    right, left, down, up = forecast.moves(3)
+    y, x = y + moves(v, down[y], down[y] + up[y]), x + moves(u, right[x], right[x] + left[x])
+    for person, cell in enumerate(cells.tolist()):
+        after = walk(forecast, 3, cell, [u[person]], [v[person]])
+        assert after == [9 * y[person] + x[person]]

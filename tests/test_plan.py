@@ -1,4 +1,4 @@
-"""Plans: their exact value, by brute force and in flight, and what improvement does to them."""
+"""Plans: their exact value by brute force and simulation, their improvement, and the optimum."""
 
 from __future__ import annotations
 
@@ -12,55 +12,53 @@ from helpers import inside, target_of
 from hypothesis import given, settings
 from small_searches import (
     assert_legal,
-    chances,
     forecast_of,
     found_in_each_step,
     schedule_of,
     search,
+    success_of,
     targets_of,
 )
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.exact import best_success
+from DroneSwarmSearch.planning import best_success
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, idle_paths
 from DroneSwarmSearch.vector.engine import SearchBatch
 
-# Plans to try.
 
-
-def numbers(of: NamedSearch) -> list[int]:
+def starts_of(of: NamedSearch) -> list[int]:
     """Every drone's first cell, y * N + x."""
     return [y * of.scenario.grid_size + x for x, y in of.drones]
 
 
 def random_paths(of: NamedSearch, steps: int, seed: int) -> list[Path]:
-    """Legal paths that search every other time."""
+    """Legal paths that search in about every other step."""
     rng, size = np.random.default_rng(seed), of.scenario.grid_size
-    ways, searches = [list(of.drones)], []
+    positions, searches = [list(of.drones)], []
     for _ in range(steps):
-        there: list[tuple[int, int]] = []
+        ahead: list[tuple[int, int]] = []
         searched = []
-        for drone, cell in enumerate(ways[-1]):
-            taken = {*there, *ways[-1][drone + 1 :]}
-            choice = [Action.SEARCH] * 3 + [Action.IDLE]
+        for drone, cell in enumerate(positions[-1]):
+            taken = {*ahead, *positions[-1][drone + 1 :]}
+            choices = [Action.SEARCH] * 3 + [Action.IDLE]
             for move in (Action.LEFT, Action.RIGHT, Action.UP, Action.DOWN):
                 target = target_of(cell, move)
                 if inside(target, size) and target not in taken:
-                    choice.append(move)
-            action = choice[rng.integers(len(choice))]
-            there.append(target_of(cell, action))
+                    choices.append(move)
+            action = choices[rng.integers(len(choices))]
+            ahead.append(target_of(cell, action))
             searched.append(action == Action.SEARCH)
-        ways.append(there)
+        positions.append(ahead)
         searches.append(searched)
-    cells = np.array(ways) @ [1, size]
-    return [Path(way, how) for way, how in zip(cells.T, np.array(searches).T, strict=True)]
+    cells = np.array(positions) @ [1, size]
+    return [Path(*path) for path in zip(cells.T, np.array(searches).T, strict=True)]
 
 
 @st.composite
-def planned(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path], np.ndarray]:
-    """A search with legal paths, and what a find is worth in each step."""
+def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path], np.ndarray]:
+    """A search with legal paths, and the worth of a find in each step."""
     size = draw(st.integers(2, 4))
     cells = [(x, y) for y in range(size) for x in range(size)]
     drones = draw(st.permutations(cells))[: draw(st.integers(1, 3))]
@@ -82,8 +80,8 @@ def planned(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Pat
 
 
 @settings(deadline=None, max_examples=40, derandomize=True)
-@given(planned(), st.sampled_from([1.0, 0.5, 3.0]))
-def test_value_and_chances_are_those_of_all_ways_together(
+@given(plans(), st.sampled_from([1.0, 0.5, 3.0]))
+def test_value_and_success_are_the_sums_over_all_trajectories(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], weight: float
 ) -> None:
     of, paths, worth = plan_of
@@ -91,16 +89,18 @@ def test_value_and_chances_are_those_of_all_ways_together(
     targets[-1].weight = weight
     plan = Plan(targets, worth, 0, paths)
     found = [
-        found_in_each_step(forecast_of(of, person), target.chain.detection, schedule_of(paths))
+        found_in_each_step(forecast_of(of, person), target.detection, schedule_of(paths))
         for person, target in enumerate(targets)
     ]
-    np.testing.assert_allclose(plan.chances(), [sum(steps) for steps in found], atol=1e-12)
+    np.testing.assert_allclose(
+        plan.success_probabilities(), [sum(steps) for steps in found], atol=1e-12
+    )
     value = sum(t.weight * float(worth @ steps) for t, steps in zip(targets, found, strict=True))
     assert plan.value() == pytest.approx(value, abs=1e-12)
     assert plan.steps == of.scenario.timestep_limit
 
 
-def test_a_plan_from_a_later_step_follows_the_person_from_there() -> None:
+def test_a_plan_may_begin_at_a_later_step() -> None:
     of = search(
         [(0, 0)], grid_size=4, person_initial_position=(1, 1), vector=(0.4, 0.2),
         disperse_constant=5, timestep_limit=6, probability_of_detection=0.7,
@@ -118,66 +118,62 @@ def test_a_plan_from_a_later_step_follows_the_person_from_there() -> None:
 
 
 @pytest.mark.parametrize("detection", [1.0, (0.8, 0.35)])
-def test_plans_flown_find_as_often_as_they_promise(detection: Any) -> None:
+def test_simulated_plans_find_as_often_as_computed(detection: Any) -> None:
     of = search(
         [(0, 0), (7, 7), (3, 0)], grid_size=8, person_initial_position=[(3, 4), (5, 2)],
         vector=(0.1, -0.05), disperse_constant=6, timestep_limit=25,
         probability_of_detection=detection,
     )  # fmt: skip
-    plan = Plan(targets_of(of), np.ones(25), 0, idle_paths(numbers(of), 25))
-    plan.improve(shortest=5, least=1e-3, rounds=3)
+    plan = Plan(targets_of(of), np.ones(25), 0, idle_paths(starts_of(of), 25))
+    plan.improve(min_length=5, min_gain=1e-3, max_rounds=3)
     rows = 4000
     batch = SearchBatch(rows, **of.parameters)
     batch.reset(seeds=range(rows))
     found = np.zeros((rows, 2), bool)
-    under_way = np.ones(rows, bool)
+    running = np.ones(rows, bool)
     actions = np.array([actions_of(path, 8) for path in plan.paths])
     for step in range(25):
         missing = batch.missing
         batch.step(np.broadcast_to(actions[:, step], (rows, 3)))
-        found |= missing & ~batch.missing & under_way[:, None]
-        under_way &= batch.endings == 0
-    promised = np.array(plan.chances())
-    assert (promised > 0.2).all()
-    assert (promised < 0.95).all()
-    deviation = np.sqrt(promised * (1 - promised) / rows)
-    assert (abs(found.mean(axis=0) - promised) < 4 * deviation).all()
-    # Given the plan, the persons are found or missed independently.
-    both = float(promised.prod())
+        found |= missing & ~batch.missing & running[:, None]
+        running &= batch.endings == 0
+    expected = np.array(plan.success_probabilities())
+    assert (expected > 0.2).all()
+    assert (expected < 0.95).all()
+    deviation = np.sqrt(expected * (1 - expected) / rows)
+    assert (abs(found.mean(axis=0) - expected) < 4 * deviation).all()
+    # Given the plan, the finds of the persons are independent.
+    both = float(expected.prod())
     assert abs(found.all(axis=1).mean() - both) < 4 * np.sqrt(both * (1 - both) / rows)
 
 
 def actions_of(path: Path, size: int) -> list[int]:
-    """A path as the actions of its drone."""
+    """The actions of a drone along its path."""
     moves = {-1: Action.LEFT, 1: Action.RIGHT, -size: Action.UP, size: Action.DOWN}
     stay = np.where(path.searches, Action.SEARCH, Action.IDLE)
-    gone = np.diff(path.cells).tolist()
-    return [int(moves.get(step, stay[place])) for place, step in enumerate(gone)]
-
-
-# Improvement.
+    return [int(moves.get(move, stay[i])) for i, move in enumerate(np.diff(path.cells).tolist())]
 
 
 @settings(deadline=None, max_examples=30, derandomize=True)
-@given(planned(most_steps=9), st.integers(1, 4), st.integers(1, 3))
+@given(plans(most_steps=9), st.integers(1, 4), st.integers(1, 3))
 def test_improvement_never_lowers_the_value_and_keeps_paths_legal(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], shortest: int, rounds: int
 ) -> None:
     of, paths, worth = plan_of
     size = of.scenario.grid_size
-    assert_legal(paths, numbers(of), size)
+    assert_legal(paths, starts_of(of), size)
     plan = Plan(targets_of(of), worth, 0, paths)
     value = plan.value()
     for _ in range(rounds):
-        plan.improve(shortest=shortest, least=0.0, rounds=1)
+        plan.improve(min_length=shortest, min_gain=0.0, max_rounds=1)
         assert plan.value() >= value - 1e-12
         value = plan.value()
-        assert_legal(plan.paths, numbers(of), size)
+        assert_legal(plan.paths, starts_of(of), size)
 
 
 @settings(deadline=None, max_examples=30, derandomize=True)
-@given(planned(most_steps=9), st.data())
-def test_a_sweep_changes_one_path_and_says_what_it_gained(
+@given(plans(most_steps=9), st.data())
+def test_improving_a_path_changes_only_that_path_and_returns_the_gain(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], data: st.DataObject
 ) -> None:
     of, paths, worth = plan_of
@@ -185,42 +181,42 @@ def test_a_sweep_changes_one_path_and_says_what_it_gained(
     length = data.draw(st.integers(1, len(worth)))
     plan = Plan(targets_of(of), worth, 0, paths)
     before = plan.value()
-    gained = plan.sweep(drone, length, data.draw(st.integers(0, length - 1)))
+    gained = plan.improve_path(drone, length, data.draw(st.integers(0, length - 1)))
     assert gained >= 0.0
     assert plan.value() - before == pytest.approx(gained, abs=1e-12)
-    assert_legal(plan.paths, numbers(of), of.scenario.grid_size)
+    assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
     for other, (path, now) in enumerate(zip(paths, plan.paths, strict=True)):
         if other != drone:
             assert np.array_equal(path.cells, now.cells)
             assert np.array_equal(path.searches, now.searches)
 
 
-def test_the_paths_given_are_not_changed() -> None:
+def test_the_initial_paths_are_not_changed() -> None:
     of = search(
         [(0, 0)], grid_size=5, person_initial_position=(2, 2), disperse_constant=5,
         timestep_limit=12,
     )  # fmt: skip
     paths = idle_paths([0], 12)
     plan = Plan(targets_of(of), np.ones(12), 0, paths)
-    plan.improve(shortest=4, least=0.0, rounds=2)
+    plan.improve(min_length=4, min_gain=0.0, max_rounds=2)
     assert plan.value() > 0.0
     assert not paths[0].searches.any()
     assert not paths[0].cells.any()
 
 
-def test_one_sweep_meets_the_person_as_early_as_can_be() -> None:
-    """Somebody who goes one way for certain, as fast as a drone, can be looked for once."""
+def test_a_path_meets_the_person_as_early_as_possible() -> None:
+    """A person who moves as fast as a drone, in a known direction, can be searched for once."""
     of = search(
         [(3, 2)], grid_size=6, person_initial_position=(0, 0), vector=(1, 0),
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
     plan = Plan(targets_of(of), np.linspace(2, 1, 5), 0, idle_paths([15], 5))
-    assert plan.sweep(0, 5) == pytest.approx(0.6 * 1.25)
+    assert plan.improve_path(0, 5) == pytest.approx(0.6 * 1.25)
     assert plan.paths[0].cells[3] == 3  # (3, 0), in step 3 as the person
     assert plan.paths[0].searches.tolist() == [False, False, False, True, False]
 
 
-def test_the_weightier_person_is_looked_for_first() -> None:
+def test_the_person_with_more_weight_comes_first() -> None:
     of = search(
         [(3, 0)], grid_size=7, person_initial_position=[(0, 0), (6, 0)], vector=(0, 0),
         disperse_constant=0, timestep_limit=4,
@@ -230,48 +226,45 @@ def test_the_weightier_person_is_looked_for_first() -> None:
         for target, weight in zip(targets, weights, strict=True):
             target.weight = weight
         plan = Plan(targets, np.ones(4), 0, idle_paths([3], 4))
-        plan.improve(shortest=4, least=1e-3, rounds=1)
-        assert plan.chances() == expected
+        plan.improve(min_length=4, min_gain=1e-3, max_rounds=1)
+        assert plan.success_probabilities() == expected
         assert plan.value() == 2.0
 
 
-def test_an_early_find_is_preferred_where_it_is_worth_more() -> None:
+def test_early_finds_are_preferred_if_they_are_worth_more() -> None:
     of = search(
         [(2, 0)], grid_size=7, person_initial_position=(2, 0), vector=(0, 0),
         disperse_constant=0, timestep_limit=6,
     )  # fmt: skip
     plan = Plan(targets_of(of), np.linspace(2, 1, 6), 0, idle_paths([2], 6))
-    plan.improve(shortest=6, least=1e-3, rounds=2)
+    plan.improve(min_length=6, min_gain=1e-3, max_rounds=2)
     assert plan.value() == 2.0
     assert plan.paths[0].searches[0]
 
 
-def test_improvement_is_worth_its_while() -> None:
+def test_each_kind_of_improvement_adds_value() -> None:
     of = search(
         [(0, 0), (9, 9)], grid_size=10, person_initial_position=(5, 5), vector=(0.1, 0),
         disperse_constant=5, timestep_limit=40,
     )  # fmt: skip
-    plan = Plan(targets_of(of), np.ones(40), 0, idle_paths(numbers(of), 40))
+    plan = Plan(targets_of(of), np.ones(40), 0, idle_paths(starts_of(of), 40))
     assert plan.value() == 0.0
-    plan.sweep(0, 40)
+    plan.improve_path(0, 40)
     alone = plan.value()
     assert alone > 0.0
-    plan.improve(shortest=40, least=0.0, rounds=1)
+    plan.improve(min_length=40, min_gain=0.0, max_rounds=1)
     whole = plan.value()
-    plan.improve(shortest=5, least=0.0, rounds=3)
+    plan.improve(min_length=5, min_gain=0.0, max_rounds=3)
     assert alone < whole < plan.value()
-    assert plan.value() == pytest.approx(chances(of, plan.paths)[0], rel=1e-12)
+    assert plan.value() == pytest.approx(success_of(of, plan.paths)[0], rel=1e-12)
 
 
-# Branch and bound.
-
-
-def of_all_plans(of: NamedSearch) -> float:
-    """The chance of the best plan, by trying every one."""
+def best_of_all_plans(of: NamedSearch) -> float:
+    """The success of the best plan, by trying every one."""
     size, steps = of.scenario.grid_size, of.scenario.timestep_limit
     forecast, (detection,) = forecast_of(of), of.scenario.detections
 
-    def ways(cell: tuple[int, int], step: int) -> list[list[tuple[tuple[int, int], bool]]]:
+    def all_paths(cell: tuple[int, int], step: int) -> list[list[tuple[tuple[int, int], bool]]]:
         if step == steps:
             return [[(cell, False)]]
         onward = [
@@ -282,19 +275,17 @@ def of_all_plans(of: NamedSearch) -> float:
         return [
             [(cell, searches), *rest]
             for there, searches in onward
-            for rest in ways(there, step + 1)
+            for rest in all_paths(there, step + 1)
         ]
 
     most = 0.0
     known: dict[Any, float] = {}
-    for flight in product(*(ways(drone, 0) for drone in of.drones)):
-        if any(
-            len({cell for cell, _ in place}) < len(flight) for place in zip(*flight, strict=True)
-        ):
+    for paths in product(*(all_paths(drone, 0) for drone in of.drones)):
+        if any(len({cell for cell, _ in at}) < len(paths) for at in zip(*paths, strict=True)):
             continue
         schedule = tuple(
-            tuple(sorted(y * size + x for (x, y), searches in place if searches))
-            for place in zip(*(way[:-1] for way in flight), strict=True)
+            tuple(sorted(y * size + x for (x, y), searches in at if searches))
+            for at in zip(*(path[:-1] for path in paths), strict=True)
         )
         if schedule not in known:
             known[schedule] = sum(found_in_each_step(forecast, detection, schedule))
@@ -304,7 +295,7 @@ def of_all_plans(of: NamedSearch) -> float:
 
 @st.composite
 def tiny(draw: st.DrawFn) -> NamedSearch:
-    """A search with no more plans than can be tried one after another."""
+    """A search with few enough plans to try them all."""
     size, n_drones, steps = draw(st.sampled_from([(3, 1, 4), (2, 1, 4), (2, 2, 3)]))
     cells = [(x, y) for y in range(size) for x in range(size)]
     drift = st.sampled_from([0.0, 0.3, -0.6, 1.0])
@@ -321,9 +312,9 @@ def tiny(draw: st.DrawFn) -> NamedSearch:
 
 @settings(deadline=None, max_examples=50, derandomize=True)
 @given(tiny())
-def test_branch_and_bound_finds_the_best_of_all_plans(of: NamedSearch) -> None:
+def test_branch_and_bound_finds_the_best_plan(of: NamedSearch) -> None:
     best = best_success(of.scenario, of.drones)
-    assert best == pytest.approx(of_all_plans(of), rel=1e-12)
+    assert best == pytest.approx(best_of_all_plans(of), rel=1e-12)
     assert best_success(of.scenario, of.drones, known=best / 2) == pytest.approx(best)
     assert best_success(of.scenario, of.drones, known=best + 0.01) == best + 0.01
 

@@ -1,4 +1,4 @@
-"""The planner: how good its plans are, when it makes new ones, and that it flies them alike."""
+"""The planner: how good its plans are, when it plans again, and that batches follow the same."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from small_searches import (
     SMALL,
     assert_legal,
     best,
-    chances,
-    flown,
     fly,
     observations,
+    paths_of,
     search,
     shortened,
+    success_of,
 )
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch
-from DroneSwarmSearch.planning.exact import best_success
+from DroneSwarmSearch.planning import best_success
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.policies import Knowledge, PosteriorGreedyPolicy
+from DroneSwarmSearch.policies import BeliefTracker, PosteriorGreedyPolicy
 from DroneSwarmSearch.policies import planner as planner_module
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
@@ -34,45 +34,44 @@ def planner(of: NamedSearch) -> PlannerPolicy:
     return PlannerPolicy(of.scenario)
 
 
-def reached(of: NamedSearch) -> float:
-    """The chance with which the planner finds the person of a search."""
-    return chances(of, flown(planner(of), of))[0]
+def planner_success(of: NamedSearch) -> float:
+    """The probability that the planner finds the person of a search."""
+    return success_of(of, paths_of(planner(of), of))[0]
 
 
 @pytest.fixture
 def plans_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The step of the search in which each plan was made, while the test runs."""
+    """The step of the search at which each plan is made."""
     steps: list[int] = []
     plan = PlannerPolicy._plan
 
-    def noted(self: PlannerPolicy, memory: Any, *rest: Any) -> list[Path]:
-        steps.append(memory.knowledge.step)
+    def recorded(self: PlannerPolicy, memory: Any, *rest: Any) -> list[Path]:
+        steps.append(memory.tracker.step)
         return plan(self, memory, *rest)
 
-    monkeypatch.setattr(PlannerPolicy, "_plan", noted)
+    monkeypatch.setattr(PlannerPolicy, "_plan", recorded)
     return steps
 
 
 @pytest.mark.good_plans
 class TestQuality:
     @pytest.mark.parametrize("index", range(len(SMALL)))
-    def test_is_within_2_percent_of_the_best_plan(self, index: int) -> None:
+    def test_is_within_2_percent_of_the_optimum(self, index: int) -> None:
         most = best(index)
         assert most > 0.05
-        assert 0.98 * most <= reached(SMALL[index]) <= most + 1e-12
+        assert 0.98 * most <= planner_success(SMALL[index]) <= most + 1e-12
 
-    def test_is_nearly_always_so_in_small_searches_at_random(self) -> None:
-        """It improves many plans until no stretch can be improved alone: not always to the best."""
+    def test_is_nearly_always_so_in_random_small_searches(self) -> None:
         rng = np.random.default_rng(0)
-        shares = []
-        while len(shares) < 15:
+        ratios = []
+        while len(ratios) < 15:
             of = random_search(rng)
-            mine = reached(of)
+            mine = planner_success(of)
             most = best_success(of.scenario, of.drones, known=mine)
             if most > 0.0:
-                shares.append(mine / most)
-        assert np.mean(np.array(shares) > 0.98) > 0.95
-        assert np.mean(shares) > 0.995
+                ratios.append(mine / most)
+        assert np.mean(np.array(ratios) > 0.98) > 0.95
+        assert np.mean(ratios) > 0.995
 
     @pytest.mark.parametrize(
         "name",
@@ -83,17 +82,17 @@ class TestQuality:
             pytest.param("fog", marks=pytest.mark.slow),
         ],
     )
-    def test_is_never_below_the_greedy_one(self, name: str) -> None:
+    def test_is_at_least_as_good_as_greedy(self, name: str) -> None:
         of = SUITE[name]
-        greedy = chances(of, flown(PosteriorGreedyPolicy(of.scenario), of))[0]
-        assert 0.0 < greedy <= reached(of) + 1e-12
+        greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))[0]
+        assert 0.0 < greedy <= planner_success(of) + 1e-12
 
     def test_has_not_become_worse_for_one_drone(self) -> None:
         of = search(
             [(0, 0)], grid_size=20, person_initial_position=(10, 10), vector=(0.1, 0.1),
             disperse_constant=10,
         )  # fmt: skip
-        assert reached(of) >= 0.34
+        assert planner_success(of) >= 0.34
 
     @pytest.mark.slow
     @pytest.mark.parametrize(
@@ -106,7 +105,7 @@ class TestQuality:
             [(20, 0), (39, 20), (20, 39), (0, 20)], grid_size=40,
             person_initial_position=(20, 20), vector=vector, disperse_constant=constant,
         )  # fmt: skip
-        assert reached(of) >= floor
+        assert planner_success(of) >= floor
 
     @pytest.mark.slow
     def test_searches_for_all_persons(self) -> None:
@@ -114,14 +113,14 @@ class TestQuality:
             [(6, 0), (0, 6)], grid_size=13, person_initial_position=[(3, 3), (9, 8)],
             vector=(0.1, 0.05), disperse_constant=4, timestep_limit=50,
         )  # fmt: skip
-        mine = chances(of, flown(planner(of), of))
-        greedy = chances(of, flown(PosteriorGreedyPolicy(of.scenario), of))
+        mine = success_of(of, paths_of(planner(of), of))
+        greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))
         assert min(mine) > 0.3
         assert np.prod(mine) >= np.prod(greedy)
 
 
 def random_search(rng: np.random.Generator) -> NamedSearch:
-    """A search for one person that branch and bound solves in a moment."""
+    """A search for one person that branch and bound solves quickly."""
     size, drones = int(rng.integers(3, 6)), int(rng.integers(1, 3))
     cells = [divmod(int(cell), size) for cell in rng.permutation(size**2)[:drones]]
     return search(
@@ -142,12 +141,12 @@ A_SEARCH = search(
 )  # fmt: skip
 
 
-class TestFlight:
-    def test_flies_one_plan_while_nobody_is_found(self, plans_made: list[int]) -> None:
-        paths = flown(planner(A_SEARCH), A_SEARCH)
+class TestFollowingPlans:
+    def test_follows_one_plan_while_nobody_is_found(self, plans_made: list[int]) -> None:
+        paths = paths_of(planner(A_SEARCH), A_SEARCH)
         assert_legal(paths, [0, 63], 8)
         assert plans_made == [0]
-        assert min(chances(A_SEARCH, paths)) > 0.2
+        assert min(success_of(A_SEARCH, paths)) > 0.2
 
     def test_a_batch_needs_no_more_plans_than_one_search(self, plans_made: list[int]) -> None:
         of = shortened(SMALL[6], 6)
@@ -165,7 +164,7 @@ class TestFlight:
         assert 0 < found < 200
 
     @pytest.mark.parametrize("bayesian_update", [False, True])
-    def test_one_search_and_its_row_in_a_batch_are_flown_alike(self, bayesian_update: bool) -> None:
+    def test_a_batch_gets_the_same_actions_as_single_searches(self, bayesian_update: bool) -> None:
         parameters = A_SEARCH.with_posterior(bayesian_update).parameters
         count = 8
         batch = SearchBatch(count, **parameters)
@@ -194,52 +193,54 @@ class TestFlight:
             assert mine == expected
         assert len({len(episode) for episode in taken}) > 2, "the episodes should differ"
 
-    def test_is_the_same_every_time_and_in_the_next_episode(self, plans_made: list[int]) -> None:
+    def test_every_episode_follows_the_same_plan(self, plans_made: list[int]) -> None:
         policy = planner(A_SEARCH)
-        first, again = flown(policy, A_SEARCH), flown(planner(A_SEARCH), A_SEARCH)
+        first, again = paths_of(policy, A_SEARCH), paths_of(planner(A_SEARCH), A_SEARCH)
         policy.reset()
-        third = flown(policy, A_SEARCH)
-        assert plans_made == [0, 0], "the next episode begins with the plan of the first"
+        third = paths_of(policy, A_SEARCH)
+        assert plans_made == [0, 0], "the next episode reuses the plan"
         for path, other, another in zip(first, again, third, strict=True):
             assert path.cells.tolist() == other.cells.tolist() == another.cells.tolist()
             assert path.searches.tolist() == other.searches.tolist() == another.searches.tolist()
 
-    @pytest.mark.parametrize("way", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
-    def test_copies_carry_a_plan_that_was_prepared(self, plans_made: list[int], way: Any) -> None:
+    @pytest.mark.parametrize(
+        "duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))]
+    )
+    def test_copies_include_a_prepared_plan(self, plans_made: list[int], duplicate: Any) -> None:
         policy = planner(A_SEARCH)
         policy.prepare(A_SEARCH.drones)
         assert plans_made == [0]
-        twin = way(policy)
-        paths = flown(twin, A_SEARCH)
+        twin = duplicate(policy)
+        paths = paths_of(twin, A_SEARCH)
         assert plans_made == [0]
-        for path, other in zip(paths, flown(planner(A_SEARCH), A_SEARCH), strict=True):
+        for path, other in zip(paths, paths_of(planner(A_SEARCH), A_SEARCH), strict=True):
             assert np.array_equal(path.cells, other.cells)
             assert np.array_equal(path.searches, other.searches)
         assert plans_made == [0, 0]
 
-    def test_a_plan_prepared_for_other_cells_is_not_used(self, plans_made: list[int]) -> None:
+    def test_a_plan_prepared_for_other_start_cells_is_not_used(self, plans_made: list[int]) -> None:
         policy = planner(A_SEARCH)
         policy.prepare([(3, 3), (4, 4)])
-        assert_legal(flown(policy, A_SEARCH), [0, 63], 8)
+        assert_legal(paths_of(policy, A_SEARCH), [0, 63], 8)
         assert plans_made == [0, 0]
 
-    def test_a_long_episode_is_planned_part_by_part(
+    def test_a_long_episode_is_planned_in_parts(
         self, plans_made: list[int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(planner_module, "HORIZON", 10)
-        paths = flown(planner(A_SEARCH), A_SEARCH)
+        paths = paths_of(planner(A_SEARCH), A_SEARCH)
         assert plans_made == [0, 10, 20]
         assert_legal(paths, [0, 63], 8)
-        assert min(chances(A_SEARCH, paths)) > 0.2
+        assert min(success_of(A_SEARCH, paths)) > 0.2
 
 
-class TestNews:
-    def test_plans_anew_after_a_find_for_those_still_missing(self, plans_made: list[int]) -> None:
+class TestReplanning:
+    def test_after_a_find_for_those_still_missing(self, plans_made: list[int]) -> None:
         of, policy = A_SEARCH, planner(A_SEARCH)
-        known, cells, step = Knowledge(of.scenario), list(of.drones), 0
+        tracker, cells, step = BeliefTracker(of.scenario), list(of.drones), 0
         while True:
-            before = known.belief(0)
-            paths = fly(policy, known, cells, 1)
+            before = tracker.belief(0)
+            paths = fly(policy, tracker, cells, 1)
             searched = [path.cells[0] for path in paths if path.searches[0]]
             cells = [divmod(int(path.cells[1]), 8)[::-1] for path in paths]
             step += 1
@@ -247,46 +248,46 @@ class TestNews:
                 break
         assert plans_made == [0]
 
-        # In one world person 0 has just been found, in the other nobody.
+        # In one case nobody has been found, in the other person 0.
         left = of.scenario.timestep_limit - step
-        steps, worlds = [], []
+        steps, success = [], []
         for missing in ((0, 1), (1,)):
-            pilot, twin = copy.deepcopy(policy), copy.deepcopy(known)
+            pilot, twin = copy.deepcopy(policy), copy.deepcopy(tracker)
             twin.missing = missing
-            at_first = copy.deepcopy(twin)
+            at_find = copy.deepcopy(twin)
             paths = fly(pilot, twin, cells, left)
-            at_first.missing = (1,)
-            worlds.append(chances(of, paths, at_first)[0])
+            at_find.missing = (1,)
+            success.append(success_of(of, paths, at_find)[0])
             steps.append(list(plans_made))
-        assert steps[0] == [0], "no news, no new plan"
+        assert steps[0] == [0], "without news there is no new plan"
         assert steps[1] == [0, step]
-        assert worlds[1] > worlds[0] + 0.01
+        assert success[1] > success[0] + 0.01
 
-    def test_plans_anew_from_where_a_drone_has_been_set(self, plans_made: list[int]) -> None:
+    def test_after_a_drone_was_moved_elsewhere(self, plans_made: list[int]) -> None:
         of = shortened(SMALL[3], 20)
-        policy, known = planner(of), Knowledge(of.scenario)
-        (path,) = fly(policy, known, of.drones, 1)
+        policy, tracker = planner(of), BeliefTracker(of.scenario)
+        (path,) = fly(policy, tracker, of.drones, 1)
         assert plans_made == [0]
-        # Carried to the likeliest cell, the drone makes more of it than staying there would.
-        belief = known.belief(0)
+        # From the likeliest cell, the new plan is better than staying there.
+        belief = tracker.belief(0)
         likeliest = int(belief.argmax())
         assert path.cells[1] != likeliest
         cell = divmod(likeliest, of.scenario.grid_size)[::-1]
-        at_first = copy.deepcopy(known)
-        paths = fly(policy, known, [cell], 19)
+        start = copy.deepcopy(tracker)
+        paths = fly(policy, tracker, [cell], 19)
         assert plans_made == [0, 1]
         staying = Path(np.full(20, likeliest), np.ones(19, bool))
-        assert chances(of, paths, at_first)[0] > chances(of, [staying], at_first)[0] > belief.max()
+        assert success_of(of, paths, start)[0] > success_of(of, [staying], start)[0] > belief.max()
 
-    def test_a_drone_that_was_held_up_is_planned_for_anew(self, plans_made: list[int]) -> None:
-        policy, known = planner(A_SEARCH), Knowledge(A_SEARCH.scenario)
+    def test_after_a_drone_was_held_up(self, plans_made: list[int]) -> None:
+        policy, tracker = planner(A_SEARCH), BeliefTracker(A_SEARCH.scenario)
         cells = list(A_SEARCH.drones)
-        for _ in range(3):  # each time from the same cells, as if nothing had been done
-            actions = policy(observations(cells, known.shown()))
+        for _ in range(3):  # from the same cells each time, as if no action had an effect
+            actions = policy(observations(cells, tracker.matrix()))
             assert Action.IDLE not in actions.values()
-            known.acted(cells, list(actions.values()))
+            tracker.update(cells, list(actions.values()))
         assert plans_made == [0, 1, 2]
-        fly(policy, known, cells, A_SEARCH.scenario.timestep_limit - 3)
+        fly(policy, tracker, cells, A_SEARCH.scenario.timestep_limit - 3)
         assert plans_made == [0, 1, 2, 3]
 
 

@@ -1,9 +1,8 @@
-"""What all policies have in common: both forms, memories, seeds, safety."""
+"""What all policies share: single and batch observations, memories, seeds, safety."""
 
 from __future__ import annotations
 
 import copy
-import importlib.util
 import pickle
 import zlib
 from collections import Counter
@@ -22,11 +21,7 @@ from DroneSwarmSearch.scenario import Cell, Scenario
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
 
-NAMES = [
-    name
-    for name in POLICIES
-    if name != "planner" or importlib.util.find_spec("DroneSwarmSearch.policies.planner")
-]
+NAMES = list(POLICIES)
 
 
 def scenario(**changes: Any) -> Scenario:
@@ -44,7 +39,7 @@ def shown(batch: SearchBatch, rows: np.ndarray) -> dict[str, np.ndarray]:
 def play_batch(
     policy: BatchPolicy, batch: SearchBatch, seed: int
 ) -> tuple[list[list[list[int]]], np.ndarray]:
-    """The actions of every row's episode, step by step, and why each ended."""
+    """The actions of every row's episode, step by step, and the endings."""
     batch.reset(seeds=[seed + row for row in range(batch.num_rows)])
     policy.reset(seed=seed)
     taken: list[list[list[int]]] = [[] for _ in range(batch.num_rows)]
@@ -74,12 +69,12 @@ class TestRegistry:
         ]
 
     @pytest.mark.parametrize("name", NAMES)
-    def test_makes_policies_of_the_scenario(self, name: str) -> None:
+    def test_make_passes_the_scenario(self, name: str) -> None:
         policy = make(name, scenario())
         assert isinstance(policy, BatchPolicy)
         assert policy.scenario == scenario()
 
-    def test_refuses_unknown_names(self) -> None:
+    def test_rejects_unknown_names(self) -> None:
         with pytest.raises(ValueError, match=r"name must be one of random, .*, got 'best'"):
             make("best", scenario())
         with pytest.raises(FileNotFoundError, match=r"none\.npz"):
@@ -88,17 +83,17 @@ class TestRegistry:
             make(3, scenario())  # type: ignore[arg-type]
 
     @pytest.mark.parametrize("name", NAMES)
-    def test_refuses_what_is_no_scenario(self, name: str) -> None:
+    def test_rejects_anything_but_a_scenario(self, name: str) -> None:
         with pytest.raises(TypeError, match=r"scenario must be a Scenario, got 7"):
             make(name, 7)  # type: ignore[arg-type]
 
 
 class TestEnvironmentScenario:
-    def test_is_that_of_the_constructor_before_the_first_reset(self) -> None:
+    def test_is_the_constructors_before_the_first_reset(self) -> None:
         env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
         assert (env.scenario.grid_size, env.scenario.vector) == (9, (0.1, 0.2))
 
-    def test_is_that_of_the_episode_under_way(self) -> None:
+    def test_is_that_of_the_current_episode(self) -> None:
         env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
         env.reset(0, {"person_initial_position": [(1, 2), (3, 4)]}, vector=(1, 0))
         assert env.scenario.person_initial_position == ((1, 2), (3, 4))
@@ -109,9 +104,7 @@ class TestEnvironmentScenario:
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 @pytest.mark.parametrize("name", NAMES)
-def test_one_search_and_its_row_in_a_batch_are_steered_alike(
-    name: str, bayesian_update: bool
-) -> None:
+def test_a_batch_gets_the_same_actions_as_single_searches(name: str, bayesian_update: bool) -> None:
     parameters: dict[str, Any] = {
         "grid_size": 8,
         "n_drones": 3,
@@ -140,8 +133,8 @@ def test_one_search_and_its_row_in_a_batch_are_steered_alike(
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("way", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
-def test_copies_go_on_identically_and_apart(name: str, way: Any) -> None:
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_copies_continue_identically_and_independently(name: str, duplicate: Any) -> None:
     batch = SearchBatch(
         4,
         grid_size=6,
@@ -154,7 +147,7 @@ def test_copies_go_on_identically_and_apart(name: str, way: Any) -> None:
     rows = np.arange(4)
     for _ in range(5):
         batch.step(policy(shown(batch, rows)))
-    twin = way(policy)
+    twin = duplicate(policy)
     history = []
     for _ in range(8):
         seen = shown(batch, rows)
@@ -189,7 +182,7 @@ def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_nobody_ever_collides_or_leaves_the_grid(name: str) -> None:
+def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
     @settings(deadline=None, max_examples=3 if name == "planner" else 20, derandomize=True)
     @given(scenes())
     def whole_episodes(scene: tuple[dict[str, Any], int]) -> None:
@@ -202,7 +195,7 @@ def test_nobody_ever_collides_or_leaves_the_grid(name: str) -> None:
 
 
 class Historian(SwarmPolicy):
-    """Its actions tell all that it has seen since the search began."""
+    """Its actions are a hash of all observations since the search began."""
 
     calls = 0
 
@@ -212,17 +205,17 @@ class Historian(SwarmPolicy):
     def choose(self, memory: list[bytes], cells: list[Cell], matrix: Any) -> list[int]:
         self.calls += 1
         memory.append(bytes(value for cell in cells for value in cell) + matrix.tobytes())
-        return told(memory)
+        return actions_after(memory)
 
 
-def told(seen: list[bytes]) -> list[int]:
+def actions_after(seen: list[bytes]) -> list[int]:
     digest = zlib.crc32(b"|".join(seen))
     return [digest % 6, digest // 6 % 6]
 
 
 @settings(deadline=None, max_examples=80, derandomize=True)
 @given(st.data())
-def test_every_row_remembers_what_it_has_seen_and_no_other(data: st.DataObject) -> None:
+def test_every_row_remembers_its_own_observations_only(data: st.DataObject) -> None:
     policy = Historian(scenario())
     histories: dict[int, list[bytes]] = {}
     row_sets = st.sets(st.integers(0, 5)).map(sorted)
@@ -233,7 +226,7 @@ def test_every_row_remembers_what_it_has_seen_and_no_other(data: st.DataObject) 
             for row in list(histories) if gone is None else gone:
                 histories.pop(row, None)
         rows = data.draw(row_sets)
-        # Few different views, so that many rows see the same.
+        # Few different views, so that many rows have identical observations.
         views = [data.draw(st.integers(0, 2)) for _ in rows]
         positions = np.array([[[0, 0], [1, view % 2]] for view in views], np.int64)
         matrices = np.array([np.full((5, 5), view // 2) for view in views], np.float32)
@@ -248,45 +241,45 @@ def test_every_row_remembers_what_it_has_seen_and_no_other(data: st.DataObject) 
         for place, row in enumerate(rows):
             seen = bytes([0, 0, 1, views[place] % 2]) + matrices[place].tobytes()
             histories.setdefault(row, []).append(seen)
-            assert actions[place].tolist() == told(histories[row])
+            assert actions[place].tolist() == actions_after(histories[row])
 
 
-def alike(rows: int) -> dict[str, np.ndarray]:
-    """Observations of searches that all look the same."""
+def identical(rows: int) -> dict[str, np.ndarray]:
+    """Identical observations of some searches."""
     return {
         "positions": np.tile(np.array([[0, 0], [1, 0]]), (rows, 1, 1)),
         "probability_matrix": np.full((rows, 5, 5), 1 / 25, np.float32),
     }
 
 
-def test_rows_that_have_seen_the_same_cost_one_choice() -> None:
+def test_rows_with_identical_observations_cost_one_choice() -> None:
     policy = Historian(scenario())
     for _ in range(3):
-        policy(alike(100))
+        policy(identical(100))
     assert policy.calls == 3
-    parted = alike(100)
+    parted = identical(100)
     parted["probability_matrix"][40:60] *= 2
     policy(parted)
     assert policy.calls == 5
-    policy(alike(100))
-    assert policy.calls == 7, "they have seen different things once"
+    policy(identical(100))
+    assert policy.calls == 7, "their observations differed once"
 
 
-def test_rows_without_numbers_are_numbered_from_0() -> None:
+def test_rows_are_numbered_from_0_by_default() -> None:
     policy, twin = Historian(scenario()), Historian(scenario())
-    first = policy(alike(3))
-    assert np.array_equal(first, twin({**alike(3), "row": np.arange(3)}))
-    assert np.array_equal(policy(alike(3)), twin({**alike(3), "row": np.array([0, 1, 2])}))
+    first = policy(identical(3))
+    assert np.array_equal(first, twin({**identical(3), "row": np.arange(3)}))
+    assert np.array_equal(policy(identical(3)), twin({**identical(3), "row": np.array([0, 1, 2])}))
 
 
-def test_takes_the_observations_of_the_vector_environment() -> None:
+def test_accepts_the_observations_of_the_vector_environment() -> None:
     envs = SwarmVectorEnv(num_envs=3, grid_size=5, n_drones=2)
     observations, _ = envs.reset(seed=0)
     actions = make("greedy-matrix", envs.batch.scenario)(observations)
     assert envs.action_space.contains(actions)
 
 
-def test_a_new_episode_of_one_search_begins_with_reset() -> None:
+def test_reset_begins_a_new_episode() -> None:
     policy = Historian(scenario())
     env = DroneSwarmSearch(grid_size=5, n_drones=2)
     observations, _ = env.reset(0)
@@ -313,26 +306,26 @@ def test_a_new_episode_of_one_search_begins_with_reset() -> None:
         (
             {"probability_matrix": np.zeros((2, 5, 5), np.float32)},
             ValueError,
-            "probability_matrix must be of 3 searches, as positions are, got 2",
+            "probability_matrix must have the length of positions, 3, got 2",
         ),
-        ({"row": np.array([0, 1])}, ValueError, "row must be 3 numbers, got 2"),
-        ({"row": np.array([0, 1, 1])}, ValueError, r"row must name no search twice, got \[0, 1"),
+        ({"row": np.array([0, 1])}, ValueError, "row must have the length of positions, 3, got 2"),
+        ({"row": np.array([0, 1, 1])}, ValueError, r"row must be all different, got \[0, 1"),
         ({"row": np.array([0, 1, -1])}, ValueError, "row must be integers of at least 0, got -1"),
         ({"row": np.array([0.0, 1, 2])}, TypeError, "row must be integers .*, got float64"),
     ],
 )
 @pytest.mark.parametrize("kind", [Historian, RandomPolicy])
-def test_refuses_bad_observations(
+def test_rejects_bad_observations(
     kind: type[BatchPolicy], changes: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        kind(scenario())({**alike(3), **changes})
+        kind(scenario())({**identical(3), **changes})
 
 
-def test_refuses_observations_without_a_matrix_and_of_other_swarms() -> None:
+def test_rejects_observations_without_a_matrix_or_of_another_size() -> None:
     policy = Historian(scenario())
     with pytest.raises(ValueError, match="observations must hold a probability_matrix, got pos"):
-        policy({"positions": alike(1)["positions"]})
+        policy({"positions": identical(1)["positions"]})
     observations, _ = DroneSwarmSearch(grid_size=5, n_drones=3).reset(0)
     with pytest.raises(ValueError, match=r"of shape \(2, 2\) for each search, got \(3, 2\)"):
         policy(observations)
@@ -350,11 +343,11 @@ def test_refuses_observations_without_a_matrix_and_of_other_swarms() -> None:
         ({"seed": [1, 2], "rows": [3]}, ValueError, "seed must be 1 integers, one for each row"),
         ({"rows": [-3]}, ValueError, "rows must be integers of at least 0, got -3"),
         ({"rows": [1.5]}, TypeError, "rows must be integers of at least 0, got float64"),
-        ({"rows": [2, 2]}, ValueError, r"rows must name no search twice, got \[2, 2\]"),
+        ({"rows": [2, 2]}, ValueError, r"rows must be all different, got \[2, 2\]"),
     ],
 )
 @pytest.mark.parametrize("name", NAMES)
-def test_refuses_a_bad_reset(
+def test_rejects_bad_resets(
     name: str, arguments: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
@@ -364,11 +357,11 @@ def test_refuses_a_bad_reset(
 class TestRandom:
     @staticmethod
     def draws(policy: RandomPolicy, rows: list[int], steps: int = 20) -> np.ndarray:
-        """The actions of some rows in which the drones are never moved."""
-        seen = {**alike(len(rows)), "row": np.array(rows)}
+        """The actions of some rows whose drones never move."""
+        seen = {**identical(len(rows)), "row": np.array(rows)}
         return np.stack([policy(seen) for _ in range(steps)], axis=1)
 
-    def test_a_row_depends_on_its_seed_alone(self) -> None:
+    def test_a_row_depends_only_on_its_seed(self) -> None:
         policy = RandomPolicy(scenario())
         policy.reset(seed=40)
         together = self.draws(policy, [0, 1, 2, 3])
@@ -385,7 +378,7 @@ class TestRandom:
         drawn = self.draws(RandomPolicy(scenario()), list(range(50)))
         assert len(np.unique(drawn.reshape(50, -1), axis=0)) == 50
 
-    def test_without_a_seed_the_next_episode_has_other_numbers_again_and_again(self) -> None:
+    def test_without_a_seed_every_episode_draws_new_numbers(self) -> None:
         policy = RandomPolicy(scenario())
         episodes = []
         for _ in range(3):
@@ -399,19 +392,19 @@ class TestRandom:
             assert np.array_equal(self.draws(twin, [0, 1]), expected)
             twin.reset()
 
-    def test_a_row_first_seen_after_resets_is_as_if_it_had_always_been_there(self) -> None:
+    def test_a_row_first_seen_after_resets_gets_the_same_numbers(self) -> None:
         early, late = RandomPolicy(scenario()), RandomPolicy(scenario())
         self.draws(early, [0, 1])
         early.reset()
         late.reset()
         assert np.array_equal(self.draws(early, [0, 1]), self.draws(late, [0, 1]))
 
-    def test_numbers_are_none_of_the_environment(self) -> None:
+    def test_the_random_stream_is_none_of_the_environments(self) -> None:
         assert policy_key(5) not in stream_keys(5)
 
-    def test_every_free_action_is_as_likely(self) -> None:
-        # Drone 0 in a corner beside drone 1: free are down, search and idle; then drone 1
-        # may do what does not lead into the corner or into the way of drone 0.
+    def test_safe_actions_are_equally_likely(self) -> None:
+        # Drone 0 is in a corner next to drone 1: down, search and idle are safe. Drone 1 can
+        # also move right.
         drawn = self.draws(RandomPolicy(scenario()), list(range(400)), steps=20).reshape(-1, 2)
         first = Counter(drawn[:, 0].tolist())
         assert set(first) == {Action.DOWN, Action.SEARCH, Action.IDLE}

@@ -1,4 +1,4 @@
-"""The trained policy: its network and its file, and that what it promises holds."""
+"""The trained policy: its network, its file format, and its safety and success."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.policies.ppo import LARGEST, OWN_WEIGHTS, Network, PPOPolicy
+from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS, MAX_BYTES, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.wrappers.crops import LENGTH
 
@@ -39,7 +39,7 @@ def scenario(**parameters: Any) -> Scenario:
 
 
 class TestNetwork:
-    def test_is_dense_layers_with_rectifiers_between(self) -> None:
+    def test_is_a_multilayer_perceptron_with_relu(self) -> None:
         (first, bias), (second, offset) = made = layers(LENGTH, 4, 5)
         seen = np.random.default_rng(1).random((3, LENGTH)).astype(np.float32)
         hidden = seen @ first + bias
@@ -47,7 +47,7 @@ class TestNetwork:
         wanted = np.where(hidden > 0, hidden, 0) @ second + offset
         assert np.allclose(Network(made)(seen), wanted, rtol=1e-5)
 
-    def test_a_file_gives_it_back(self, tmp_path: Path) -> None:
+    def test_is_restored_from_a_file(self, tmp_path: Path) -> None:
         network, seen = Network(layers(LENGTH, 7, 5)), np.ones((2, LENGTH), np.float32)
         network.save(tmp_path / "weights.npz")
         assert plain(Network.load(tmp_path / "weights.npz")(seen)) == plain(network(seen))
@@ -62,11 +62,11 @@ class TestNetwork:
             ([(np.zeros((LENGTH, 5)), np.zeros(4))], r"as many biases as outputs, got .*\(4,\)"),
         ],
     )
-    def test_refuses_layers_that_do_not_fit(self, made: Layers, message: str) -> None:
+    def test_rejects_layers_that_do_not_fit(self, made: Layers, message: str) -> None:
         with pytest.raises(ValueError, match=message):
             Network(made)
 
-    def test_refuses_what_is_no_network(self, tmp_path: Path) -> None:
+    def test_rejects_files_without_a_network(self, tmp_path: Path) -> None:
         path = tmp_path / "weights.npz"
         with pytest.raises(FileNotFoundError):
             Network.load(path)
@@ -78,7 +78,7 @@ class TestNetwork:
             Network.load(path)
 
     @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-    def test_refuses_what_may_expand_without_limit(self, tmp_path: Path, method: int) -> None:
+    def test_rejects_unusual_compression(self, tmp_path: Path, method: int) -> None:
         whole, path = tmp_path / "whole.npz", tmp_path / "weights.npz"
         Network(layers(LENGTH, 3, 5)).save(whole)
         with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", method) as target:
@@ -87,14 +87,14 @@ class TestNetwork:
         with pytest.raises(ValueError, match=r"weights.npz must .* must be stored or deflated"):
             Network.load(path)
 
-    def test_refuses_every_damaged_file(self, tmp_path: Path) -> None:
-        """Whatever a flipped bit or a cut does, it is refused in words or changes nothing."""
+    def test_rejects_damaged_files(self, tmp_path: Path) -> None:
+        """A flipped bit or a truncation raises a clear error or changes nothing."""
         network, path = Network(layers(LENGTH, 3, 5)), tmp_path / "weights.npz"
         network.save(path)
         whole, seen = path.read_bytes(), np.ones((2, LENGTH), np.float32)
         wanted, refused = plain(network(seen)), 0
         rng = np.random.default_rng(0)
-        structure = [*range(60), *range(len(whole) - 300, len(whole), 2)]  # besides the numbers
+        structure = [*range(60), *range(len(whole) - 300, len(whole), 2)]  # the rest are weights
         places = [*structure, *rng.integers(len(whole), size=50).tolist()]
         for place in places:
             for damaged in (
@@ -127,7 +127,7 @@ class TestNetwork:
         ],
     )
     @pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0), (9, 9)])
-    def test_refuses_every_wrong_header(
+    def test_rejects_wrong_headers(
         self, tmp_path: Path, header: str, version: tuple[int, int]
     ) -> None:
         path = tmp_path / "weights.npz"
@@ -157,7 +157,7 @@ class TestNetwork:
             ({"weights1": np.zeros((5, 5))}, "must hold the arrays weights0, biases0"),
         ],
     )
-    def test_refuses_wrong_arrays(
+    def test_rejects_wrong_arrays(
         self, tmp_path: Path, arrays: dict[str, Any], message: str
     ) -> None:
         path = tmp_path / "weights.npz"
@@ -165,23 +165,23 @@ class TestNetwork:
         with pytest.raises(ValueError, match=rf"weights\.npz must hold .*: .*{message}"):
             Network.load(path)
 
-    def test_refuses_what_would_fill_the_memory(self, tmp_path: Path) -> None:
-        """Zeros take next to nothing in a file."""
+    def test_rejects_files_that_exhaust_the_memory(self, tmp_path: Path) -> None:
+        """Compressed zeros are tiny."""
         path = tmp_path / "weights.npz"
         with (
             zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
             archive.open("weights0.npy", "w") as file,
         ):
-            for _ in range(LARGEST // 2**22 + 1):
+            for _ in range(MAX_BYTES // 2**22 + 1):
                 file.write(bytes(2**22))
-        with pytest.raises(ValueError, match=f"must have at most {LARGEST} bytes, got"):
+        with pytest.raises(ValueError, match=f"must have at most {MAX_BYTES} bytes, got"):
             Network.load(path)
 
-    def test_refuses_a_folder(self, tmp_path: Path) -> None:
+    def test_rejects_a_folder(self, tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=r"must hold a network's weights: .*directory"):
             Network.load(tmp_path)
 
-    def test_arrays_may_lie_in_either_order(self, tmp_path: Path) -> None:
+    def test_arrays_may_be_in_either_order(self, tmp_path: Path) -> None:
         ((weights, biases),) = layers(LENGTH, 5)
         seen = np.ones((2, LENGTH), np.float32)
         for order in "CF":
@@ -205,7 +205,7 @@ class TestNetwork:
     detection=st.sampled_from([0.0, 0.5, 1.0]),
     bayesian_update=st.booleans(),
 )
-def test_no_network_makes_drones_collide_or_leave(
+def test_drones_never_collide_or_leave_with_any_network(
     tmp_path_factory: pytest.TempPathFactory,
     seed: int,
     size: int,
@@ -232,14 +232,14 @@ def test_no_network_makes_drones_collide_or_leave(
     assert all(frame.found) or frame.step == 25
 
 
-class TestWeightsInTheBox:
+class TestDefaultWeights:
     def test_are_small_and_need_no_pickle(self) -> None:
-        assert OWN_WEIGHTS.stat().st_size < 500_000
-        with np.load(OWN_WEIGHTS, allow_pickle=False) as file:
+        assert DEFAULT_WEIGHTS.stat().st_size < 500_000
+        with np.load(DEFAULT_WEIGHTS, allow_pickle=False) as file:
             assert all(file[name].dtype == np.float32 for name in file)
 
-    def test_are_those_of_the_registry(self) -> None:
-        by_name, by_file = make("ppo", scenario()), PPOPolicy(scenario(), OWN_WEIGHTS)
+    def test_are_those_of_make(self) -> None:
+        by_name, by_file = make("ppo", scenario()), PPOPolicy(scenario(), DEFAULT_WEIGHTS)
         env = DroneSwarmSearch(grid_size=8, n_drones=2)
         observations, _ = env.reset(seed=3)
         while env.agents:
@@ -247,9 +247,9 @@ class TestWeightsInTheBox:
             assert actions == by_file(observations)
             observations, *_ = env.step(actions)
 
-    def test_find_more_than_greedy_on_the_matrix_where_they_were_not_trained(self) -> None:
-        rng = np.random.default_rng(20)  # training knows no such grid, nor three drones
-        mine, rivals = [], []
+    def test_beat_greedy_on_the_matrix_on_searches_outside_training(self) -> None:
+        rng = np.random.default_rng(20)  # training had neither this grid size nor three drones
+        ppo, greedy = [], []
         for number in range(12):
             drawn = scenario(
                 grid_size=25,
@@ -260,8 +260,10 @@ class TestWeightsInTheBox:
                 timestep_limit=70,
             )
             search = NamedSearch(f"drawn-{number}", "Not trained on.", drawn)
-            mine.append(evaluate("ppo", search, episodes=500))
-            rivals.append(evaluate("greedy-matrix", search, episodes=500))
-        ahead = [compare(*pair).success for pair in zip(mine, rivals, strict=True)]
-        assert np.mean([each.value for each in ahead]) > 0.01
-        assert sum(each.low > 0 for each in ahead) > sum(each.high < 0 for each in ahead)
+            ppo.append(evaluate("ppo", search, episodes=500))
+            greedy.append(evaluate("greedy-matrix", search, episodes=500))
+        differences = [compare(*pair).success for pair in zip(ppo, greedy, strict=True)]
+        assert np.mean([each.value for each in differences]) > 0.01
+        assert sum(each.low > 0 for each in differences) > sum(
+            each.high < 0 for each in differences
+        )

@@ -24,6 +24,7 @@ from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 __all__ = [
     "Posteriors",
     "after_drift",
+    "after_search",
     "after_unsuccessful_search",
     "drift",
     "mean_over_missing",
@@ -59,6 +60,29 @@ def after_unsuccessful_search(
         flat[cell] *= 1.0 - probability_of_detection
     missed = float(normalise(after))
     return (after, missed) if missed > 0.0 else (belief, 0.0)
+
+
+def after_search(
+    mass: Floats, cells: Sequence[int], probability_of_detection: float
+) -> tuple[Floats, float]:
+    """One step's searches for one person, without normalising.
+
+    Args:
+        mass: float64, shape (N, N): probability that the person is in each cell and has not
+            been found.
+        cells: the searched cells, y * N + x, all different.
+        probability_of_detection: the chance that a search of the right cell finds.
+
+    Returns:
+        The new mass, and the probability that these searches find the person (POS).
+    """
+    if not cells:
+        return mass, 0.0
+    after = mass.copy()
+    flat = after.reshape(-1)
+    searched = flat[cells]
+    flat[cells] = (1.0 - probability_of_detection) * searched
+    return after, probability_of_detection * float(searched.sum())
 
 
 def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:

@@ -1,12 +1,13 @@
-"""Search planning over the forecast forecast: paths, plans for all drones, and an upper bound.
+"""Search planning: open-loop plans for all drones, an upper bound, and the exact optimum.
 
-- `chain`: a person's chain, forecast forth and back.
-- `paths`: the best path of one drone for given gains, a dynamic programme.
+- `paths`: the best path of one drone for given gains, by dynamic programming.
 - `plan`: plans for all drones together, improved one drone at a time.
-- `bound`: a limit on what any policy can reach.
+- `bound`: the upper bound of every policy's probability of success, from `frank_wolfe` (the
+  optimiser), `objectives` (what it maximises) and `trajectories` (of the person).
 - `exact`: the best plan of a small search, by branch and bound.
 """
 
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
+from DroneSwarmSearch.planning.exact import best_success
 
-__all__ = ["SuccessBound", "success_bound"]
+__all__ = ["SuccessBound", "best_success", "success_bound"]

@@ -1,10 +1,10 @@
-"""The best plan of a small search, by branch and bound.
+"""The optimal plan of a small search, by branch and bound.
 
-All paths of all drones are searched depth first. A beginning of a plan is given up if even
-an optimist's end to it would not beat the best plan known: the optimist lets each drone fly
-the best path for itself, counting anew whom others or the drone itself have found before
-(Eagle and Yee, Operations Research 38:110, 1990, bound a single searcher's path so). The
-work grows exponentially with steps and drones; this is for tests of what is less exact.
+A depth-first search over all paths of all drones. It abandons the beginning of a plan if even
+an optimistic completion cannot beat the best plan so far: every drone gets the best path for
+itself, as if nobody, itself included, had searched since (J. N. Eagle and J. R. Yee,
+Operations Research 38:110, 1990, bound the path of a single searcher in this way). The work
+grows exponentially with steps and drones: use it to check what is less exact.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.planning.chain import Chain
+from DroneSwarmSearch.drift.belief import after_search
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
@@ -23,17 +24,17 @@ __all__ = ["best_success"]
 
 Floats = NDArray[np.float64]
 
-LEAST_GAIN = 1e-12
-"""Plans that differ by less are equally good."""
+MIN_GAIN = 1e-12
+"""Plans whose values differ by less are equally good."""
 
 
 def best_success(scenario: Scenario, drones_positions: object, known: float = 0.0) -> float:
-    """The chance of the best of all policies to find the person by the limit.
+    """The largest probability of success that any policy can reach by the time limit.
 
     Args:
-        scenario: a search for one person, small: some ten steps of one drone, or six of two.
-        drones_positions: every drone's cell (x, y) at the beginning.
-        known: what some plan is known to reach, to save work.
+        scenario: a small search for one person: some ten steps of one drone, or six of two.
+        drones_positions: every drone's start cell (x, y).
+        known: what some plan is known to reach; it saves work.
 
     Raises:
         ValueError: there are several persons.
@@ -41,19 +42,19 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
     persons = len(scenario.person_initial_position)
     if persons > 1:
         raise ValueError(f"scenario must have one person, got {persons}")
-    return _Search(scenario, known).run(scenario.drone_cells(drones_positions))
+    return _BranchAndBound(scenario, known).solve(scenario.drone_cells(drones_positions))
 
 
-class _Search:
+class _BranchAndBound:
     def __init__(self, scenario: Scenario, known: float) -> None:
         (forecast,) = scenario.forecasts()
-        self._first = forecast.exact(0)
+        (self._detection,) = scenario.detections
+        self._prior = forecast.exact(0)
         self._limit = scenario.timestep_limit
-        self._q = scenario.detections[0]
-        self._chain = Chain(forecast, self._q, 0, self._limit)
+        self._chain = MarkovChain(forecast)
         self._best = known
-        # Idling is no better than searching.
-        self._onward = [
+        # For each cell, (searches, next cell) of every action; idling is never better.
+        self._choices = [
             [
                 (action == Action.SEARCH, int(row[action]))
                 for action in Action
@@ -62,45 +63,43 @@ class _Search:
             for row in neighbours_of_all(scenario.grid_size)
         ]
 
-    def run(self, starts: list[int]) -> float:
-        self._go_on(0, starts, self._first, 0.0)
+    def solve(self, starts: list[int]) -> float:
+        self._branch(0, starts, self._prior, 0.0)
         return self._best
 
-    def _go_on(self, step: int, cells: list[int], mass: Floats, found: float) -> None:
-        """Try all ends of a plan.
+    def _branch(self, step: int, cells: list[int], mass: Floats, found: float) -> None:
+        """Try all completions of a plan.
 
         Args:
             step: completed steps.
-            cells: every drone's.
-            mass: where the person is that has not been found.
-            found: the chance that it has been.
+            cells: every drone's cell.
+            mass: probability that the person is in each cell and has not been found.
+            found: probability that the person has been found.
         """
         if step == self._limit:
             self._best = max(self._best, found)
             return
-        hopes = self._hopes(step, mass)
-        if found + min(hopes[0][cells].sum(), mass.sum()) <= self._best + LEAST_GAIN:
+        now, later = self._optimistic_values(step, mass)
+        if found + min(now[cells].sum(), mass.sum()) <= self._best + MIN_GAIN:
             return
         branches = []
-        for chosen in product(*(self._onward[cell] for cell in cells)):
-            ahead = [cell for _, cell in chosen]
+        for choices in product(*(self._choices[cell] for cell in cells)):
+            ahead = [cell for _, cell in choices]
             if OFF_GRID in ahead or len(set(ahead)) < len(ahead):
                 continue
-            searched = [cell for searches, cell in chosen if searches]
-            success = self._q * float(mass.reshape(-1)[searched].sum()) if searched else 0.0
-            branches.append((success + float(hopes[1][ahead].sum()), success, ahead, searched))
+            searched = [cell for searches, cell in choices if searches]
+            left, success = after_search(mass, searched, self._detection)
+            branches.append((success + float(later[ahead].sum()), success, ahead, left))
         branches.sort(key=lambda branch: -branch[0])
-        for hope, success, ahead, searched in branches:
-            if found + hope <= self._best + LEAST_GAIN:
+        for optimistic, success, ahead, left in branches:
+            if found + optimistic <= self._best + MIN_GAIN:
                 break
-            left = mass.copy()
-            left.reshape(-1)[searched] *= 1.0 - self._q
-            self._go_on(step + 1, ahead, self._chain.forward(left, step), found + success)
+            self._branch(step + 1, ahead, self._chain.forward(left, step), found + success)
 
-    def _hopes(self, step: int, mass: Floats) -> list[Floats]:
-        """What the optimist hopes to gain from each cell: now, and after this step."""
+    def _optimistic_values(self, step: int, mass: Floats) -> tuple[Floats, Floats]:
+        """What a drone can gain at most from each cell: from this step on, and from the next."""
         masses = [mass]
         for later in range(step, self._limit - 1):
             masses.append(self._chain.forward(masses[-1], later))
-        values = values_to_go(self._q * np.array(masses), np.zeros_like(mass))
-        return [values[0].reshape(-1), values[1].reshape(-1)]
+        values = values_to_go(self._detection * np.array(masses), np.zeros_like(mass))
+        return values[0].reshape(-1), values[1].reshape(-1)

@@ -1,12 +1,11 @@
-"""The best path of one drone: a dynamic programme over cells and steps.
+"""The best path of one drone for given gains, by dynamic programming over cells and steps.
 
-For given gains G[t, y, x] of searching a cell in a step, the best a drone can still gain
-from a cell onward is
+For gains G[t](c) of searching cell c in step t, the value of being in a cell is
 
     V[t](c) = max(G[t](c) + V[t+1](c), V[t+1](c'), c' next to c or c itself),
 
-since a step is either spent on searching or on moving one cell (Bellman, Dynamic
-Programming, 1957). All cells are done together, so one pass serves drones anywhere.
+since a drone either searches its cell or moves by one cell in a step (R. Bellman, Dynamic
+Programming, 1957). One pass computes the values of all cells, for drones anywhere.
 """
 
 from __future__ import annotations
@@ -16,23 +15,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NOWHERE", "Path", "best_path", "values_to_go"]
+__all__ = ["FORBIDDEN", "Path", "best_path", "values_to_go"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-NOWHERE = -np.inf
+FORBIDDEN = -np.inf
 """The value of a cell that a drone must not be in."""
 
 
 class Path(NamedTuple):
-    """One drone's plan.
+    """One drone's path over n steps.
 
     Attributes:
-        cells: where the drone is after each step, y * N + x, from the beginning on:
-            int64, shape (n + 1,).
-        searches: in which steps it searches: bool, shape (n,). In the others it moves, or
-            stays idle if its cell stays the same.
+        cells: the drone's cell at the beginning and after each step, y * N + x: int64,
+            shape (n + 1,).
+        searches: the steps in which it searches: bool, shape (n,). In the others it moves,
+            or idles if its cell stays the same.
     """
 
     cells: Ints
@@ -40,14 +39,12 @@ class Path(NamedTuple):
 
 
 def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None = None) -> Floats:
-    """What a drone can still gain at most, from every cell and step on.
+    """The most that a drone can gain from every cell and step on.
 
     Args:
-        gains: of searching a cell in a step: shape (n, N, N), indexed [t, y, x].
-        at_end: what it is worth to be in a cell after the last step, shape (N, N);
-            `NOWHERE` forbids a cell.
-        blocked: for each step, the cells that must not be entered or kept in it,
-            y * N + x, because others will be there.
+        gains: of searching a cell in a step, not negative: shape (n, N, N), indexed [t, y, x].
+        at_end: the value of each cell after the last step, shape (N, N); may be `FORBIDDEN`.
+        blocked: for each step, the cells y * N + x in which the drone must not be after it.
 
     Returns:
         float64, shape (n + 1, N, N).
@@ -59,8 +56,8 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None 
         ahead, here = values[step + 1], values[step]
         if blocked is not None and blocked[step]:
             ahead = ahead.copy()
-            ahead.reshape(-1)[blocked[step]] = NOWHERE
-        # Gains are never negative: searching is no worse than idling.
+            ahead.reshape(-1)[blocked[step]] = FORBIDDEN
+        # Gains are never negative, so searching is no worse than idling.
         np.add(gains[step], ahead, out=here)
         np.maximum(here[1:], ahead[:-1], out=here[1:])
         np.maximum(here[:-1], ahead[1:], out=here[:-1])
@@ -72,17 +69,16 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None 
 def best_path(
     gains: Floats, values: Floats, start: int, blocked: list[list[int]] | None = None
 ) -> Path:
-    """A path that gains as much as `values` promises.
+    """A path that gains as much as possible.
 
     Args:
-        gains: as given to `values_to_go`.
+        gains: as for `values_to_go`.
         values: what that returned.
         start: the drone's first cell, y * N + x.
-        blocked: as given to `values_to_go`.
+        blocked: as for `values_to_go`.
 
     Returns:
-        The path; among equally good ones that which searches first, then moves left,
-        right, up or down.
+        The path. Ties go to searching, then to moving left, right, up and down.
     """
     n, size = len(gains), gains.shape[-1]
     cells, searches = np.empty(n + 1, np.int64), np.zeros(n, np.bool_)
@@ -90,19 +86,19 @@ def best_path(
     flat_gains, flat_values = gains.reshape(n, -1), values.reshape(n + 1, -1)
     for step in range(n):
         ahead = flat_values[step + 1]
-        taken = blocked[step] if blocked is not None else ()
-        best, target = NOWHERE, here
-        if here not in taken:
+        closed = blocked[step] if blocked is not None else ()
+        best, target = FORBIDDEN, here
+        if here not in closed:
             best = flat_gains[step, here] + ahead[here]
         y, x = divmod(here, size)
         searches[step] = flat_gains[step, here] > 0.0
-        for allowed, cell in (
+        for on_grid, cell in (
             (x > 0, here - 1),
             (x < size - 1, here + 1),
             (y > 0, here - size),
             (y < size - 1, here + size),
         ):
-            if allowed and ahead[cell] > best and cell not in taken:
+            if on_grid and ahead[cell] > best and cell not in closed:
                 best, target = ahead[cell], cell
                 searches[step] = False
         cells[step + 1] = here = target

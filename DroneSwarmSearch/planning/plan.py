@@ -1,21 +1,21 @@
-"""Plans for all drones together: paths, improved a stretch at a time.
+"""Open-loop plans for all drones together: the multi-robot path planning problem (MESPP).
 
-With one person adrift the only news that a search ever brings is that it found nobody, so
-the best policy is a plan made in advance: a path for each drone. To find the best one is
-hard (Trummel and Weisinger, Operations Research 34:324, 1986). A good one comes from this:
+With one person, the only news during a search is that it found nobody. The best policy is
+therefore an open-loop plan, one path for each drone. Finding the best plan is NP-hard (K. E.
+Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds a good one:
 
-- A search of cell c in step t, added to a plan, is worth
+- Adding a search of cell c in step t to a plan gains
 
       gain[t](c) = a[t](c) q (w[t] - r[t](c)),
 
-  a the chance that the person is there and has not been found (the pass forth), q the
-  probability of detection, w[t] what finding the person in that step is worth, and r what
-  the rest of the plan will still gain, on average, from a person in that cell (the pass
-  back). For a single search this is exact (Brown, Operations Research 28:1275, 1980).
-- For given gains the best path of a drone is a dynamic programme (`paths`). The sum of
-  gains overrates a path that looks for the same person twice. Therefore it is solved for
-  one stretch of one drone's path at a time, all else as planned, and the stretch is
-  replaced only if the whole plan, evaluated exactly, becomes better.
+  where a is the probability that the person is there and has not been found (forward pass), q
+  the probability of detection, w[t] the worth of finding the person in that step, and r what
+  the rest of the plan is expected to gain from a person in that cell (backward pass). This is
+  exact for a single search, as in Brown's forward-and-backward algorithm (FAB; S. S. Brown,
+  Operations Research 28:1275, 1980).
+- The best path of a drone for given gains is a dynamic programme (`paths`). The sum of gains
+  overrates a path that looks for the same person twice. So the plan changes one segment of one
+  drone's path at a time, and only if its exact value increases.
 
 No two drones are ever in one cell: each avoids the cells where the others will be.
 """
@@ -28,58 +28,55 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.planning.chain import Chain
-from DroneSwarmSearch.planning.paths import NOWHERE, Path, best_path, values_to_go
+from DroneSwarmSearch.drift.belief import after_search
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_path, values_to_go
 
 __all__ = ["Plan", "Target", "idle_paths"]
 
 Floats = NDArray[np.float64]
 
 Schedule = list[list[int]]
-"""For each step the cells that are searched in it, y * N + x."""
+"""The cells searched in each step, y * N + x."""
 
-LEAST_GAIN = 1e-9
-"""Improvements below this are rounding."""
+MIN_GAIN = 1e-9
+"""Smaller improvements are rounding errors."""
 
 
 @dataclass
 class Target:
-    """A person to be found.
+    """A missing person.
 
     Attributes:
-        chain: of the person's steps.
+        chain: the person's steps.
+        detection: the probability of detection.
         belief: where the person is at the plan's first step: float64, shape (N, N).
-        weight: what finding this person counts for.
+        weight: of finding this person in the plan's value.
     """
 
-    chain: Chain
+    chain: MarkovChain
+    detection: float
     belief: Floats
     weight: float = 1.0
 
 
 def idle_paths(starts: Sequence[int], steps: int) -> list[Path]:
-    """Paths of drones that stay where they are.
-
-    Args:
-        starts: every drone's cell, y * N + x.
-        steps: how many.
-    """
+    """Paths of drones that stay in their cells, y * N + x, without searching."""
     return [Path(np.full(steps + 1, cell), np.zeros(steps, np.bool_)) for cell in starts]
 
 
 class Plan:
-    """The drones' paths from a step to the end of the episode.
+    """The drones' paths over the next n steps.
 
     Args:
-        targets: the persons to be found.
-        worth: what finding somebody in each step of the plan is worth, float64, shape (n,);
-            it must never rise.
-        first: the step of the episode with which the plan begins.
-        paths: every drone's path over n steps; no two are ever in one cell.
+        targets: the missing persons.
+        worth: of finding a person in each step of the plan: float64, shape (n,), never rising.
+        first: the episode's step at which the plan begins.
+        paths: every drone's path; no two drones are ever in one cell.
 
     Attributes:
-        targets: as given; weights may be changed.
-        paths: as they are now.
+        targets: the same; their weights may be changed.
+        paths: the current paths.
     """
 
     def __init__(
@@ -96,218 +93,202 @@ class Plan:
         """The number of steps planned, n."""
         return len(self._worth)
 
-    def chances(self) -> list[float]:
-        """Each target's chance to be found."""
-        schedule = self._schedule()
-        return [float(self._forth(t, t.belief, 0, schedule)[1].sum()) for t in self.targets]
+    def success_probabilities(self) -> list[float]:
+        """The probability that the plan finds each target (POS)."""
+        schedule = _schedule(self.paths, self.steps)
+        return [float(self._forward(t, t.belief, 0, schedule)[1].sum()) for t in self.targets]
 
     def value(self) -> float:
-        """The expected worth of what is found."""
+        """The expected worth of all finds."""
         beliefs = [target.belief for target in self.targets]
-        return self._found(beliefs, 0, self._schedule())[1]
+        return self._follow(beliefs, 0, _schedule(self.paths, self.steps))[1]
 
-    def improve(self, *, shortest: int, least: float, rounds: int) -> None:
-        """Improve stretches of the whole length, half of it and so on, round after round.
+    def improve(self, *, min_length: int, min_gain: float, max_rounds: int) -> None:
+        """Improve segments of full length, half of it and so on, in rounds.
 
         Args:
-            shortest: stretches need not be shorter than this, in steps.
-            least: what a round must gain for another one to follow.
-            rounds: the most to make.
+            min_length: of the segments, in steps.
+            min_gain: stop after a round that gains less.
+            max_rounds: the largest number of rounds.
         """
         lengths = [self.steps]
-        while lengths[-1] > shortest:
-            lengths.append(max(lengths[-1] // 2, shortest))
-        for number in range(rounds):
+        while lengths[-1] > min_length:
+            lengths.append(max(lengths[-1] // 2, min_length))
+        for number in range(max_rounds):
             gained = 0.0
             for length in lengths:
-                shift = number * length // 2 % length
+                offset = number * length // 2 % length
                 for drone in range(len(self.paths)):
-                    gained += self.sweep(drone, length, shift)
-            if gained < least:
+                    gained += self.improve_path(drone, length, offset)
+            if gained < min_gain:
                 break
 
-    def scatter(self, rng: np.random.Generator) -> None:
-        """Improve every drone's path as a whole, by gains that are distorted at random.
+    def perturb(self, rng: np.random.Generator) -> None:
+        """Improve every drone's whole path with randomly distorted gains.
 
-        Different numbers lead to different plans, whose improvement ends in different ones.
+        Plans that start from different perturbations improve to different local optima.
         """
         for drone in range(len(self.paths)):
-            self.sweep(
+            self.improve_path(
                 drone,
                 self.steps,
                 distort=lambda gains: gains * np.exp(rng.normal(size=gains.shape)),
             )
 
-    def sweep(
+    def improve_path(
         self,
         drone: int,
         length: int,
-        shift: int = 0,
+        offset: int = 0,
         distort: Callable[[Floats], Floats] | None = None,
     ) -> float:
-        """Improve a drone's path stretch by stretch, from its beginning to its end.
+        """Improve one drone's path segment by segment, from beginning to end.
 
         Args:
             drone: its number.
-            length: of the stretches, in steps.
-            shift: by so many steps the first one is cut short.
-            distort: changes the gains before a path is sought.
+            length: of the segments, in steps.
+            offset: the number of steps by which the first segment is shorter.
+            distort: changes the gains before the best path is computed.
 
         Returns:
-            What the plan gained.
+            How much the plan's value has increased.
         """
         others = [path for other, path in enumerate(self.paths) if other != drone]
         by_others = _schedule(others, self.steps)
-        taken = [[int(path.cells[step + 1]) for path in others] for step in range(self.steps)]
-        schedule = self._schedule()
-        ahead = [self._back(target, None, 0, schedule)[0] for target in self.targets]
+        blocked = [[int(path.cells[step + 1]) for path in others] for step in range(self.steps)]
+        schedule = _schedule(self.paths, self.steps)
+        to_go = [self._backward(target, None, 0, schedule)[0] for target in self.targets]
         beliefs = [target.belief for target in self.targets]
-        present, gained = self.paths[drone], 0.0
-        for middle in range(-shift, self.steps, length):
-            begin, end = max(middle, 0), min(middle + length, self.steps)
+        path, gained = self.paths[drone], 0.0
+        for first in range(-offset, self.steps, length):
+            begin, end = max(first, 0), min(first + length, self.steps)
             steps = slice(begin, end)
-            stretch = _Stretch(
-                begin, by_others[steps], taken[steps], beliefs, [values[end] for values in ahead]
-            )
-            path = self._best(stretch, present, distort)
-            left, found = self._found(beliefs, begin, _with(stretch.by_others, path))
-            gain = found + self._worth_of(left, stretch.ahead)
-            gain -= self._worth_of(beliefs, [values[begin] for values in ahead])
-            if gain > LEAST_GAIN:
+            after = [values[end] for values in to_go]
+            gains = self._gains(begin, by_others[steps], beliefs, after)
+            if distort is not None:
+                gains = distort(gains)
+            candidate = self._best_segment(path, begin, gains, blocked[steps])
+            left, found = self._follow(beliefs, begin, _added(by_others[steps], candidate))
+            gain = found + self._expected(left, after)
+            gain -= self._expected(beliefs, [values[begin] for values in to_go])
+            if gain > MIN_GAIN:
                 gained += gain
-                present.cells[begin : end + 1], present.searches[steps] = path
+                path.cells[begin : end + 1], path.searches[steps] = candidate
                 beliefs = left
             else:
-                beliefs, _ = self._found(beliefs, begin, schedule[steps])
+                beliefs, _ = self._follow(beliefs, begin, schedule[steps])
         return gained
 
-    # A stretch.
+    def _gains(
+        self, begin: int, schedule: Schedule, beliefs: Sequence[Floats], after: Sequence[Floats]
+    ) -> Floats:
+        """What one more search of each cell gains in each of some steps.
 
-    def _best(
-        self, stretch: _Stretch, present: Path, distort: Callable[[Floats], Floats] | None
+        Args:
+            begin: the first of the steps.
+            schedule: the searches in them.
+            beliefs: where every target is and unfound before them.
+            after: what the plan will gain from every target in each cell after them.
+
+        Returns:
+            float64, shape (n, N, N), indexed [t, y, x].
+        """
+        gains = np.zeros((len(schedule), *self._grid))
+        worth = self._worth[begin : begin + len(schedule), None, None]
+        for target, belief, value in zip(self.targets, beliefs, after, strict=True):
+            masses, _ = self._forward(target, belief, begin, schedule)
+            _, rest = self._backward(target, value, begin, schedule)
+            gain = np.subtract(worth, rest)
+            gain *= np.array(masses[:-1])
+            gain *= target.weight * target.detection
+            gains += gain
+        return np.maximum(gains, 0.0, out=gains)  # rounding errors
+
+    def _best_segment(
+        self, path: Path, begin: int, gains: Floats, blocked: list[list[int]]
     ) -> Path:
-        """The path that the sum of gains makes look best, from where it begins to where it ends."""
-        begin, n = stretch.begin, len(stretch.by_others)
-        gains = np.zeros((n, *self._grid))
-        worth = self._worth[begin : begin + n, None, None]
-        for target, belief, ahead in zip(self.targets, stretch.beliefs, stretch.ahead, strict=True):
-            masses, _ = self._forth(target, belief, begin, stretch.by_others)
-            _, rest = self._back(target, ahead, begin, stretch.by_others)
-            share = np.subtract(worth, rest)
-            share *= np.array(masses[:-1])
-            share *= target.weight * target.chain.detection
-            gains += share
-        np.maximum(gains, 0.0, out=gains)  # rounding
-        if distort is not None:
-            gains = distort(gains)
+        """The segment with the largest sum of gains that connects to the rest of a path."""
+        end = begin + len(gains)
         at_end = np.zeros(self._grid)
-        if begin + n < self.steps:
-            at_end += NOWHERE
-            at_end.reshape(-1)[present.cells[begin + n]] = 0.0
-        values = values_to_go(gains, at_end, stretch.taken)
-        return best_path(gains, values, int(present.cells[begin]), stretch.taken)
+        if end < self.steps:
+            at_end += FORBIDDEN
+            at_end.reshape(-1)[path.cells[end]] = 0.0
+        values = values_to_go(gains, at_end, blocked)
+        return best_path(gains, values, int(path.cells[begin]), blocked)
 
-    def _worth_of(self, masses: Sequence[Floats], values: Sequence[Floats]) -> float:
-        """What will be gained from all targets."""
+    def _expected(self, masses: Sequence[Floats], values: Sequence[Floats]) -> float:
+        """The expected gain from all targets, given where they are and each cell's value."""
         return sum(
             target.weight * float(np.vdot(mass, value))
             for target, mass, value in zip(self.targets, masses, values, strict=True)
         )
 
-    # The two passes.
-
-    def _found(
+    def _follow(
         self, beliefs: Sequence[Floats], begin: int, schedule: Schedule
     ) -> tuple[list[Floats], float]:
-        """Who is left after some steps of all targets, and the worth of what was found."""
+        """Where every target is and unfound after some steps, and the worth of the finds."""
         left, total = [], 0.0
         worth = self._worth[begin : begin + len(schedule)]
         for target, belief in zip(self.targets, beliefs, strict=True):
-            masses, found = self._forth(target, belief, begin, schedule)
+            masses, found = self._forward(target, belief, begin, schedule)
             left.append(masses[-1])
             total += target.weight * float(worth @ found)
         return left, total
 
-    def _forth(
+    def _forward(
         self, target: Target, mass: Floats, begin: int, schedule: Schedule
     ) -> tuple[list[Floats], Floats]:
-        """Where a target is that has not been found.
+        """The forward pass: where an unfound target is.
 
         Args:
             target: the target.
-            mass: the chances before step `begin` of the plan.
-            begin: that step.
-            schedule: what is searched from then on.
+            mass: probability that it is in each cell and unfound, before step `begin`.
+            begin: a step of the plan.
+            schedule: the searches from then on.
 
         Returns:
-            The chances before each of these steps and after the last one, and the chance
-            to be found in each.
+            The mass before each of these steps and after the last one, and the probability
+            of finding the target in each step.
         """
-        q = target.chain.detection
         masses, found = [mass], np.zeros(len(schedule))
-        for place, cells in enumerate(schedule):
-            if cells:
-                mass = mass.copy()
-                flat = mass.reshape(-1)
-                there = flat[cells]
-                flat[cells] = (1.0 - q) * there
-                found[place] = q * there.sum()
-            mass = target.chain.forward(mass, self._first + begin + place)
+        for index, cells in enumerate(schedule):
+            mass, found[index] = after_search(mass, cells, target.detection)
+            mass = target.chain.forward(mass, self._first + begin + index)
             masses.append(mass)
         return masses, found
 
-    def _back(
-        self, target: Target, ahead: Floats | None, begin: int, schedule: Schedule
+    def _backward(
+        self, target: Target, value: Floats | None, begin: int, schedule: Schedule
     ) -> tuple[list[Floats], list[Floats]]:
-        """What will be gained from a target in each cell.
+        """The backward pass: what the plan will gain from a target in each cell.
 
         Args:
             target: the target.
-            ahead: that after the last of the steps; None where the plan ends.
+            value: of each cell after the last of the steps; None at the end of the plan.
             begin: the first of the steps.
-            schedule: what is searched in them.
+            schedule: the searches in them.
 
         Returns:
-            That before each step and after the last one, and that after the searches of
-            each step.
+            The values before each step and after the last one, and the values after the
+            searches of each step.
         """
-        q = target.chain.detection
-        value = np.zeros(self._grid) if ahead is None else ahead
+        q = target.detection
+        if value is None:
+            value = np.zeros(self._grid)
         before, after = [value], []
-        for place in range(len(schedule) - 1, -1, -1):
-            value = target.chain.backward(value, self._first + begin + place)
+        for index in range(len(schedule) - 1, -1, -1):
+            value = target.chain.backward(value, self._first + begin + index)
             after.append(value)
-            if cells := schedule[place]:
+            if cells := schedule[index]:
                 value = value.copy()
                 flat = value.reshape(-1)
-                flat[cells] = (1.0 - q) * flat[cells] + q * self._worth[begin + place]
+                flat[cells] = (1.0 - q) * flat[cells] + q * self._worth[begin + index]
             before.append(value)
         return before[::-1], after[::-1]
 
-    def _schedule(self) -> Schedule:
-        return _schedule(self.paths, self.steps)
-
-
-@dataclass
-class _Stretch:
-    """Some steps of a plan, in which one drone's path is to be changed.
-
-    Attributes:
-        begin: the first of them.
-        by_others: what the other drones search in each.
-        taken: where the others are after each.
-        beliefs: where each target is before them.
-        ahead: what will be gained from each target in each cell after them.
-    """
-
-    begin: int
-    by_others: Schedule
-    taken: list[list[int]]
-    beliefs: Sequence[Floats]
-    ahead: Sequence[Floats]
-
 
 def _schedule(paths: Sequence[Path], steps: int) -> Schedule:
+    """The cells that some paths search in each step."""
     schedule: Schedule = [[] for _ in range(steps)]
     for path in paths:
         cells = path.cells.tolist()
@@ -316,8 +297,8 @@ def _schedule(paths: Sequence[Path], steps: int) -> Schedule:
     return schedule
 
 
-def _with(schedule: Schedule, path: Path) -> Schedule:
-    """A schedule with the searches of one more path."""
+def _added(schedule: Schedule, path: Path) -> Schedule:
+    """A schedule together with the searches of one more path."""
     cells, searches = path.cells.tolist(), path.searches.tolist()
     return [
         [*others, cell] if searched else others

@@ -1,7 +1,7 @@
-"""Trajectories to steer the drones: from what they observe to what they do.
+"""Policies that steer the drones: from observations to actions.
 
-A policy sees what the drones see and the parameters of the search, never the persons. It
-is called with the observations of one search, as `DroneSwarmSearch` hands them out,
+A policy sees what the drones see and the parameters of the search, never the persons. Call it
+with the observations of one search,
 
     policy = make("greedy-posterior", env.scenario)
     observations, infos = env.reset(seed=0)
@@ -9,8 +9,8 @@ is called with the observations of one search, as `DroneSwarmSearch` hands them 
     while env.agents:
         observations, rewards, terminations, truncations, infos = env.step(policy(observations))
 
-or with those of many, as `SwarmVectorEnv` does in its dict layout. `POLICIES` names those
-that come with the package; `SwarmPolicy` is the base class for others.
+or with those of a batch, as `SwarmVectorEnv` returns them in its dict layout. Derive your own
+policies from `SwarmPolicy`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from DroneSwarmSearch.observations import Observation
+from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import GreedyPolicy, PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -29,17 +30,16 @@ from DroneSwarmSearch.policies.patterns import (
 )
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.policies.ppo import PPOPolicy
-from DroneSwarmSearch.policies.random_walk import RandomPolicy
-from DroneSwarmSearch.policies.swarm import BatchPolicy, SwarmPolicy
+from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = [
     "POLICIES",
     "BatchPolicy",
+    "BeliefTracker",
     "CreepingLinePolicy",
     "ExpandingSquarePolicy",
     "GreedyPolicy",
-    "Knowledge",
     "PPOPolicy",
     "ParallelSweepPolicy",
     "PlannerPolicy",
@@ -53,13 +53,13 @@ __all__ = [
 
 
 class Policy(Protocol):
-    """What steers one search; `BatchPolicy` does more."""
+    """What steers one search; every `BatchPolicy` is one."""
 
     def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]:
-        """An action, 0 to 5, for each drone that is observed."""
+        """An action, 0 to 5, for each drone in the observations."""
 
     def reset(self) -> None:
-        """Forget the episode: the next observations are the first of another one."""
+        """Start a new episode."""
 
 
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
@@ -73,21 +73,21 @@ POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "ppo": PPOPolicy,
     "planner": PlannerPolicy,
 }
-"""The policies by name, from the weakest idea to the strongest: what makes one for a search."""
+"""The packaged policies by name, from the simplest to the strongest."""
 
 
 def make(name: str, scenario: Scenario) -> BatchPolicy:
-    """A policy by its name.
+    """Make a policy by its name.
 
     Args:
-        name: one of `POLICIES`; or a file of weights, "….npz", as `examples/train_ppo.py`
-            writes it, for a `PPOPolicy`.
-        scenario: the parameters of every search that it is going to steer.
+        name: one of `POLICIES`, or the path of an .npz file of weights, as
+            `examples/train_ppo.py` writes it, for a `PPOPolicy`.
+        scenario: the parameters of every search to steer.
 
     Raises:
-        FileNotFoundError: there is no such file.
-        TypeError: the name is no string, or `scenario` no `Scenario`.
-        ValueError: no policy has this name, or the file holds no such network.
+        FileNotFoundError: the file does not exist.
+        TypeError: the name is not a string, or `scenario` is not a `Scenario`.
+        ValueError: no policy has this name, or the file does not hold a valid network.
     """
     if not isinstance(name, str):
         raise TypeError(f"name must be a policy's name, got {name!r}")

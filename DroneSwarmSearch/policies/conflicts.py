@@ -1,8 +1,8 @@
-"""How drones move, and right of way: who may go so that no two end up in one cell."""
+"""Conflict resolution: which drones may move so that no two end up in one cell."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
@@ -16,59 +16,53 @@ MOVES: dict[Cell, Action] = {
     (0, 1): Action.DOWN,
     (0, 0): Action.IDLE,
 }
-"""What brings a drone by (x, y) to another cell, without a search."""
+"""The action that moves a drone by (x, y)."""
 
 
-def resolve_conflicts(
-    cells: Sequence[Cell], wishes: Sequence[Cell], priority: Iterable[int] | None = None
-) -> list[Cell]:
-    """Where the drones go in a step.
+def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:
+    """Every drone's next cell, given the cells that the drones want to enter.
 
-    Drones that exchange cells, or pass them round a ring, always go: were one of them to
-    give way to somebody from outside, all would block each other for ever. Of the others
-    that want one cell the first goes and the rest stay, and whoever wants the cell of a
-    drone that stays, stays too. Nothing else keeps a drone from going: drones may follow
-    one another.
+    Drones that exchange cells, or rotate in a ring, always move; if one of them gave way to
+    another drone, all of them would block each other for ever. Of the other drones that want
+    one cell, the first moves and the rest stay. A drone that wants the cell of a
+    drone that stays, stays too. Drones may follow one another.
 
     Args:
-        cells: every drone's cell, no two alike.
-        wishes: the cell that each of them wants to be in next; its own to stay.
-        priority: the drones by number, the first in right of way first; without it by
-            number.
+        cells: every drone's cell, all different.
+        wanted: the next cell that every drone wants; its own to stay.
 
     Returns:
-        Every drone's next cell, which is its wish or its own; no two alike.
+        For every drone the cell it wants or its own; all different.
     """
-    order = range(len(cells)) if priority is None else list(priority)
-    rings = _in_rings(cells, wishes)
-    order = [*rings, *(drone for drone in order if drone not in rings)]
-    nexts = list(wishes)
+    rings = _in_rings(cells, wanted)
+    order = [*rings, *(drone for drone in range(len(cells)) if drone not in rings)]
+    nexts = list(wanted)
     changed = True
-    while changed:  # whoever is stopped stays stopped, so this ends
+    while changed:  # ends, since a drone that is stopped stays stopped
         changed = False
-        held = {cell: drone for drone, cell in enumerate(cells) if nexts[drone] == cell}
+        taken = {cell: drone for drone, cell in enumerate(cells) if nexts[drone] == cell}
         for drone in order:
-            if held.setdefault(nexts[drone], drone) != drone:
+            if taken.setdefault(nexts[drone], drone) != drone:
                 nexts[drone] = cells[drone]
                 changed = True
     return nexts
 
 
-def _in_rings(cells: Sequence[Cell], wishes: Sequence[Cell]) -> set[int]:
-    """The drones each of which wants the cell of the next, and the last that of the first."""
-    holder = {cell: drone for drone, cell in enumerate(cells)}
+def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
+    """The drones in rings, where each wants the next one's cell and the last the first one's."""
+    occupant = {cell: drone for drone, cell in enumerate(cells)}
     follows = {
-        drone: holder[wish]
-        for drone, wish in enumerate(wishes)
-        if wish in holder and wish != cells[drone]
+        drone: occupant[cell]
+        for drone, cell in enumerate(wanted)
+        if cell in occupant and cell != cells[drone]
     }
     rings: set[int] = set()
-    passed: set[int] = set()
+    visited: set[int] = set()
     for drone in follows:
         trail: list[int] = []
         here: int | None = drone
-        while here is not None and here not in passed:
-            passed.add(here)
+        while here is not None and here not in visited:
+            visited.add(here)
             trail.append(here)
             here = follows.get(here)
         if here in trail:

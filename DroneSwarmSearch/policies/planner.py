@@ -1,8 +1,8 @@
-"""A plan for the whole episode and all drones, made anew when it no longer holds.
+"""The planner: follows an open-loop plan for all drones, and plans again after news.
 
-With one person adrift a plan is all there is to a policy, since nothing is ever learnt but
-that the search goes on (`planning.plan`). With several, a find is news: then the plan for
-the rest of the episode is improved for those still missing.
+With one person a plan for the whole episode is all that a policy needs, since the only news is
+that the search continues (`planning.plan`). With several persons a find is news: the planner then
+improves the rest of its plan for those still missing.
 """
 
 from __future__ import annotations
@@ -16,241 +16,217 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.grid import Neighbours, grid_of
-from DroneSwarmSearch.planning.chain import Chain
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target, idle_paths
+from DroneSwarmSearch.policies.base import SwarmPolicy
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.knowledge import Knowledge
-from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["PlannerPolicy"]
 
 HORIZON = 500
-"""Steps that are planned at most; what is beyond is planned when they are over."""
+"""The most steps to plan at once, which bounds time and memory; longer episodes plan again."""
 
-HASTE = 0.1
+EARLY_BONUS = 0.1
 """How much more a find in the first step is worth than one in the last."""
 
-LEAST_GAIN = 5e-4
-"""A round of improvements that gains less, as a share of a find's worth, is the last one."""
+MIN_GAIN = 5e-4
+"""A round of improvements that gains less, relative to the worth of a find, is the last one."""
 
-ROUNDS = 8
-"""The most rounds for a plan made from nothing."""
+MAX_ROUNDS = 8
+"""The most rounds for a new plan; few plans need all of them."""
 
-SHORTEST = 3
-"""Stretches of so few steps are still improved by themselves."""
+MIN_LENGTH = 3
+"""Length of the shortest path segments to improve, in steps."""
 
-STARTS = 32
-"""The most plans that are begun at random, in small searches, where a plan is cheap."""
+RANDOM_STARTS = 32
+"""The most random initial plans. Only small searches can afford them, see `RANDOM_BUDGET`."""
 
-EFFORT = 400_000
-"""The most that is spent on them: plans times drones times persons times steps times cells."""
+RANDOM_BUDGET = 400_000
+"""The largest product of random plans, drones, persons, steps and cells: about a second."""
 
-LEAST_CHANCE = 0.05
-"""Persons less likely to be found than this count as if they were so likely."""
+MIN_PROBABILITY = 0.05
+"""Persons who are less likely to be found are weighted as if it were this probability."""
 
-PLANS_KEPT = 4096
-"""Plans that are remembered for other searches that come to the same point."""
+CACHED_PLANS = 4096
+"""The most plans to keep for other searches that reach the same situation."""
 
-_Occasion = tuple[Any, ...]
-"""When plans were made in a search, where the drones were and who was missing: with the
-scenario this says all that a plan depends on."""
+_PlanKey = tuple[Any, ...]
+"""Step, drones' cells and missing persons at every plan made in a search. With the scenario it
+determines the plan."""
 
 
 class PlannerPolicy(SwarmPolicy):
-    """Plans the paths of all drones together, whatever matrix is shown.
+    """Plans the paths of all drones together, whatever the matrix shows.
 
-    The first plan of a scenario takes seconds on a large grid; searches that begin in the
-    same way share it. Plans are made from what the swarm knows itself (`Knowledge`), so
-    they are the same whether the environment shows posteriors or not.
+    The first plan of a scenario takes seconds on a large grid; searches that begin in the same
+    way share it. Plans follow from the planner's own beliefs (`BeliefTracker`), so they do not
+    depend on whether the environment shows posteriors.
 
-    Plans maximise the chance to find each person in time, and among such plans prefer the
-    early finds (``HASTE``). Of several persons each counts in inverse proportion to its
-    chance: this is where the product of the chances, of finding all of them, grows most.
-
-    Args:
-        scenario: the parameters of every search that the policy is going to steer.
-
-    Raises:
-        TypeError: `scenario` is no `Scenario`.
+    A plan maximises the probability of finding each person in time, with a slight preference for
+    early finds (``EARLY_BONUS``). With several persons each is weighted by the inverse of their
+    probability of being found, which is the gradient direction of the product of all.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._forecasts = scenario.forecasts()
         self._neighbours, self._positions = grid_of(scenario.grid_size)
-        self._chains: dict[tuple[int, int], Chain] = {}
-        self._chains_begin = -1
-        self._plans: dict[_Occasion, list[Path]] = {}
+        self._chains: dict[int, list[MarkovChain]] = {}  # of the latest `HORIZON` steps
+        self._plans: dict[_PlanKey, list[Path]] = {}
 
     def prepare(self, drones_positions: object) -> None:
-        """Make the first plan now, so that copies and pickles of the policy carry it.
+        """Make the first plan now, so that copies and pickles of the policy include it.
 
         Args:
-            drones_positions: every drone's cell (x, y) at the beginning of the episode.
+            drones_positions: every drone's start cell (x, y).
 
         Raises:
-            TypeError: they are no cells.
-            ValueError: they are not as many as the drones, off the grid, or two are alike.
+            TypeError: they are not cells.
+            ValueError: their number is not that of the drones, one is off the grid, or two
+                are equal.
         """
         starts = self.scenario.drone_cells(drones_positions)
-        self._renew(self.begin(), [self._positions[cell] for cell in starts])
+        self._replan(self.begin(), [self._positions[cell] for cell in starts])
 
-    def begin(self) -> _Memory:
-        return _Memory(Knowledge(self.scenario))
+    def begin(self) -> _PlanMemory:
+        return _PlanMemory(BeliefTracker(self.scenario))
 
-    def choose(self, memory: _Memory, cells: list[Cell], matrix: NDArray[np.float32]) -> list[int]:
-        memory.knowledge.observe(matrix)
-        if not memory.holds(self._numbers(cells)):
-            self._renew(memory, cells)
+    def choose(
+        self, memory: _PlanMemory, cells: list[Cell], matrix: NDArray[np.float32]
+    ) -> list[int]:
+        memory.tracker.observe(matrix)
+        if not memory.is_valid(self._cell_numbers(cells)):
+            self._replan(memory, cells)
         actions = memory.actions(self._neighbours)
-        memory.knowledge.acted(cells, actions)
+        memory.tracker.update(cells, actions)
         return actions
 
-    def _numbers(self, cells: Sequence[Cell]) -> list[int]:
+    def _cell_numbers(self, cells: Sequence[Cell]) -> list[int]:
         return [y * self.scenario.grid_size + x for x, y in cells]
 
-    def _renew(self, memory: _Memory, cells: list[Cell]) -> None:
+    def _replan(self, memory: _PlanMemory, cells: list[Cell]) -> None:
         """Give a search a plan from its present step on."""
-        knowledge = memory.knowledge
-        occasion = (*memory.occasion, knowledge.step, tuple(cells), knowledge.missing)
-        paths = self._plans.get(occasion)
+        tracker = memory.tracker
+        key = (*memory.key, tracker.step, tuple(cells), tracker.missing)
+        paths = self._plans.get(key)
         if paths is None:
-            if len(self._plans) == PLANS_KEPT:
+            if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
-            self._plans[occasion] = paths = self._plan(memory, self._numbers(cells))
-        memory.occasion, memory.paths = occasion, paths
-        memory.since, memory.missing = knowledge.step, knowledge.missing
+            self._plans[key] = paths = self._plan(memory, self._cell_numbers(cells))
+        memory.key, memory.paths = key, paths
+        memory.first, memory.missing = tracker.step, tracker.missing
 
-    def _plan(self, memory: _Memory, starts: list[int]) -> list[Path]:
-        knowledge, step = memory.knowledge, memory.knowledge.step
+    def _plan(self, memory: _PlanMemory, starts: list[int]) -> list[Path]:
+        """A new plan's paths; if the old plan is still possible, an improvement of its rest."""
+        tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
+        part = step // HORIZON
+        if part not in self._chains:  # release the matrices of other parts
+            self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
+        chains, detections = self._chains[part], self.scenario.detections
         targets = [
-            Target(self._chain(person, step, steps), knowledge.belief(person))
-            for person in knowledge.missing
+            Target(chains[person], detections[person], tracker.belief(person))
+            for person in tracker.missing
         ]
-        worth = 1.0 + HASTE * (1.0 - np.arange(steps) / steps)
+        worth = 1.0 + EARLY_BONUS * (1.0 - np.arange(steps) / steps)
 
-        def begun(paths: list[Path]) -> Plan:
+        def plan_of(paths: list[Path]) -> Plan:
             return Plan(targets, worth, step, paths)
 
         rest = memory.rest(starts)
         if rest is not None and len(rest[0].searches) == steps:
-            plan = begun(rest)
-            _weigh(plan)
-            plan.improve(shortest=steps, least=LEAST_GAIN, rounds=1)
+            plan = plan_of(rest)
+            _set_weights(plan)
+            plan.improve(min_length=steps, min_gain=MIN_GAIN, max_rounds=1)
             return plan.paths
-        greedy = begun(self._greedy_paths(knowledge, starts, steps))
-        _weigh(greedy)
-        plans, idle = [greedy], begun(idle_paths(starts, steps))
-        if len(targets) == 1:  # for several, one plan takes long enough
+        greedy = plan_of(self._greedy_paths(tracker, starts, steps))
+        _set_weights(greedy)
+        plans, idle = [greedy], plan_of(idle_paths(starts, steps))
+        if len(targets) == 1:  # several persons take long enough with one plan
             plans.append(idle)
         work = len(starts) * len(targets) * steps * self.scenario.grid_size**2
         rng = np.random.default_rng(0)
-        for _ in range(min(STARTS, EFFORT // work)):
-            plans.append(begun(idle.paths))
-            plans[-1].scatter(rng)
+        for _ in range(min(RANDOM_STARTS, RANDOM_BUDGET // work)):
+            plans.append(plan_of(idle.paths))
+            plans[-1].perturb(rng)
         for plan in plans:
-            plan.improve(shortest=SHORTEST, least=LEAST_GAIN, rounds=ROUNDS)
+            plan.improve(min_length=MIN_LENGTH, min_gain=MIN_GAIN, max_rounds=MAX_ROUNDS)
         return max(plans, key=Plan.value).paths
 
-    def _greedy_paths(self, knowledge: Knowledge, starts: list[int], steps: int) -> list[Path]:
-        """The paths of a greedy swarm that finds nobody: a plan like any other to begin with."""
-        greedy, known = PosteriorGreedyPolicy(self.scenario), copy.deepcopy(knowledge)
-        ways, searches = [starts], []
+    def _greedy_paths(self, tracker: BeliefTracker, starts: list[int], steps: int) -> list[Path]:
+        """The paths of a greedy swarm that finds nobody, as an initial plan."""
+        greedy, tracker = PosteriorGreedyPolicy(self.scenario), copy.deepcopy(tracker)
+        cells, searches = [starts], []
         for _ in range(steps):
-            cells = [self._positions[cell] for cell in ways[-1]]
-            actions = greedy.choose(known, cells, known.shown())
-            ways.append(
+            positions = [self._positions[cell] for cell in cells[-1]]
+            actions = greedy.choose(tracker, positions, tracker.matrix())
+            cells.append(
                 [
                     self._neighbours[cell][action]
-                    for cell, action in zip(ways[-1], actions, strict=True)
+                    for cell, action in zip(cells[-1], actions, strict=True)
                 ]
             )
             searches.append([action == Action.SEARCH for action in actions])
         return [
-            Path(np.array(way), np.array(searched))
-            for way, searched in zip(
-                zip(*ways, strict=True), zip(*searches, strict=True), strict=True
-            )
+            Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
 
-    def _chain(self, person: int, step: int, steps: int) -> Chain:
-        """A person's chain over the steps of a plan."""
-        begin = step // HORIZON * HORIZON
-        end = max(min(begin + 2 * HORIZON, self.scenario.timestep_limit), step + steps)
-        if begin != self._chains_begin:
-            self._chains.clear()
-            self._chains_begin = begin
-        chain = self._chains.get((person, end))
-        if chain is None:
-            chain = Chain(self._forecasts[person], self.scenario.detections[person], begin, end)
-            self._chains[person, end] = chain
-        return chain
 
-    def __getstate__(self) -> dict[str, Any]:
-        # Chains are quickly made anew and large.
-        return {**self.__dict__, "_chains": {}, "_chains_begin": -1}
-
-
-def _weigh(plan: Plan) -> None:
-    """Let each person count in inverse proportion to the chance that the plan gives it."""
+def _set_weights(plan: Plan) -> None:
+    """Weight every person by the inverse of the plan's probability of finding them."""
     if len(plan.targets) == 1:
         return
-    chances = np.maximum(plan.chances(), LEAST_CHANCE)
-    weights = (1.0 / chances) / np.mean(1.0 / chances)
+    probabilities = np.maximum(plan.success_probabilities(), MIN_PROBABILITY)
+    weights = (1.0 / probabilities) / np.mean(1.0 / probabilities)
     for target, weight in zip(plan.targets, weights.tolist(), strict=True):
         target.weight = weight
 
 
 @dataclass
-class _Memory:
-    """A search under a plan.
+class _PlanMemory:
+    """A search and its plan.
 
     Attributes:
-        knowledge: what is known in it.
-        paths: of the drones, from step `since` on; shared between searches, never changed.
-        since: the step in which the plan was made.
-        missing: who was missing then.
-        occasion: all occasions on which plans were made.
+        tracker: the beliefs.
+        paths: the plan, one path for each drone; shared between searches, never changed.
+        first: the step in which the plan was made.
+        missing: the persons missing at that step.
+        key: of the plan in the cache.
     """
 
-    knowledge: Knowledge
+    tracker: BeliefTracker
     paths: list[Path] | None = None
-    since: int = 0
+    first: int = 0
     missing: tuple[int, ...] = ()
-    occasion: _Occasion = ()
+    key: _PlanKey = ()
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> _Memory:
-        return replace(self, knowledge=copy.deepcopy(self.knowledge, memo))
+    def __deepcopy__(self, memo: dict[int, Any]) -> _PlanMemory:
+        return replace(self, tracker=copy.deepcopy(self.tracker, memo))
 
-    @property
-    def _place(self) -> int:
-        return self.knowledge.step - self.since
-
-    def holds(self, cells: list[int]) -> bool:
-        """Whether there is a plan for this step, and the drones and the persons are as it says."""
-        return self.knowledge.missing == self.missing and self.rest(cells) is not None
+    def is_valid(self, cells: list[int]) -> bool:
+        """Whether the plan covers this step, with these drones' cells and missing persons."""
+        return self.tracker.missing == self.missing and self.rest(cells) is not None
 
     def rest(self, cells: list[int]) -> list[Path] | None:
-        """What is left of the plan, if the drones are where it says."""
-        place = self._place
-        if self.paths is None or place >= len(self.paths[0].searches):
+        """The rest of the plan; None if there is none, or a drone is not where it should be."""
+        done = self.tracker.step - self.first
+        if self.paths is None or done >= len(self.paths[0].searches):
             return None
-        if any(path.cells[place] != cell for path, cell in zip(self.paths, cells, strict=True)):
+        if any(path.cells[done] != cell for path, cell in zip(self.paths, cells, strict=True)):
             return None
-        return [Path(path.cells[place:], path.searches[place:]) for path in self.paths]
+        return [Path(path.cells[done:], path.searches[done:]) for path in self.paths]
 
     def actions(self, neighbours: Neighbours) -> list[int]:
-        """What the plan says that the drones do in this step."""
+        """The drones' actions in this step."""
         assert self.paths is not None
-        place, actions = self._place, []
+        done, actions = self.tracker.step - self.first, []
         for path in self.paths:
-            here, there = path.cells[place : place + 2].tolist()
-            if here == there:
-                actions.append(int(Action.SEARCH if path.searches[place] else Action.IDLE))
+            here, ahead = path.cells[done : done + 2].tolist()
+            if here == ahead:
+                actions.append(int(Action.SEARCH if path.searches[done] else Action.IDLE))
             else:
-                actions.append(neighbours[here].index(there))
+                actions.append(neighbours[here].index(ahead))
         return actions

@@ -1,11 +1,12 @@
-"""The search patterns of the International Aeronautical and Maritime Search and Rescue Manual.
+"""The geometry of the search patterns of the IAMSAR Manual.
 
-Their geometry alone (IAMSAR Manual, volume II, IMO and ICAO, chapter on search techniques;
-sweeping at equal spacing goes back to Koopman, Search and Screening, 1946). A track is a
-list of turning points, joined by straight legs; `cells_along` lays it over the grid.
+Source: International Aeronautical and Maritime Search and Rescue Manual, volume II, IMO and
+ICAO, chapter on search techniques; sweeps at equal spacing go back to B. O. Koopman, Search and
+Screening, 1946. A track is a list of turning points joined by straight legs; `cells_along` lists
+its cells.
 
-Points are (x, y) in cells, a cell's centre having whole numbers; y grows downward.
-Headings are in degrees, clockwise from up.
+Points are (x, y) in cells, whole numbers at the centres of cells; y grows downward. Headings are
+in degrees, clockwise from up.
 """
 
 from __future__ import annotations
@@ -21,24 +22,24 @@ __all__ = [
     "Point",
     "Rectangle",
     "cells_along",
-    "divided",
     "expanding_square",
+    "parallel_legs",
+    "parts_of",
     "sector_search",
-    "strips",
-    "sweep",
+    "strips_of",
 ]
 
 Point = tuple[float, float]
 
 
 class Rectangle(NamedTuple):
-    """Some columns and rows of the grid.
+    """Consecutive columns and rows of the grid.
 
     Attributes:
         x: first column.
         y: first row.
-        width: how many columns, at least 1.
-        height: how many rows, at least 1.
+        width: number of columns, at least 1.
+        height: number of rows, at least 1.
     """
 
     x: int
@@ -63,16 +64,16 @@ class Rectangle(NamedTuple):
         return self.width * self.height
 
 
-def sweep(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
-    """Parallel legs to and fro, one cell apart, the first and last half a cell from the edge.
+def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
+    """Parallel legs in alternating directions, one cell apart, half a cell from the edges.
 
-    With the legs along the area's longer side this is the parallel sweep, PS; along the
-    shorter side, the creeping line, CS.
+    With legs along the area's longer side this is the parallel sweep search, PS; along the
+    shorter side, the creeping line search, CS.
 
     Args:
-        area: what is swept.
-        along_x: whether the legs lead along the x axis.
-        corner: the corner at which the track begins.
+        area: to search.
+        along_x: whether the legs are parallel to the x axis.
+        corner: where the track starts.
 
     Returns:
         The turning points, two for each leg.
@@ -91,37 +92,37 @@ def sweep(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
     return points
 
 
-def strips(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
-    """An area in strips of whole legs for several drones, as nearly alike as can be.
+def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
+    """Divide an area into nearly equal strips of whole legs.
 
     Args:
-        area: what is divided.
-        count: how many strips are wanted.
-        along_x: whether legs lead along the x axis.
+        area: to divide.
+        count: the number of strips.
+        along_x: whether the legs are parallel to the x axis.
 
     Returns:
-        The strips. Where there are fewer legs than drones, the legs are cut as well; there
-        are never more strips than cells.
+        The strips. With fewer legs than strips, the legs are cut; there are never more strips
+        than cells.
     """
     legs, length = (area.height, area.width) if along_x else (area.width, area.height)
     across = min(count, legs)
-    parts = []
-    for place, (first, lines) in enumerate(_shares(legs, across)):
-        cuts = min(count // across + (place < count % across), length)
-        for begin, run in _shares(length, cuts):
+    strips = []
+    for index, (first, lines) in enumerate(_divided(legs, across)):
+        cuts = min(count // across + (index < count % across), length)
+        for begin, run in _divided(length, cuts):
             x, y, width, height = (
                 (begin, first, run, lines) if along_x else (first, begin, lines, run)
             )
-            parts.append(Rectangle(area.x + x, area.y + y, width, height))
-    return parts
+            strips.append(Rectangle(area.x + x, area.y + y, width, height))
+    return strips
 
 
-def divided(area: Rectangle, count: int) -> list[Rectangle]:
-    """An area in parts for several drones, as nearly square as can be.
+def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
+    """Divide an area into nearly square parts.
 
     Args:
-        area: what is divided.
-        count: how many parts are wanted.
+        area: to divide.
+        count: the number of parts.
 
     Returns:
         The parts, row after row; never more than cells.
@@ -129,43 +130,43 @@ def divided(area: Rectangle, count: int) -> list[Rectangle]:
     ideal = math.sqrt(count * area.height / area.width)
     rows = min(max(1, round(ideal)), count, area.height)
     parts = []
-    # The shorter rows first and last: seven drones stand as 2, 3, 2.
+    # The middle rows have more parts: seven parts stand as 2, 3, 2.
     middle_first = sorted(range(rows), key=lambda row: abs(2 * row - rows + 1))
     longer = set(middle_first[: count % rows])
-    for row, (top, height) in enumerate(_shares(area.height, rows)):
-        here = min(count // rows + (row in longer), area.width)
-        for left, width in _shares(area.width, here):
+    for row, (top, height) in enumerate(_divided(area.height, rows)):
+        columns = min(count // rows + (row in longer), area.width)
+        for left, width in _divided(area.width, columns):
             parts.append(Rectangle(area.x + left, area.y + top, width, height))
     return parts
 
 
 def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Point]:
-    """The expanding square, SS: legs of S, S, 2S, 2S, 3S, 3S…, turns of 90° to the right.
+    """The expanding square search, SS: legs of S, S, 2S, 2S, 3S, 3S…, turns of 90° to the right.
 
-    The spacing S is one cell. Turned by 45° it is a cell's diagonal, so that the turns are
-    at centres of cells again.
+    The spacing S is one cell; turned by 45° it is the diagonal of a cell, so that the turning
+    points are at centres of cells again.
 
     Args:
-        datum: where it begins.
-        legs: how many.
+        datum: where the track starts.
+        legs: the number of legs.
         heading: of the first leg.
 
     Returns:
-        The turning points, datum and end included.
+        The turning points, with the datum and the end.
     """
     spacing = math.sqrt(2.0) if heading % 90.0 else 1.0
     lengths = [spacing * (leg // 2 + 1) for leg in range(legs)]
-    return _flown(datum, lengths, [heading + 90.0 * leg for leg in range(legs)])
+    return _ends_of_legs(datum, lengths, [heading + 90.0 * leg for leg in range(legs)])
 
 
 def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Point]:
-    """The sector search, VS: three triangles through the datum, each leg R, 9R in all.
+    """The sector search, VS: three triangles through the datum, with nine legs of length R.
 
-    Out, across and back, every turn being of 120° to the right; over the datum it goes
-    straight on into the next triangle.
+    All turns are 120° to the right; over the datum the track continues straight into the next
+    triangle.
 
     Args:
-        datum: the point that every triangle touches.
+        datum: the point that the triangles share.
         radius: the length of each leg, R.
         heading: of the first leg.
 
@@ -173,22 +174,21 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
         The ten ends of the nine legs.
     """
     headings = [heading + 120.0 * turns for turns in (0, 1, 2, 2, 3, 4, 4, 5, 6)]
-    return _flown(datum, [radius] * 9, headings)
+    return _ends_of_legs(datum, [radius] * 9, headings)
 
 
 def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
-    """The cells that a track leads through, each beside the one before it.
+    """The cells along a track, each next to the one before it.
 
-    Legs that lie askew become staircases. What lies outside the grid is left out: there
-    the drone flies on to where the track comes back, so that neighbours in the list may be
-    apart.
+    Legs that are not parallel to an axis become staircases. Cells outside the grid are left
+    out, so that successive cells may be apart where the track leaves the grid.
 
     Args:
         points: the turning points.
         grid_size: cells along each side of the grid.
 
     Returns:
-        The cells (x, y); one that is crossed twice is listed twice.
+        The cells (x, y); a cell that the track crosses twice appears twice.
     """
     corners = [(math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in points]
     cells = corners[:1]
@@ -199,15 +199,15 @@ def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
 
 
 def _staircase(begin: Cell, end: Cell) -> list[Cell]:
-    """The cells from one to another, the first left out, along the straight line."""
-    (x, y), (far_x, far_y) = begin, end
-    across, down = abs(far_x - x), abs(far_y - y)
-    step_x, step_y = (1 if far_x > x else -1), (1 if far_y > y else -1)
+    """The cells along the straight line from one cell to another, without the first."""
+    (x, y), (end_x, end_y) = begin, end
+    columns, rows = abs(end_x - x), abs(end_y - y)
+    step_x, step_y = (1 if end_x > x else -1), (1 if end_y > y else -1)
     cells = []
     i = j = 0
-    while i < across or j < down:
-        # The next border that the line crosses: a column's, or a row's.
-        if (2 * i + 1) * down < (2 * j + 1) * across:
+    while i < columns or j < rows:
+        # Cross the next border on the line: a column's or a row's.
+        if (2 * i + 1) * rows < (2 * j + 1) * columns:
             i, x = i + 1, x + step_x
         else:
             j, y = j + 1, y + step_y
@@ -215,8 +215,7 @@ def _staircase(begin: Cell, end: Cell) -> list[Cell]:
     return cells
 
 
-def _flown(start: Point, lengths: Sequence[float], headings: Sequence[float]) -> list[Point]:
-    """The ends of legs of some lengths and headings."""
+def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[float]) -> list[Point]:
     x, y = start
     points = [start]
     for length, heading in zip(lengths, headings, strict=True):
@@ -226,7 +225,7 @@ def _flown(start: Point, lengths: Sequence[float], headings: Sequence[float]) ->
     return points
 
 
-def _shares(length: int, parts: int) -> list[tuple[int, int]]:
-    """A length in whole parts that differ by 1 at most: where each begins, and how long it is."""
+def _divided(length: int, parts: int) -> list[tuple[int, int]]:
+    """The beginning and length of whole parts that differ by 1 at most."""
     borders = [length * part // parts for part in range(parts + 1)]
     return [(begin, end - begin) for begin, end in pairwise(borders)]

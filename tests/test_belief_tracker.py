@@ -1,4 +1,4 @@
-"""What a swarm knows: the matrix shown to the last bit, and who was found."""
+"""The belief tracker: equals the environment's matrix bit for bit, and infers who was found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from helpers import HUNT, SPREAD, careful_actions, planned_actions
 from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
-from DroneSwarmSearch.policies.knowledge import Knowledge
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
 @st.composite
@@ -42,52 +42,50 @@ def cells_of(observations: dict[str, Any]) -> list[tuple[int, int]]:
 
 @settings(deadline=None, max_examples=70, derandomize=True)
 @given(searches(1), st.integers(0, 2**32))
-def test_of_one_person_it_is_the_matrix_shown_to_the_last_bit(
+def test_one_persons_belief_is_the_environments_matrix_bit_for_bit(
     parameters: dict[str, Any], seed: int
 ) -> None:
     env = DroneSwarmSearch(**{**parameters, "bayesian_update": True})
-    knowledge, rng = Knowledge(env.scenario), random.Random(seed)
+    tracker, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
     searched = False
     while env.agents:
         matrix = observations["drone0"]["observation"][1]
-        knowledge.observe(matrix)
-        assert knowledge.step == env.frame().step
-        assert knowledge.missing == (0,)
-        assert np.array_equal(knowledge.shown(), matrix)
-        assert knowledge.beliefs.shape == (1, *matrix.shape)
-        # From the first search on the matrix is the posterior; before, the forecast, whose own
-        # matrix is a product of singles.
-        np.testing.assert_allclose(knowledge.belief(0), matrix, rtol=1e-6)
-        assert not searched or np.array_equal(knowledge.belief(0).astype(np.float32), matrix)
+        tracker.observe(matrix)
+        assert tracker.step == env.frame().step
+        assert tracker.missing == (0,)
+        assert np.array_equal(tracker.matrix(), matrix)
+        # Before the first search the matrix is the forecast's, a product in single precision.
+        np.testing.assert_allclose(tracker.belief(0), matrix, rtol=1e-6)
+        assert not searched or np.array_equal(tracker.belief(0).astype(np.float32), matrix)
         actions = careful_actions(rng, observations, env.grid_size)
         searched = searched or Action.SEARCH in actions.values()
-        knowledge.acted(cells_of(observations), actions.values())
+        tracker.update(cells_of(observations), actions.values())
         observations, *_ = env.step(actions)
 
 
 @settings(deadline=None, max_examples=70, derandomize=True)
 @given(searches(3), st.integers(0, 2**32))
-def test_of_several_persons_it_explains_the_matrix_shown_to_the_last_bit(
+def test_several_persons_explain_the_environments_matrix_bit_for_bit(
     parameters: dict[str, Any], seed: int
 ) -> None:
     env = DroneSwarmSearch(**parameters)
-    knowledge, rng = Knowledge(env.scenario), random.Random(seed)
+    tracker, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
     while env.agents:
         frame = env.frame()
-        knowledge.observe(frame.matrix)
-        assert np.array_equal(knowledge.shown(), frame.matrix)
-        assert len(knowledge.missing) >= frame.found.count(False)
+        tracker.observe(frame.matrix)
+        assert np.array_equal(tracker.matrix(), frame.matrix)
+        assert len(tracker.missing) >= frame.found.count(False)
         lost = [p for p, found in zip(frame.persons, frame.found, strict=True) if not found]
         plans = [(rng.choice([HUNT, SPREAD, Action.SEARCH]),) for _ in frame.drones]
         chosen = planned_actions(plans, 0, frame.drones, lost, env.grid_size, rng)
-        knowledge.acted(frame.drones, chosen)
+        tracker.update(frame.drones, chosen)
         observations, *_ = env.step(dict(zip(observations, chosen, strict=True)))
 
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
-def test_what_is_shown_does_not_change_what_is_known(bayesian_update: bool) -> None:
+def test_beliefs_do_not_depend_on_the_matrix_shown(bayesian_update: bool) -> None:
     parameters = {
         "grid_size": 9,
         "n_drones": 2,
@@ -96,21 +94,21 @@ def test_what_is_shown_does_not_change_what_is_known(bayesian_update: bool) -> N
     }
     env: DroneSwarmSearch = DroneSwarmSearch(**parameters, bayesian_update=bayesian_update)
     posterior = DroneSwarmSearch(**parameters, bayesian_update=True)
-    knowledge, rng = Knowledge(env.scenario), random.Random(1)
+    tracker, rng = BeliefTracker(env.scenario), random.Random(1)
     observations, _ = env.reset(2)
     posterior.reset(2)
     for _ in range(30):
         actions = careful_actions(rng, observations, 9)
-        knowledge.observe(env.frame().matrix)
-        knowledge.acted(cells_of(observations), actions.values())
+        tracker.observe(env.frame().matrix)
+        tracker.update(cells_of(observations), actions.values())
         observations, *_ = env.step(actions)
         posterior.step(actions)
         assert env.agents
-    assert np.array_equal(knowledge.belief(0).astype(np.float32), posterior.frame().matrix)
+    assert np.array_equal(tracker.belief(0).astype(np.float32), posterior.frame().matrix)
 
 
 def two_persons(**changes: Any) -> DroneSwarmSearch:
-    """Two persons in known cells, who stay there, and a drone beside each."""
+    """Two stationary persons in known cells, and two drones."""
     parameters = {
         "grid_size": 5,
         "n_drones": 2,
@@ -123,21 +121,21 @@ def two_persons(**changes: Any) -> DroneSwarmSearch:
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 @pytest.mark.parametrize("found", [0, 1])
-def test_it_tells_who_was_found(found: int, bayesian_update: bool) -> None:
+def test_infers_who_was_found(found: int, bayesian_update: bool) -> None:
     env = two_persons(bayesian_update=bayesian_update)
     cells = [(0, 0), (4, 4)]
     env.reset(0, drones_positions=cells)
-    knowledge = Knowledge(env.scenario)
+    tracker = BeliefTracker(env.scenario)
     actions = [Action.IDLE, Action.IDLE]
     actions[found] = Action.SEARCH
-    knowledge.observe(env.frame().matrix)
-    knowledge.acted(cells, actions)
+    tracker.observe(env.frame().matrix)
+    tracker.update(cells, actions)
     env.step(dict(zip(env.possible_agents, actions, strict=True)))
-    knowledge.observe(env.frame().matrix)
-    assert knowledge.missing == (1 - found,)
+    tracker.observe(env.frame().matrix)
+    assert tracker.missing == (1 - found,)
 
 
-def test_persons_who_cannot_be_told_apart_stay_missing() -> None:
+def test_persons_with_equal_beliefs_both_count_as_missing() -> None:
     env = two_persons(
         person_initial_position=[(2, 2), (2, 2)],
         disperse_constant=20,
@@ -145,68 +143,72 @@ def test_persons_who_cannot_be_told_apart_stay_missing() -> None:
         bayesian_update=True,
     )
     observations, _ = env.reset(3, drones_positions=[(2, 2), (0, 0)])
-    knowledge = Knowledge(env.scenario)
+    tracker = BeliefTracker(env.scenario)
     rng = random.Random(0)
     while env.agents and not any(env.frame().found):
         frame = env.frame()
         lost = [p for p, found in zip(frame.persons, frame.found, strict=True) if not found]
         chosen = planned_actions([(HUNT,), (SPREAD,)], 0, frame.drones, lost, 5, rng)
-        knowledge.observe(frame.matrix)
-        knowledge.acted(frame.drones, chosen)
+        tracker.observe(frame.matrix)
+        tracker.update(frame.drones, chosen)
         observations, *_ = env.step(dict(zip(observations, chosen, strict=True)))
     assert env.frame().found.count(True) == 1
-    knowledge.observe(env.frame().matrix)
-    assert knowledge.missing == (0, 1)
-    assert np.array_equal(knowledge.belief(0), knowledge.belief(1))
+    tracker.observe(env.frame().matrix)
+    assert tracker.missing == (0, 1)
+    assert np.array_equal(tracker.belief(0), tracker.belief(1))
 
 
-def test_rounding_is_no_news_and_what_nothing_explains_neither() -> None:
+def test_rounding_errors_and_unexplained_matrices_change_nothing() -> None:
     cells = [(0, 0), (4, 4)]
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
-    knowledge.acted(cells, [Action.SEARCH, Action.SEARCH])
-    both = knowledge.shown()
-    knowledge.observe(both * np.float32(1 + 1e-6))
-    assert knowledge.missing == (0, 1)
-    knowledge.observe(np.full_like(both, 1 / 25))
-    assert knowledge.missing == (0, 1)
-    knowledge.observe(knowledge.shown([1]) * np.float32(1 + 1e-6))
-    assert knowledge.missing == (1,)
+    tracker = BeliefTracker(two_persons(disperse_constant=5).scenario)
+    tracker.update(cells, [Action.SEARCH, Action.SEARCH])
+    both = tracker.matrix()
+    tracker.observe(both * np.float32(1 + 1e-6))
+    assert tracker.missing == (0, 1)
+    tracker.observe(np.full_like(both, 1 / 25))
+    assert tracker.missing == (0, 1)
+    tracker.observe(tracker.matrix([1]) * np.float32(1 + 1e-6))
+    assert tracker.missing == (1,)
 
 
 def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> None:
     env = two_persons(probability_of_detection=(0.5, 0.25), disperse_constant=5)
-    knowledge = Knowledge(env.scenario)
-    expected = (0.5 * knowledge.belief(0) + 0.25 * knowledge.belief(1)) / 2
-    np.testing.assert_allclose(knowledge.success, expected)
-    knowledge.acted([(1, 1), (4, 4)], [Action.IDLE, Action.SEARCH])
-    knowledge.observe(knowledge.shown([0]))
-    np.testing.assert_allclose(knowledge.success, 0.5 * knowledge.belief(0))
+    tracker = BeliefTracker(env.scenario)
+    expected = (0.5 * tracker.belief(0) + 0.25 * tracker.belief(1)) / 2
+    np.testing.assert_allclose(tracker.success, expected)
+    tracker.update([(1, 1), (4, 4)], [Action.IDLE, Action.SEARCH])
+    tracker.observe(tracker.matrix([0]))
+    np.testing.assert_allclose(tracker.success, 0.5 * tracker.belief(0))
 
 
-@pytest.mark.parametrize("way", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
-def test_copies_know_the_same_and_part_from_then_on(way: Any) -> None:
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+def beliefs_of(tracker: BeliefTracker) -> np.ndarray:
+    return np.array([tracker.belief(person) for person in (0, 1)])
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_copies_are_equal_and_independent(duplicate: Any) -> None:
+    tracker = BeliefTracker(two_persons(disperse_constant=5).scenario)
     cells = [(1, 0), (4, 4)]
-    knowledge.acted(cells, [Action.SEARCH, Action.IDLE])
-    twin, before = way(knowledge), knowledge.beliefs
-    assert np.array_equal(twin.beliefs, before)
-    twin.acted(cells, [Action.SEARCH, Action.SEARCH])
-    twin.observe(twin.shown([0]))
-    assert (knowledge.step, knowledge.missing) == (1, (0, 1))
-    assert np.array_equal(knowledge.beliefs, before)
-    assert not np.array_equal(twin.beliefs, before)
+    tracker.update(cells, [Action.SEARCH, Action.IDLE])
+    twin, before = duplicate(tracker), beliefs_of(tracker)
+    assert np.array_equal(beliefs_of(twin), before)
+    twin.update(cells, [Action.SEARCH, Action.SEARCH])
+    twin.observe(twin.matrix([0]))
+    assert (tracker.step, tracker.missing) == (1, (0, 1))
+    assert np.array_equal(beliefs_of(tracker), before)
+    assert not np.array_equal(beliefs_of(twin), before)
 
 
 def test_deep_copies_share_forecasts() -> None:
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
-    assert copy.deepcopy(knowledge).forecasts is knowledge.forecasts
+    tracker = BeliefTracker(two_persons(disperse_constant=5).scenario)
+    assert copy.deepcopy(tracker).forecasts is tracker.forecasts
 
 
-def test_nothing_done_to_handed_out_arrays_changes_what_is_known() -> None:
-    knowledge = Knowledge(two_persons(disperse_constant=5).scenario)
+def test_returned_arrays_are_copies() -> None:
+    tracker = BeliefTracker(two_persons(disperse_constant=5).scenario)
     for _ in range(3):
-        before = knowledge.beliefs
-        for array in (*map(knowledge.belief, (0, 1)), knowledge.success, knowledge.shown()):
+        before = beliefs_of(tracker)
+        for array in (*map(tracker.belief, (0, 1)), tracker.success, tracker.matrix()):
             array[...] = 7.0
-        assert np.array_equal(knowledge.beliefs, before)
-        knowledge.acted([(1, 0), (4, 4)], [Action.SEARCH, Action.IDLE])
+        assert np.array_equal(beliefs_of(tracker), before)
+        tracker.update([(1, 0), (4, 4)], [Action.SEARCH, Action.IDLE])

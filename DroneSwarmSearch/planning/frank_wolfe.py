@@ -1,0 +1,130 @@
+"""The Frank-Wolfe (conditional gradient) method for concave functions of search effort.
+
+The method maximises a function over the mixtures of what an oracle can return (M. Frank and
+P. Wolfe, Naval Research Logistics Quarterly 3:95, 1956). Each iteration asks the oracle for
+the best response to the function's gradient and moves towards it. It also yields an upper
+bound: the function lies below each of its tangents, so the maximum of a tangent bounds the
+maximum of the function. The difference to the value reached is the duality gap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Effort", "Objective", "Oracle", "Solution", "frank_wolfe", "line_search"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+AVERAGING = 10.0
+"""Iteration k enters the mean of tangents with weight AVERAGING / (k + AVERAGING), so the mean
+covers about the latest tenth for every AVERAGING iterations."""
+
+
+class Effort(NamedTuple):
+    """Search effort: how many searches are made in some cells and steps.
+
+    Attributes:
+        indices: int64, shape (k,): t * N * N + y * N + x; they may repeat.
+        amounts: float64, shape (k,).
+    """
+
+    indices: Ints
+    amounts: Floats
+
+
+class Objective(Protocol):
+    """A concave function of search effort, together with the current point."""
+
+    def value(self) -> float:
+        """The function's value at the current point."""
+
+    def tangent(self) -> tuple[float, Floats]:
+        """A linear upper bound of the function: its value without effort, and its gains.
+
+        The gains are not negative and have shape (T, N, N), indexed [t, y, x].
+        """
+
+    def move_towards(self, target: Effort) -> None:
+        """Move the current point towards another one, by about the best step size."""
+
+
+Oracle = Callable[[Floats], tuple[float, Effort]]
+"""Takes gains; returns the largest total gain, and the effort that attains it."""
+
+
+class Solution(NamedTuple):
+    """What the method has reached.
+
+    Attributes:
+        value: the objective at the best point found.
+        upper_bound: of the objective's maximum.
+    """
+
+    value: float
+    upper_bound: float
+
+    @property
+    def gap(self) -> float:
+        """The duality gap."""
+        return self.upper_bound - self.value
+
+
+def frank_wolfe(
+    objective: Objective,
+    oracle: Oracle,
+    *,
+    gap: float,
+    iterations: int,
+    upper_bound: float = math.inf,
+) -> Solution:
+    """Maximise a concave function over the mixtures of what an oracle can return.
+
+    Args:
+        objective: the function; its current point moves.
+        oracle: maximises linear functions.
+        gap: stop at this duality gap, as a fraction of the upper bound.
+        iterations: the largest number of iterations.
+        upper_bound: a bound that is already known.
+    """
+    value = -math.inf
+    mean_intercept, mean_gains = 0.0, np.zeros(())
+    for iteration in range(iterations + 1):
+        value = max(value, objective.value())
+        intercept, gains = objective.tangent()
+        # A mean of tangents is an upper bound too, and oscillates less than the latest one.
+        weight = AVERAGING / (iteration + AVERAGING)
+        mean_intercept += weight * (intercept - mean_intercept)
+        mean_gains = mean_gains + weight * (gains - mean_gains)
+        gained, target = oracle(mean_gains)
+        upper_bound = min(upper_bound, mean_intercept + gained)
+        if upper_bound - value <= gap * upper_bound or iteration == iterations:
+            break
+        objective.move_towards(target)
+    return Solution(value, upper_bound)
+
+
+def line_search(value: Callable[[float], float]) -> float:
+    """The step size in [0, 1] that maximises a concave function, to a few percent.
+
+    A golden-section search over the logarithm, because late step sizes are small.
+    """
+    golden = (math.sqrt(5) - 1) / 2
+    low, high = math.log(1e-4), 0.0
+    a, b = high - golden * (high - low), low + golden * (high - low)
+    at_a, at_b = value(math.exp(a)), value(math.exp(b))
+    for _ in range(9):
+        if at_a > at_b:
+            high, b, at_b = b, a, at_a
+            a = high - golden * (high - low)
+            at_a = value(math.exp(a))
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + golden * (high - low)
+            at_b = value(math.exp(b))
+    return math.exp((low + high) / 2)

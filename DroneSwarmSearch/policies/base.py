@@ -1,0 +1,297 @@
+"""Base classes: one policy for a single search or a batch, with a memory for each search.
+
+Searches whose observations have been identical since they began share one memory, and the
+policy chooses once for all of them. With one person and a deterministic policy, a batch of
+thousands therefore costs little more than a single search. When the observations differ, the
+memory is copied.
+"""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.observations import Observation
+from DroneSwarmSearch.scenario import Cell, Scenario
+
+__all__ = ["BatchPolicy", "SwarmPolicy"]
+
+Ints = NDArray[np.int64]
+Singles = NDArray[np.float32]
+
+_NO_GROUP = -1
+
+
+class BatchPolicy(ABC):
+    """A policy that accepts the observations of one search or of a batch.
+
+    Subclasses implement `_act` and `_reset`. To write a policy for one search at a time,
+    derive it from `SwarmPolicy`.
+
+    Args:
+        scenario: the parameters of every search to steer.
+
+    Attributes:
+        scenario: the same.
+
+    Raises:
+        TypeError: `scenario` is not a `Scenario`.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        if not isinstance(scenario, Scenario):
+            raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
+        self.scenario = scenario
+
+    @overload
+    def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]: ...
+    @overload
+    def __call__(self, observations: Mapping[str, NDArray[Any]], /) -> Ints: ...
+    def __call__(self, observations: Mapping[str, Any], /) -> dict[str, int] | Ints:
+        """Choose an action for every drone.
+
+        Args:
+            observations: of one search, as `DroneSwarmSearch` returns them; or of E searches,
+                as `SwarmVectorEnv` returns them in its dict layout: "positions", integers of
+                shape (E, n_drones, 2), every drone's (x, y); "probability_matrix", float32
+                of shape (E, N, N), indexed [y, x]; and optionally "row", integers of shape
+                (E,), the index of each search in its batch, all different. The default is
+                0 to E - 1; a single search has index 0.
+
+        Returns:
+            The actions, 0 to 5 (see `Action`): a dict from agent names for one search, an
+            int64 array of shape (E, n_drones) for a batch.
+
+        Raises:
+            TypeError: positions or rows are not integers.
+            ValueError: the number of drones is not the scenario's, an array has the wrong
+                shape, or rows are negative or repeated.
+        """
+        if "positions" in observations:
+            return self._act(*self._checked(observations))
+        if not observations:
+            return {}
+        seen = [observation["observation"] for observation in observations.values()]
+        positions, matrices = np.array([[cell for cell, _ in seen]]), seen[0][1][None]
+        self._check_shape("observations", positions, self.scenario.n_drones, 2)
+        self._check_shape("matrix", matrices, *self._grid)
+        actions: list[int] = self._act(np.zeros(1, np.int64), positions, matrices)[0].tolist()
+        return dict(zip(observations, actions, strict=True))
+
+    def reset(self, seed: int | Sequence[int] | None = None, rows: ArrayLike | None = None) -> None:
+        """Start new episodes: the next observations are the first of an episode.
+
+        Args:
+            seed: for policies that draw random numbers: an integer >= 0, with which row i
+                gets seed + i, or one for each row. Without it, the policy continues its
+                random sequence.
+            rows: the indices of the searches to reset; all by default.
+
+        Raises:
+            TypeError: a seed or a row is not an integer.
+            ValueError: a seed or a row is negative, or the numbers of seeds and rows differ.
+        """
+        indices = None if rows is None else _checked_rows("rows", rows)
+        self._reset(indices, _checked_seeds(seed, indices))
+
+    @abstractmethod
+    def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
+        """Choose the actions in some searches; the arguments are valid.
+
+        Args:
+            rows: the indices of the searches, shape (E,), in any order.
+            positions: every drone's (x, y), shape (E, n_drones, 2).
+            matrices: float32, shape (E, N, N), indexed [y, x]; do not keep or change them.
+
+        Returns:
+            int64, shape (E, n_drones).
+        """
+
+    @abstractmethod
+    def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
+        """Reset some searches, or all if `rows` is None; the arguments are valid.
+
+        Args:
+            rows: the indices of the searches.
+            seeds: one for each of them, or one with which row i gets that + i, or None.
+        """
+
+    @property
+    def _grid(self) -> tuple[int, int]:
+        return self.scenario.grid_size, self.scenario.grid_size
+
+    def _checked(
+        self, observations: Mapping[str, NDArray[Any]]
+    ) -> tuple[Ints, NDArray[np.integer], Singles]:
+        """The validated rows, positions and matrices of a batch."""
+        positions = np.asarray(observations["positions"])
+        if positions.dtype.kind not in "iu":
+            raise TypeError(f"positions must be integers, got {positions.dtype}")
+        self._check_shape("positions", positions, self.scenario.n_drones, 2)
+        if "probability_matrix" not in observations:
+            raise ValueError(
+                f"observations must hold a probability_matrix, got {', '.join(observations)}"
+            )
+        matrices = np.asarray(observations["probability_matrix"], np.float32)
+        self._check_shape("probability_matrix", matrices, *self._grid)
+        rows = np.arange(len(positions))
+        if "row" in observations:
+            rows = _checked_rows("row", observations["row"])
+        for name, array in (("probability_matrix", matrices), ("row", rows)):
+            if len(array) != len(positions):
+                raise ValueError(
+                    f"{name} must have the length of positions, {len(positions)}, got {len(array)}"
+                )
+        return rows, positions, matrices
+
+    @staticmethod
+    def _check_shape(name: str, array: NDArray[Any], *expected: int) -> None:
+        if array.shape[1:] != expected:
+            raise ValueError(
+                f"{name} must be of shape {expected} for each search, got {array.shape[1:]}"
+            )
+
+
+class SwarmPolicy(BatchPolicy):
+    """A policy for one search: `begin` returns its memory, `choose` the actions.
+
+    It steers batches as well. `choose` must be deterministic: searches with identical
+    observations share one memory and one call.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self._reset(None, None)
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """The memory of a search before its first observation.
+
+        It must support `copy.deepcopy`. Let copies share large constant data (forecasts,
+        tables).
+        """
+
+    @abstractmethod
+    def choose(self, memory: Any, cells: list[Cell], matrix: Singles) -> Sequence[int]:
+        """Choose the actions of one step.
+
+        Args:
+            memory: of this search; change it in place.
+            cells: every drone's (x, y).
+            matrix: float32, shape (N, N), indexed [y, x]; do not keep or change it.
+
+        Returns:
+            An action, 0 to 5, for every drone.
+        """
+
+    def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
+        # Rows whose observations have been identical form a group with one memory.
+        if rows is None:
+            self._group_of: Ints = np.empty(0, np.int64)  # of each row
+            self._memories: dict[int, Any] = {}  # of each group
+            self._sizes: dict[int, int] = {}  # rows in each group
+            self._next_group = 0
+            return
+        for row in rows[rows < len(self._group_of)].tolist():
+            self._remove_from(int(self._group_of[row]), 1)
+            self._group_of[row] = _NO_GROUP
+
+    def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
+        actions = np.empty(positions.shape[:2], np.int64)
+        if not rows.size:
+            return actions
+        self._begin_new(rows)
+        for places in self._identical(self._group_of[rows], positions, matrices):
+            memory = self._memory_of(rows[places])
+            cells = [(x, y) for x, y in positions[places[0]].tolist()]
+            actions[places] = self.choose(memory, cells, matrices[places[0]])
+        return actions
+
+    def _begin_new(self, rows: Ints) -> None:
+        """Give a memory to the rows at the beginning of an episode."""
+        missing = int(rows.max()) + 1 - len(self._group_of)
+        if missing > 0:
+            self._group_of = np.concatenate([self._group_of, np.full(missing, _NO_GROUP)])
+        new = rows[self._group_of[rows] == _NO_GROUP]
+        if new.size:
+            self._add_group(new, self.begin())
+
+    def _add_group(self, rows: Ints, memory: Any) -> None:
+        group = self._next_group
+        self._next_group += 1
+        self._group_of[rows] = group
+        self._memories[group], self._sizes[group] = memory, len(rows)
+
+    def _remove_from(self, group: int, rows: int) -> None:
+        """Remove a number of rows from a group; an empty group is deleted."""
+        if group == _NO_GROUP:
+            return
+        self._sizes[group] -= rows
+        if not self._sizes[group]:
+            del self._sizes[group], self._memories[group]
+
+    def _memory_of(self, rows: Ints) -> Any:
+        """The memory of rows of one group; a copy if the group has other rows, too."""
+        group = int(self._group_of[rows[0]])
+        memory = self._memories[group]
+        if len(rows) < self._sizes[group]:
+            memory = copy.deepcopy(memory)
+            self._remove_from(group, len(rows))
+            self._add_group(rows, memory)
+        return memory
+
+    @staticmethod
+    def _identical(
+        groups: Ints, positions: NDArray[np.integer], matrices: Singles
+    ) -> Iterator[Ints]:
+        """The indices of rows that share a memory and have identical observations now."""
+        order = np.argsort(groups, kind="stable")
+        borders = np.flatnonzero(np.diff(groups[order])) + 1
+        for places in np.split(order, borders):
+            if len(places) == 1:
+                yield places
+                continue
+            here = slice(None) if len(places) == len(groups) else places  # a slice copies nothing
+            seen = positions[here], matrices[here]
+            equal = [(array == array[0]).reshape(len(places), -1).all(axis=1) for array in seen]
+            same = np.logical_and(*equal)
+            yield places[same]
+            others: dict[tuple[bytes, bytes], list[int]] = {}
+            for place in places[~same].tolist():
+                key = positions[place].tobytes(), matrices[place].tobytes()
+                others.setdefault(key, []).append(place)
+            yield from map(np.array, others.values())
+
+
+def _checked_rows(name: str, value: ArrayLike) -> Ints:
+    """Valid row indices: int64, shape (n,)."""
+    rows = np.asarray(value)
+    if rows.size == 0:
+        rows = rows.astype(np.int64)
+    if rows.dtype.kind not in "iu":
+        raise TypeError(f"{name} must be integers of at least 0, got {rows.dtype}")
+    if rows.ndim != 1:
+        raise ValueError(f"{name} must be of shape (n,), got {rows.shape}")
+    if rows.size and rows.min() < 0:
+        raise ValueError(f"{name} must be integers of at least 0, got {int(rows.min())}")
+    if len(np.unique(rows)) < len(rows):
+        raise ValueError(f"{name} must be all different, got {rows.tolist()}")
+    return rows.astype(np.int64, copy=False)
+
+
+def _checked_seeds(seed: object, rows: Ints | None) -> int | list[int] | None:
+    """The valid seeds of a reset."""
+    if seed is None:
+        return None
+    if isinstance(seed, (list, tuple, np.ndarray)):
+        seeds = [checks.integer(f"seed[{i}]", value, 0) for i, value in enumerate(seed)]
+        if rows is not None and len(seeds) != len(rows):
+            raise ValueError(f"seed must be {len(rows)} integers, one for each row, got {seed!r}")
+        return seeds
+    return checks.integer("seed", seed, 0)

@@ -1,0 +1,166 @@
+"""The belief about every person, tracked by the swarm itself.
+
+The environment shows one matrix: the mean over the missing persons, perhaps without what the
+searches have taught. From the scenario, its own searches and the matrix a swarm can compute
+more: the exact posterior of each person and, mostly, who has been found. The arithmetic is
+that of the environment (`drift.belief`), bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import combinations, islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, mean_over_missing
+from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.scenario import Cell, Scenario
+
+__all__ = ["BeliefTracker"]
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+MOST_HYPOTHESES = 4096
+"""How many sets of found persons are compared with the matrix, smallest first."""
+
+TOLERANCE = 1e-5
+"""Relative error of a matrix that still matches: some roundings of single precision. This
+package's matrices match exactly; those that went through other libraries may not."""
+
+
+class BeliefTracker:
+    """The belief about every person of one search.
+
+    In every step, call `observe` with the matrix, choose the actions, and call `update` with
+    them. Observations do not say who was found, so the tracker infers it from the matrix.
+    Persons with equal beliefs cannot be told apart: one that was found may still count as
+    missing, which does not change the mean.
+
+    Copies are cheap; they share the forecasts and the arrays, which never change.
+
+    Args:
+        scenario: the parameters of the search.
+
+    Attributes:
+        scenario: the same.
+        forecasts: of each person.
+        step: completed steps.
+        missing: the persons who count as missing, by number in ascending order; at least one.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.forecasts = scenario.forecasts()
+        self.step = 0
+        self.missing = tuple(range(len(self.forecasts)))
+        self._beliefs: tuple[Floats, ...] | None = None  # None before the first search
+        self._perhaps_found: tuple[int, ...] = ()  # by the latest searches
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> BeliefTracker:
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)  # attributes are replaced, never changed in place
+        return twin
+
+    def belief(self, person: int) -> Floats:
+        """Where a missing person is: float64, shape (N, N), indexed [y, x]; a new array."""
+        if self._beliefs is None:
+            return self.forecasts[person].exact(self.step)
+        return self._beliefs[person].copy()
+
+    @property
+    def success(self) -> Floats:
+        """Probability of success (POS) of searching each cell, the mean over the missing persons.
+
+        float64, shape (N, N), indexed [y, x]: the mean of probability of detection x belief.
+        """
+        detections = self.scenario.detections
+        total = np.zeros((self.scenario.grid_size,) * 2)
+        for person in self.missing:
+            total += detections[person] * self.belief(person)
+        return total / len(self.missing)
+
+    def matrix(self, missing: Sequence[int] | None = None) -> Singles:
+        """The matrix that the environment shows while some persons are missing.
+
+        Args:
+            missing: these persons; by default those who count as missing.
+
+        Returns:
+            float32, shape (N, N), indexed [y, x].
+        """
+        persons = self.missing if missing is None else missing
+        if self.scenario.bayesian_update and self._beliefs is not None:
+            return mean_over_missing(self._beliefs, persons).astype(np.float32)
+        forecasts = [self.forecasts[person] for person in persons]
+        if all(forecast.parameters == forecasts[0].parameters for forecast in forecasts):
+            return forecasts[0].at(self.step)
+        exact = [forecast.exact(self.step) for forecast in forecasts]
+        return mean_over_missing(exact, range(len(exact))).astype(np.float32)
+
+    def observe(self, matrix: Singles) -> None:
+        """Infer from this step's matrix who was found in the last step.
+
+        The smallest set of persons whose find explains the matrix counts as found; if no set
+        does, nobody.
+
+        Args:
+            matrix: float32, shape (N, N), indexed [y, x].
+        """
+        if not self._perhaps_found or len(self.missing) == 1:
+            return
+        closest = None
+        for missing in islice(self._hypotheses(), MOST_HYPOTHESES):
+            expected = self.matrix(missing)
+            if np.array_equal(expected, matrix):
+                self.missing = missing
+                return
+            if closest is None and np.allclose(expected, matrix, rtol=TOLERANCE, atol=1e-12):
+                closest = missing
+        if closest is not None:
+            self.missing = closest
+
+    def _hypotheses(self) -> Iterator[tuple[int, ...]]:
+        """Who may be missing now, starting with everyone who was."""
+        for count in range(len(self._perhaps_found) + 1):
+            for found in combinations(self._perhaps_found, count):
+                missing = tuple(person for person in self.missing if person not in found)
+                if missing:
+                    yield missing
+
+    def update(self, cells: Sequence[Cell], actions: Iterable[int]) -> None:
+        """Advance by a step: searches that did not find those still missing, then drift.
+
+        Args:
+            cells: every drone's (x, y) before the step.
+            actions: every drone's action.
+        """
+        size = self.scenario.grid_size
+        searched = [
+            y * size + x
+            for (x, y), action in zip(cells, actions, strict=True)
+            if action == Action.SEARCH
+        ]
+        self._perhaps_found = ()
+        if searched:
+            self._update_beliefs(searched)
+        if self._beliefs is not None:
+            self._beliefs = tuple(
+                after_drift(belief, *forecast.moves(self.step))
+                for belief, forecast in zip(self._beliefs, self.forecasts, strict=True)
+            )
+        self.step += 1
+
+    def _update_beliefs(self, searched: list[int]) -> None:
+        """Apply Bayes' rule for unsuccessful searches."""
+        beliefs = [self.belief(person) for person in range(len(self.forecasts))]
+        perhaps_found = []
+        for person in self.missing:
+            detection = self.scenario.detections[person]
+            if detection > 0.0 and beliefs[person].reshape(-1)[searched].any():
+                perhaps_found.append(person)
+            beliefs[person], _ = after_unsuccessful_search(beliefs[person], searched, detection)
+        self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)

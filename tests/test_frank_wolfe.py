@@ -1,0 +1,235 @@
+"""The Frank-Wolfe method and its objectives: tangents lie above, textbook optima are met."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from small_searches import forecast_of, paths_of, search, success_of
+
+from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.planning.bound import drone_paths
+from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
+from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
+from DroneSwarmSearch.planning.paths import values_to_go
+from DroneSwarmSearch.planning.trajectories import (
+    Trajectories,
+    enumerate_trajectories,
+    sample_trajectories,
+)
+from DroneSwarmSearch.policies import make
+
+Floats = np.ndarray
+
+
+def expected_g(trajectories: Trajectories, effort: Floats, detection: float) -> float:
+    """E[g(s)]: 1 - (1 - q)^s of the sum along each trajectory, linear between whole s."""
+    steps = np.arange(len(trajectories.cells))[:, None]
+    sums = effort.reshape(len(trajectories.cells), -1)[steps, trajectories.cells].sum(axis=0)
+    whole = np.arange(math.ceil(sums.max()) + 1.0)
+    return float(trajectories.probabilities @ np.interp(sums, whole, 1 - (1 - detection) ** whole))
+
+
+def effort_of(array: Floats) -> Effort:
+    flat = array.reshape(-1)
+    return Effort(flat.nonzero()[0], flat[flat.nonzero()])
+
+
+class TestObjectives:
+    OF = search(
+        [(0, 0), (2, 0)], grid_size=5, person_initial_position=(2, 3), vector=(0.2, -0.4),
+        disperse_constant=6, timestep_limit=5, probability_of_detection=0.6,
+    )  # fmt: skip
+    FORECAST = forecast_of(OF)
+    SHAPE = (5, 5, 5)
+
+    def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
+        return MarkovChainObjective(
+            MarkovChain(self.FORECAST), self.FORECAST.exact(0), rate, effort.reshape(-1)
+        )
+
+    def test_at_whole_paths_equal_the_success_of_the_plan(self) -> None:
+        paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
+        expected = success_of(self.OF, paths)[0]
+        assert expected > 0.1
+        effort = np.zeros((5, 25))
+        for path in paths:
+            steps = path.searches.nonzero()[0]
+            effort[steps, path.cells[steps]] += 1.0
+        exact = self.chain(effort, -math.log(0.4)).value()
+        assert exact == pytest.approx(expected, rel=1e-12)
+        trajectories = enumerate_trajectories(self.FORECAST, 5)
+        assert expected_g(trajectories, effort, 0.6) == pytest.approx(expected, rel=1e-12)
+
+    def test_tangents_of_the_chain_objective_touch_and_lie_above(self) -> None:
+        rng = np.random.default_rng(0)
+        rate = rng.random((5, 5)) + 0.5
+        point = rng.random(self.SHAPE)
+        objective = self.chain(point.copy(), rate)
+        value = objective.value()
+        intercept, gains = objective.tangent()
+        assert gains.shape == self.SHAPE
+        assert (gains >= 0).all()
+        assert intercept + np.vdot(gains, point) == pytest.approx(value, rel=1e-12)
+        for place in [(0, 3, 2), (2, 2, 2), (4, 1, 3)]:
+            aside = point.copy()
+            aside[place] += 1e-6
+            slope = (self.chain(aside, rate).value() - value) / 1e-6
+            assert gains[place] == pytest.approx(slope, rel=1e-4)
+        for spread in (0.01, 0.5, 3.0):
+            other = rng.random(self.SHAPE) * spread
+            assert self.chain(other, rate).value() <= intercept + np.vdot(gains, other) + 1e-12
+
+    @pytest.mark.parametrize("detection", [1.0, 0.6])
+    def test_tangents_of_the_trajectory_objective_lie_above(self, detection: float) -> None:
+        rng = np.random.default_rng(1)
+        trajectories = enumerate_trajectories(self.FORECAST, 5)
+        objective = TrajectoryObjective(trajectories, 5, detection)
+        assert objective.value() == 0.0
+        for _ in range(12):
+            intercept, gains = objective.tangent()
+            assert gains.shape == self.SHAPE
+            assert (gains >= 0).all()
+            for spread in (0.0, 0.01, 0.3, 2.0):
+                other = rng.random(self.SHAPE) * spread
+                above = intercept + np.vdot(gains, other)
+                assert expected_g(trajectories, other, detection) <= above + 1e-12
+            objective.move_towards(effort_of(rng.random(self.SHAPE)))
+        assert 0.0 < objective.value() <= intercept + gains.max(axis=(1, 2)).sum() * 25
+
+    @pytest.mark.parametrize("detection", [1.0, 0.6])
+    def test_the_point_moves_nearly_to_an_optimal_target(self, detection: float) -> None:
+        """The target is half a search of every cell in the last step."""
+        trajectories = enumerate_trajectories(self.FORECAST, 5)
+        target = np.zeros(self.SHAPE)
+        target[4] = 0.5
+        objective = TrajectoryObjective(trajectories, 5, detection)
+        objective.move_towards(effort_of(target))
+        assert expected_g(trajectories, target, detection) == pytest.approx(detection / 2)
+        assert 0.9 * detection / 2 < objective.value() <= detection / 2
+
+    def test_the_chain_objective_is_the_larger_one(self) -> None:
+        oracle = drone_paths([0, 2])
+        trajectories = TrajectoryObjective(enumerate_trajectories(self.FORECAST, 5), 5, 0.6)
+        chain = self.chain(np.zeros(125), -math.log(0.4))
+        lower = frank_wolfe(trajectories, oracle, gap=0.005, iterations=300)
+        upper = frank_wolfe(chain, oracle, gap=0.005, iterations=300)
+        assert lower.value <= lower.upper_bound
+        assert lower.value <= upper.upper_bound
+        assert lower.upper_bound - lower.value == lower.gap <= 0.005 * lower.upper_bound
+
+    def test_a_sample_does_not_exceed_the_exact_bound(self) -> None:
+        forecast = self.FORECAST
+        chain = MarkovChainObjective(
+            MarkovChain(forecast), forecast.exact(0), -math.log(0.4), np.zeros(300)
+        )
+        trajectories = sample_trajectories(forecast, 12, 4000)
+        oracle = drone_paths([0, 2])
+        sampled = frank_wolfe(
+            TrajectoryObjective(trajectories, 5, 0.6), oracle, gap=0.02, iterations=60
+        )
+        exact = frank_wolfe(chain, oracle, gap=0.02, iterations=60)
+        assert sampled.value <= exact.upper_bound + 4 * math.sqrt(0.25 / 4000)
+
+
+class TestOracles:
+    def test_drone_paths_gain_as_much_as_the_best_paths(self) -> None:
+        gains = np.random.default_rng(3).random((6, 4, 4))
+        starts = [0, 7, 15]
+        gained, effort = drone_paths(starts)(gains)
+        values = values_to_go(gains, np.zeros((4, 4)))[0].reshape(-1)
+        assert gained == pytest.approx(values[starts].sum(), rel=1e-12)
+        assert gained == pytest.approx(gains.reshape(-1)[effort.indices] @ effort.amounts)
+        assert (effort.amounts == 1.0).all()
+        assert len(effort.indices) <= 18
+
+
+def free_effort(amount: float) -> Oracle:
+    """The oracle of searchers without paths: so much effort in each step, in any cell."""
+
+    def oracle(gains: Floats) -> tuple[float, Effort]:
+        flat = gains.reshape(len(gains), -1)
+        gained = amount * float(flat.max(axis=1).sum())
+        indices = np.arange(len(gains)) * flat.shape[1] + flat.argmax(axis=1)
+        return gained, Effort(indices, np.full(len(indices), amount))
+
+    return oracle
+
+
+def stationary(size: int) -> MarkovChain:
+    """The chain of a person who stays."""
+    return MarkovChain(ProbabilityMatrix(size, (0, 0), (0.0, 0.0), 0.0))
+
+
+class TestFreeEffort:
+    """Without paths, the method solves the classical problem of optimal search effort."""
+
+    def test_over_three_cells(self) -> None:
+        """Charnes and Cooper (Management Science 5:44, 1958): the optimum is in closed form."""
+        rates, prior = np.array([9.0, 3.0, 6.0]), np.array([2.0, 4.0, 2.0]) / 8
+        first, rate = np.append(prior, 0.0).reshape(2, 2), np.append(rates, 1.0).reshape(2, 2)
+        effort = np.zeros(4)
+        objective = MarkovChainObjective(stationary(2), first, rate, effort)
+        reached = frank_wolfe(objective, free_effort(0.2), gap=0.0, iterations=1500)
+        best_effort = np.array([0.073224, 0.0845173, 0.0422587])
+        np.testing.assert_allclose(effort[:3], best_effort, rtol=0.01)
+        assert effort[3] == 0.0
+        assert effort.sum() == pytest.approx(0.2, rel=0.001)
+        most = float(prior @ (1 - np.exp(-rates * best_effort)))
+        assert reached.value <= most + 1e-6
+        assert reached.upper_bound >= most - 1e-6
+        assert reached.gap < 0.001 * most
+
+    SIDE, SIGMA = 27, 3.5
+
+    @classmethod
+    def normal(cls) -> Floats:
+        """A circular normal prior over fine cells: float64, shape (N, N)."""
+        edges = (np.arange(cls.SIDE + 1) - cls.SIDE / 2) / cls.SIGMA
+        chances = np.diff(erf(edges / math.sqrt(2))) / 2
+        return np.multiply.outer(chances, chances) / chances.sum() ** 2
+
+    @classmethod
+    def searched(cls, tau: float, steps: int = 1) -> tuple[Solution, Floats]:
+        """The optimum reached and its effort; tau is H² t = W v t / (pi sigma²)."""
+        effort = np.zeros(steps * cls.SIDE**2)
+        objective = MarkovChainObjective(stationary(cls.SIDE), cls.normal(), 1.0, effort)
+        amount = tau * math.pi * cls.SIGMA**2 / steps
+        reached = frank_wolfe(objective, free_effort(amount), gap=0.003, iterations=2500)
+        return reached, effort.reshape(steps, cls.SIDE, cls.SIDE).sum(axis=0)
+
+    @pytest.mark.parametrize(
+        ("tau", "chance"),
+        [(0.5, 0.158279), (1.0, 0.264241), (2.0, 0.413064), (4.0, 0.593994), (8.0, 0.773718)],
+    )
+    def test_around_a_datum(self, tau: float, chance: float) -> None:
+        """Koopman's table (Search and Screening, 1946): 1 - (1 + sqrt(tau)) exp(-sqrt(tau))."""
+        assert chance == pytest.approx(
+            1 - (1 + math.sqrt(tau)) * math.exp(-math.sqrt(tau)), abs=1e-6
+        )
+        reached, _ = self.searched(tau)
+        assert reached.value == pytest.approx(chance, rel=0.01)
+        assert reached.upper_bound == pytest.approx(chance, rel=0.01)
+
+    def test_several_steps_are_as_good_as_one_for_a_stationary_person(self) -> None:
+        reached, _ = self.searched(1.0, steps=3)
+        assert reached.value == pytest.approx(0.264241, rel=0.01)
+        assert reached.upper_bound == pytest.approx(0.264241, rel=0.01)
+
+    def test_the_posterior_is_flat_within_the_searched_radius(self) -> None:
+        """Stone (Theory of Optimal Search, 1975): R² = 2 sigma² sqrt(tau)."""
+        tau = 0.5
+        _, effort = self.searched(tau)
+        radius = self.SIGMA * math.sqrt(2 * math.sqrt(tau))
+        y, x = np.indices(effort.shape) - (self.SIDE - 1) / 2
+        within, outside = np.hypot(x, y) < radius - 1, np.hypot(x, y) > radius + 1
+        posterior = self.normal() * np.exp(-effort)
+        prior = self.normal()[within]
+        assert prior.min() < 0.8 * prior.max()
+        assert posterior[within].min() > 0.95 * posterior[within].max()
+        assert effort[outside].sum() == 0.0
+        assert posterior[outside].max() < posterior[within].min()

@@ -1,0 +1,116 @@
+"""Trajectories of a person, and the confidence of a mean over a sample of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.planning.trajectories import (
+    chernoff_bound,
+    enumerate_trajectories,
+    sample_trajectories,
+)
+
+
+class TestChernoff:
+    @settings(deadline=None, max_examples=60, derandomize=True)
+    @given(
+        st.one_of(st.just(0.0), st.floats(1e-6, 1 - 1e-6)),
+        st.integers(1, 10**6),
+        st.floats(0.5, 0.9999),
+    )
+    def test_is_where_the_relative_entropy_reaches_its_limit(
+        self, mean: float, count: int, confidence: float
+    ) -> None:
+        p = chernoff_bound(mean, count, confidence)
+        assert mean <= p <= 1.0
+        allowed = -math.log(1 - confidence) / count
+
+        def entropy(p: float) -> float:
+            of_mean = mean * math.log(mean / p) if mean else 0.0
+            return of_mean + (1 - mean) * math.log((1 - mean) / (1 - p))
+
+        assert entropy(min(p + 1e-9, 1 - 1e-16)) >= allowed * (1 - 1e-6) or p > 1 - 1e-9
+        assert entropy(max(p - 1e-9, mean)) <= allowed * (1 + 1e-6)
+
+    def test_without_a_success(self) -> None:
+        # (1 - p)^n = 1 - confidence
+        assert chernoff_bound(0.0, 100, 0.999) == pytest.approx(1 - 0.001**0.01, rel=1e-9)
+
+    def test_is_1_where_the_mean_is(self) -> None:
+        assert chernoff_bound(1.0, 100, 0.9) == 1.0
+
+    def test_is_monotone(self) -> None:
+        means = np.linspace(0, 1, 60)
+        bounds = [chernoff_bound(mean, 200, 0.99) for mean in means]
+        assert (np.diff(bounds) > 0).all()
+        assert (np.array(bounds[:-1]) > means[:-1]).all()
+        more = [chernoff_bound(0.3, count, 0.99) for count in (1, 10, 100, 1000, 10**6)]
+        assert (np.diff(more) < 0).all()
+        surer = [chernoff_bound(0.3, 200, confidence) for confidence in (0.5, 0.9, 0.99, 0.999)]
+        assert (np.diff(surer) > 0).all()
+
+    @pytest.mark.parametrize("p", [0.03, 0.4, 0.9])
+    def test_fails_at_most_with_the_stated_probability(self, p: float) -> None:
+        n, confidence = 80, 0.95
+        failing = sum(
+            math.comb(n, k) * p**k * (1 - p) ** (n - k)
+            for k in range(n + 1)
+            if chernoff_bound(k / n, n, confidence) < p
+        )
+        assert failing <= 1 - confidence
+
+
+class TestTrajectories:
+    FORECAST = ProbabilityMatrix(5, (1, 3), (0.4, -0.2), 8)
+
+    def test_enumerated_ones_are_distributed_as_the_forecast(self) -> None:
+        trajectories = enumerate_trajectories(self.FORECAST, 5)
+        assert trajectories is not None
+        assert trajectories.probabilities.sum() == pytest.approx(1.0, rel=1e-12)
+        assert len(np.unique(trajectories.cells, axis=1).T) == len(trajectories.probabilities)
+        for step in range(5):
+            reached = np.bincount(trajectories.cells[step], trajectories.probabilities, 25).reshape(
+                5, 5
+            )
+            np.testing.assert_allclose(reached, self.FORECAST.exact(step), atol=1e-13)
+        product = np.ones(len(trajectories.probabilities))
+        for step in range(4):
+            (y, x), (v, u) = (np.divmod(trajectories.cells[t], 5) for t in (step, step + 1))
+            for here, there, up, down in ((x, u, 0, 1), (y, v, 2, 3)):
+                higher, lower = (self.FORECAST.moves(step)[axis][here] for axis in (up, down))
+                assert (abs(there - here) <= 1).all()
+                product *= np.select(
+                    [there > here, there < here], [higher, lower], 1 - higher - lower
+                )
+        np.testing.assert_allclose(trajectories.probabilities, product, rtol=1e-12)
+
+    def test_sampled_ones_are_distributed_as_the_forecast(self) -> None:
+        count = 20_000
+        trajectories = sample_trajectories(self.FORECAST, 12, count)
+        assert enumerate_trajectories(self.FORECAST, 12) is None
+        assert trajectories.cells.shape == (12, count)
+        assert (trajectories.probabilities == 1 / count).all()
+        for step in range(12):
+            rates = np.bincount(trajectories.cells[step], minlength=25).reshape(5, 5) / count
+            matrix = self.FORECAST.exact(step)
+            error = np.sqrt(matrix * (1 - matrix) / count)
+            assert (abs(rates - matrix) <= 4.5 * error + 1e-12).all()
+        y, x = np.divmod(trajectories.cells, 5)
+        assert max(abs(np.diff(x, axis=0)).max(), abs(np.diff(y, axis=0)).max()) == 1
+        # From one cell in one step, the moves are those of the chain.
+        here = trajectories.cells[5] == 13
+        right, left, *_ = (chance[3] for chance in self.FORECAST.moves(5))
+        for move, chance in ((1, right), (-1, left)):
+            rate = float(np.mean(x[6, here] - x[5, here] == move))
+            assert abs(rate - chance) < 4 * math.sqrt(chance * (1 - chance) / here.sum())
+
+    def test_until_keeps_the_first_steps(self) -> None:
+        trajectories = enumerate_trajectories(self.FORECAST, 5)
+        assert np.array_equal(trajectories.until(3).cells, trajectories.cells[:3])
+        assert trajectories.until(3).probabilities is trajectories.probabilities
