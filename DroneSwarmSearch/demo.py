@@ -19,9 +19,9 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES, Policy, make
 from DroneSwarmSearch.policies.ppo import Network
+from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
-from DroneSwarmSearch.rendering.video import SUFFIXES, write_film
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 from DroneSwarmSearch.scenario import Cell
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch import __main__ as command_line
 from DroneSwarmSearch import demo
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.rendering import video
+from DroneSwarmSearch.rendering.film import SUFFIXES
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
 from DroneSwarmSearch.rendering.window import Window
@@ -448,7 +448,7 @@ class TestFilm:
         frame = next(demo._Episode(options).frames())
         return demo._painter(options).pixels(frame)
 
-    @pytest.mark.parametrize("suffix", video.SUFFIXES)
+    @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_without_the_extra(
         self,
         suffix: str,
@@ -471,7 +471,7 @@ class TestFilm:
         assert "error: an MP4 film needs the program ffmpeg" in line
         assert list(tmp_path.iterdir()) == []
 
-    @pytest.mark.parametrize("suffix", video.SUFFIXES)
+    @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_an_interruption_leaves_the_film_that_was_there(
         self,
         suffix: str,

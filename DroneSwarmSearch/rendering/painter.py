@@ -8,21 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import (
-    BANNER_FOUND,
-    BANNER_LOST,
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.labels import tick_stride
+from DroneSwarmSearch.rendering.layout import LEFT, TOP, Layout
+from DroneSwarmSearch.rendering.palette import (
+    FOUND,
     FOUND_SCALE,
     GREY,
     INK,
     LOST_SCALE,
+    NOT_FOUND,
     PAPER,
     SEARCH_SCALE,
     WHITE,
     levels,
 )
-from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rendering.labels import tick_stride
-from DroneSwarmSearch.rendering.layout import LEFT, TOP, Layout
 from DroneSwarmSearch.rendering.panel import Panel
 from DroneSwarmSearch.rendering.sprites import lettering
 from DroneSwarmSearch.rendering.symbols import draw_symbols, symbol_side
@@ -170,7 +170,7 @@ class Painter:
         text_height = sum(line.get_height() for line in lines) + LINE_GAP * (len(lines) - 1)
         height = text_height + 2 * BANNER_PADDING
         top = TOP + self._banner_top(frame, height)
-        ground = BANNER_FOUND if ending is Ending.FOUND else BANNER_LOST
+        ground = FOUND if ending is Ending.FOUND else NOT_FOUND
         canvas.fill(ground, (LEFT, top, side, height))
         for edge in (top + 4, top + height - 5):
             canvas.fill(WHITE, (LEFT, edge, side, 1))

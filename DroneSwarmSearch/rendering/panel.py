@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import (
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.labels import signed
+from DroneSwarmSearch.rendering.layout import PANEL_WIDTH
+from DroneSwarmSearch.rendering.palette import (
     FAINT,
     GREEN_FROM,
     GREY,
@@ -18,9 +21,6 @@ from DroneSwarmSearch.rendering.colours import (
     drone_colour,
     levels,
 )
-from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rendering.labels import signed
-from DroneSwarmSearch.rendering.layout import PANEL_WIDTH
 from DroneSwarmSearch.rendering.sprites import lettering
 
 __all__ = ["Panel"]

@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import GREY, INK, WHITE, Colour
+from DroneSwarmSearch.rendering.palette import GREY, INK, WHITE, Colour
 
 __all__ = ["arrow", "burst", "drone", "lettering", "person", "search_mark"]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import Colour, drone_colour, readable_on
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.layout import LEFT, TOP, Layout
+from DroneSwarmSearch.rendering.palette import Colour, drone_colour, readable_on
 from DroneSwarmSearch.rendering.sprites import STOUT_BELOW, lettering
 
 __all__ = ["draw_symbols", "symbol_side"]

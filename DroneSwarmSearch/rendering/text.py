@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from DroneSwarmSearch.rendering.colours import scaled
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
+from DroneSwarmSearch.rendering.palette import scaled
 
 __all__ = ["RAMP", "render_text"]
 

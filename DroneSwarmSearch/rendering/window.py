@@ -9,9 +9,9 @@ import weakref
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import drone_colour
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.palette import drone_colour
 
 __all__ = ["Window"]
 

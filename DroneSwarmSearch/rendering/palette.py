@@ -33,8 +33,8 @@ RED: Colour = (206, 62, 54)
 YELLOW: Colour = (250, 212, 92)
 GREEN: Colour = (38, 158, 84)
 
-BANNER_FOUND: Colour = (8, 66, 40)
-BANNER_LOST: Colour = (98, 12, 18)
+FOUND: Colour = (8, 66, 40)
+NOT_FOUND: Colour = (98, 12, 18)
 
 LEVELS = 257
 """Shades of a scale; odd, so that there is one in the middle."""

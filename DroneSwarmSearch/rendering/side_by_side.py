@@ -9,26 +9,26 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import (
-    BANNER_FOUND,
-    BANNER_LOST,
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.labels import outcome_in_brief, signed
+from DroneSwarmSearch.rendering.layout import BOTTOM, LEFT, RIGHT, TOP, Layout
+from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.palette import (
+    FOUND,
     GREY,
     INK,
+    NOT_FOUND,
     PAPER,
     SEARCH_SCALE,
     WHITE,
     Colour,
     drone_colour,
 )
-from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rendering.labels import outcome_in_brief, signed
-from DroneSwarmSearch.rendering.layout import BOTTOM, LEFT, RIGHT, TOP, Layout
-from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.sprites import lettering
 from DroneSwarmSearch.rendering.symbols import symbol_side
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Diptych"]
+__all__ = ["SideBySide"]
 
 HEAD, CAPTION, FOOT = 74, 30, 84
 """Heights above the boards, of the boards' captions and below the boards, in pixels."""
@@ -44,7 +44,7 @@ PILL = (18, 8)
 SCALE_SIZE = (180, 20)
 
 
-class Diptych:
+class SideBySide:
     """Draws pictures of two boards, with captions, a title and a key.
 
     Args:
@@ -163,7 +163,7 @@ def _pill(canvas: pygame.Surface, text: str, right: int, found: bool) -> int:
     across, down = PILL
     box = pygame.Rect(0, 0, width + 2 * across, height + 2 * down)
     box.midright = (right, HEAD // 2)
-    pygame.draw.rect(canvas, BANNER_FOUND if found else BANNER_LOST, box, border_radius=down)
+    pygame.draw.rect(canvas, FOUND if found else NOT_FOUND, box, border_radius=down)
     _write(canvas, text, right - across, HEAD // 2, TITLE_FONT, WHITE, right=True)
     return int(box.left)
 
