@@ -451,13 +451,19 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """
         if not self.agents and self._ending is None:
             raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
-        positions, world = self._positions, self._world
+        positions, world, finds = self._positions, self._world, self._world.finds
+        cells = (
+            finds[person][1] if person in finds else world.person_cell(person)
+            for person in world.everybody
+        )
         return Frame(
             matrix=world.matrix(),
             drones=tuple(positions[cell] for cell in self._cells),
             searching=tuple(action == _SEARCH for action in self._chosen),
-            persons=tuple(positions[world.person_cell(person)] for person in world.everybody),
-            found=tuple(person not in world.missing for person in world.everybody),
+            persons=tuple(positions[cell] for cell in cells),
+            found_by=tuple(
+                finds[person][0] if person in finds else None for person in world.everybody
+            ),
             step=world.step,
             timestep_limit=self.timestep_limit,
             vector=self.vector,

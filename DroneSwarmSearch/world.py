@@ -37,6 +37,7 @@ class WorldState:
     Attributes:
         everybody: the persons, by number.
         missing: those not yet found.
+        finds: for every person found, the drone that found them, and in which cell.
         step: completed steps.
     """
 
@@ -67,6 +68,7 @@ class WorldState:
         self._episode = episode
         self.step = 0
         self.missing = self.everybody
+        self.finds: dict[int, tuple[int, int]] = {}
         self._paths = self._paths_at_start  # each person's cells for some steps
         self._paths_begin = 0
         self._beliefs: dict[int, NDArray[np.float64]] = {}  # of persons searched for
@@ -154,6 +156,7 @@ class WorldState:
             cell = self.person_cell(person)
             if cell in searches and self._luck(person):
                 finders.add(searches[cell])
+                self.finds[person] = searches[cell], cell
                 self.missing = tuple(other for other in self.missing if other != person)
         if finders and len(self.everybody) > 1 and not self._beliefs:
             self._use_forecast(self._one_forecast(self.missing or self.everybody))

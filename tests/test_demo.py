@@ -158,7 +158,7 @@ class TestText:
             drones=((0, 0), (18, 15)),
             searching=(False, False),
             persons=((5, 5),),
-            found=(False,),
+            found_by=(None,),
             step=3,
             timestep_limit=10,
             vector=(0.5, -0.25),

@@ -50,7 +50,7 @@ def make_frame(
         drones=drones,
         searching=tuple(i in searching for i in range(len(drones))),
         persons=persons,
-        found=tuple(i in found for i in range(len(persons))),
+        found_by=tuple(0 if i in found else None for i in range(len(persons))),
         step=3,
         timestep_limit=10,
         vector=(0.5, -0.25),
@@ -79,7 +79,7 @@ def board_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
 
 def bare(frame: Frame) -> Frame:
     """A frame without its drones and persons."""
-    return replace(frame, drones=(), searching=(), persons=(), found=())
+    return replace(frame, drones=(), searching=(), persons=(), found_by=())
 
 
 class TestLabels:
@@ -296,8 +296,8 @@ class TestSymbols:
             for other in (
                 replace(frame, drones=at, searching=(False,)),
                 replace(frame, drones=at, searching=(True,)),
-                replace(frame, persons=at, found=(False,)),
-                replace(frame, persons=at, found=(True,)),
+                replace(frame, persons=at, found_by=(None,)),
+                replace(frame, persons=at, found_by=(0,)),
             )
         ]
         for number, look in enumerate(looks):
@@ -345,7 +345,7 @@ class TestSymbols:
             for other in (
                 frame,
                 replace(frame, drones=((0, 0), (1, 1))),  # A drone of another colour.
-                replace(frame, found=(True,)),
+                replace(frame, found_by=(0,)),
             )
         ]
         for other in pictures[1:]:
@@ -392,7 +392,7 @@ class TestPanel:
             {"vector": (0.5, -0.5)},
             {"vector": (0.0, 0.0)},
             {"vector": (1e300, -1e300)},
-            {"found": (True,)},
+            {"found_by": (0,)},
             {"drones": ((0, 0), (0, 0)), "searching": (False, False)},
             {"matrix": np.full((7, 7), 1 / 49, dtype=np.float32)},
         ],
@@ -550,7 +550,7 @@ class TestPainter:
             "p = Painter(2, render_grid=True, render_gradient=True)\n"
             "assert not pygame.font.get_init()\n"
             "m = np.full((2, 2), 0.25, dtype=np.float32)\n"
-            "p.pixels(Frame(m, ((0, 0),), (True,), ((1, 1),), (False,), 0, 9, (0.0, 0.0), None))\n"
+            "p.pixels(Frame(m, ((0, 0),), (True,), ((1, 1),), (None,), 0, 9, (0.0, 0.0), None))\n"
             "assert not pygame.display.get_init()\n"
             "assert pygame.mixer.get_init() is None\n"
             "assert not pygame.joystick.get_init()\n"

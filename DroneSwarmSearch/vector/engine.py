@@ -439,7 +439,7 @@ class SearchBatch:
 
         # 2. Outcomes, rewards and endings; the persons drift, and what is known.
         shown = self._state.shown(rows, cells).astype(np.float64)
-        finds = self._state.search(rows, cells)
+        finds = self._state.search(rows, cells, searches)
 
         def judge_and_walk() -> None:
             self._judge(targets, searches, shown, finds, rows)
@@ -615,14 +615,22 @@ class SearchBatch:
         row = checks.integer("row", row, 0, self.num_rows - 1)
         self._check_whole("frame")
         _, positions = grid_of(self._scenario.grid_size)
-        drones, persons = self._cells[row], self._state.person_cells[:, row]
+        drones, state = self._cells[row], self._state
+        missing, persons = state.missing[:, row], state.person_cells[:, row]
+        finders, find_cells = state.finds[..., row]
+        finders %= len(drones)
         x, y = self._now.forecasts.drift[:, row].tolist()
         return Frame(
             matrix=self.matrices_of(self._rows[row : row + 1])[0],
             drones=tuple(positions[cell] for cell in drones.tolist()),
             searching=tuple(self.searching[row].tolist()),
-            persons=tuple(positions[cell] for cell in persons.tolist()),
-            found=tuple((~self._state.missing[:, row]).tolist()),
+            persons=tuple(
+                positions[cell] for cell in np.where(missing, persons, find_cells).tolist()
+            ),
+            found_by=tuple(
+                None if lost else drone
+                for lost, drone in zip(missing.tolist(), finders.tolist(), strict=True)
+            ),
             step=int(self._state.step[row]),
             timestep_limit=self._scenario.timestep_limit,
             vector=(x, y),

@@ -106,6 +106,7 @@ class BatchState:
         self._now, self._first = (_State(persons, len(forecasts.growth), rows) for _ in range(2))
         self._take_forecasts(forecasts)
         self._first.missing[...] = 1
+        self._finds = np.zeros((2, persons, rows), np.int64)
         # Of several persons: whose forecast is shown, and where no single forecast can be.
         self._leader = np.zeros(rows, np.int64)
         self._mixed = np.zeros(rows, np.bool_)
@@ -143,6 +144,14 @@ class BatchState:
     def person_cells(self) -> Ints:
         """Where every person is, y * N + x: int64, (persons, rows)."""
         return self._now.cells
+
+    @property
+    def finds(self) -> Ints:
+        """Of persons found, the finder's number in the batch and the cell of the find.
+
+        int64, (2, persons, rows), a new array; the values of missing persons mean nothing.
+        """
+        return self._finds.copy()
 
     # Beginning.
 
@@ -197,12 +206,13 @@ class BatchState:
 
     # A step: searches, then persons walk, and beside it what is known goes on; then time passes.
 
-    def search(self, rows: Ints, cells: Ints) -> Ints:
+    def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Let a step's searches succeed or fail.
 
         Args:
             rows: the row of every search.
             cells: the cell of every search; in a row no two are alike.
+            drones: the drone of every search, by its number in the batch.
 
         Returns:
             Which searches, by place in the arguments, have found somebody; each at most
@@ -221,7 +231,9 @@ class BatchState:
                 luck = numbers(now.detection_keys[where], places.astype(np.uint64))
                 hits = hits[luck < detection]
             if hits.size and detection > 0.0:
-                now.missing[person][rows.take(hits)] = 0
+                where = rows.take(hits)
+                now.missing[person][where] = 0
+                self._finds[:, person, where] = drones.take(hits), cells.take(hits)
                 found.append(hits)
         finds = np.concatenate(found) if len(found) > 1 else found[0] if found else _NOTHING
         if finds.size and several:
