@@ -51,7 +51,7 @@ def last_picture(name: str, ending: Ending) -> None:
 
 def logo(name: str, side: int = 192) -> None:
     """Save the symbol of a drone, which the documentation's pages bear."""
-    symbol = sprites.drone(side, palette.drone_colour(0))
+    symbol = sprites.drone(side, palette.PALETTES["classic"].drone(0))
     pixels = pygame.image.tobytes(symbol, "RGBA")
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / name, optimize=True)
 

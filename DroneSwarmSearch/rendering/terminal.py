@@ -1,0 +1,70 @@
+"""Frames as text on a terminal, each drawn over the one before."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+import time
+from collections.abc import Iterable
+
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.text import render_text
+
+__all__ = ["animate", "fitted"]
+
+
+def animate(frames: Iterable[Frame], fps: float) -> None:
+    """Draw frames in place on standard output.
+
+    Args:
+        frames: of one episode, in order.
+        fps: frames per second.
+    """
+    height, due = 0, time.monotonic()
+    try:
+        for frame in frames:
+            *lines, last = fitted(frame, *shutil.get_terminal_size())
+            to_the_top = f"\r\x1b[{height}A" if height else "\r"
+            # Each line is erased before it is written: erasing the rest of a full line
+            # would remove its last character.
+            sys.stdout.write(to_the_top)
+            sys.stdout.writelines(f"\x1b[2K{line}\n" for line in lines)
+            sys.stdout.write(f"\x1b[J{last}")
+            sys.stdout.flush()
+            height = len(lines)
+            if frame.ending is None:
+                due += 1 / fps
+                time.sleep(max(0.0, due - time.monotonic()))
+    finally:
+        print("\n")
+
+
+def fitted(frame: Frame, columns: int, rows: int) -> list[str]:
+    """The frame as lines of text that fit a terminal.
+
+    Of a grid that does not fit, the part around the likeliest cell is shown.
+    """
+    lines = render_text(frame, columns).split("\n")
+    size = frame.grid_size
+    header, board, legend = lines[: -size - 2], lines[-size - 2 : -1], lines[-1]
+    header = [part for line in header for part in textwrap.wrap(line, columns)]
+    footer = textwrap.wrap(legend, columns)
+
+    margin = len(str(size - 1)) + 1
+    width = (len(board[-1]) - margin) // size
+    y, x = divmod(int(frame.matrix.argmax()), size)
+    left, right = _visible(x, size, (columns - margin) // width)
+    top, bottom = _visible(y, size, rows - len(header) - 1 - len(footer))
+    board = [
+        line[:margin] + line[margin + left * width : margin + right * width]
+        for line in (board[0], *board[1 + top : 1 + bottom])
+    ]
+    return [*header, *board, *footer][:rows]
+
+
+def _visible(centre: int, size: int, room: int) -> tuple[int, int]:
+    """The range of `size` cells that fits the room, as near to the centre as possible."""
+    room = min(max(1, room), size)
+    first = min(max(0, centre - room // 2), size - room)
+    return first, first + room
