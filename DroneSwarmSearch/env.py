@@ -35,6 +35,7 @@ from DroneSwarmSearch.observations import (
     state_space,
 )
 from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.palette import PALETTES
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, scenario_of
 from DroneSwarmSearch.world import WorldState
@@ -111,6 +112,8 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             made, or the drift alone.
         reward_scheme: the figures of the reward table.
         scenario: all of these but the render settings, in place of them.
+        palette: the colours of the map: "classic" (dark red, yellow, bright green) or
+            "sea" (pale to deep blue).
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -140,6 +143,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         bayesian_update: bool = False,
         reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
         scenario: Scenario | None = None,
+        palette: str = "classic",
     ) -> None:
         parameters = {
             "grid_size": grid_size,
@@ -157,6 +161,8 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         self.render_mode = checks.choice("render_mode", render_mode, modes)
         self.render_grid = checks.boolean("render_grid", render_grid)
         self.render_gradient = checks.boolean("render_gradient", render_gradient)
+        checks.choice("palette", palette, tuple(PALETTES))
+        self.palette = palette
         self._painter: Painter | None = None
         self._window: Window | None = None
 
@@ -558,6 +564,7 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
                 self.grid_size,
                 render_grid=self.render_grid,
                 render_gradient=self.render_gradient,
+                palette=self.palette,
             )
         return self._painter
 

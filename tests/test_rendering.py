@@ -266,6 +266,16 @@ class TestCells:
         steps = np.diff(luminance(PALETTES[palette].ramp))
         assert (steps > 0).all() if palette == "classic" else (steps < 0).all()
 
+    def test_environments_take_a_palette(self) -> None:
+        pictures = []
+        for palette in PALETTES:
+            env = DroneSwarmSearch(render_mode="rgb_array", palette=palette)
+            env.reset(seed=0)
+            pictures.append(env.render())
+            expected = draw(env.frame(), palette=palette)
+            assert (pictures[-1] == expected).all()
+        assert (pictures[0] != pictures[1]).any()
+
     def test_the_palette_sea_goes_from_pale_to_deep_blue(self) -> None:
         picture = draw(bare(make_frame()), palette="sea")
         pale, deep = (cell_of(picture, 7, i, i)[50, 50] for i in (0, 1))
