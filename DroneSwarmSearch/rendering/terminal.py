@@ -1,7 +1,8 @@
-"""Frames as text on a terminal, each drawn over the one before."""
+"""Frames as text on standard output."""
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 import textwrap
@@ -11,16 +12,30 @@ from collections.abc import Iterable
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
 
-__all__ = ["animate", "fitted"]
+__all__ = ["fitted", "show"]
+
+PRINTED_FRAMES, PRINTED_STRIDE = 5, 10
+"""Without a terminal, the most frames printed between the first and the last one, and the
+fewest steps between them."""
 
 
-def animate(frames: Iterable[Frame], fps: float) -> None:
-    """Draw frames in place on standard output.
+def show(frames: Iterable[Frame], fps: float) -> None:
+    """Draw frames in place on a terminal; print some of them to anything else.
 
     Args:
         frames: of one episode, in order.
-        fps: frames per second.
+        fps: frames per second on a terminal.
     """
+    if sys.stdout.isatty():
+        _animate(frames, fps)
+        return
+    for frame in frames:
+        stride = max(PRINTED_STRIDE, math.ceil(frame.timestep_limit / PRINTED_FRAMES))
+        if frame.ending is not None or frame.step % stride == 0:
+            print(render_text(frame) + "\n", flush=True)
+
+
+def _animate(frames: Iterable[Frame], fps: float) -> None:
     height, due = 0, time.monotonic()
     try:
         for frame in frames:
