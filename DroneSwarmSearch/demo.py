@@ -169,9 +169,9 @@ def _on_option(message: str) -> str:
     def option(match: re.Match[str]) -> str:
         others = {"n_drones": "drones", "name": "policy", "path": "record"}
         name = others.get(match[1], match[1].replace("_", "-"))
-        return f"argument --{name}: must be"
+        return f"argument --{name}: must "
 
-    return re.sub(r"^(\w+)(?:\[\d+\])? must be", option, message)
+    return re.sub(r"^(\w+)(?:\[\d+\])? must ", option, message)
 
 
 # The episode.
@@ -253,7 +253,7 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
         checks.real("fps", options.fps, FPS_LEAST, FPS_MOST)
         checks.integer("persons", options.persons, 1)
         if options.record and options.record.suffix.lower() not in SUFFIXES:
-            raise ValueError(f"path must be a .gif or .mp4 file, got {str(options.record)!r}")
+            raise ValueError(f"path must end in .gif or .mp4, got {options.record.name!r}")
         centre = options.grid_size // 2
         scenario = Scenario(
             grid_size=options.grid_size,

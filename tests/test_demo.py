@@ -252,7 +252,7 @@ class TestOptions:
             ("--palette", ["ocean"], "invalid choice: 'ocean'"),
             ("--policy", ["none.npz"], "there is no file 'none.npz'"),
             ("--policy", ["best"], "must be one of random, parallel-sweep"),
-            ("--record", ["film.avi"], "must be a .gif or .mp4 file, got 'film.avi'"),
+            ("--record", ["film.avi"], "must end in .gif or .mp4, got 'film.avi'"),
         ],
     )
     def test_bad_values(

@@ -68,8 +68,9 @@ COLLISION_MARGIN = 1.5
 """Size of a search ring beyond its drone, in pixels; of a star beyond its drones, in drones."""
 
 NUMBER_FROM = 24
-NUMBER_SHARES = (0.62, 0.56, 0.42)
-"""Drones of at least this many pixels show their number; font sizes for one to three digits."""
+NUMBER_SHARES = (1.1, 1.0, 0.75)
+"""Drones of at least this many pixels show their number; its font size for one, two or three
+digits, as a share of the body."""
 
 SENTENCE_FONT, REASON_FONT = 60, 30
 BANNER_TEXT_SHARE = 0.9
@@ -253,7 +254,7 @@ class SearchMap:
         drawn = [(sprites.drone(side, colour), place)]
         if side >= NUMBER_FROM:
             digits = min(len(str(number)), len(NUMBER_SHARES))
-            font = round(side * NUMBER_SHARES[digits - 1])
+            font = round(side * sprites.body_share(side) * NUMBER_SHARES[digits - 1])
             drawn.append((text_line(f"{number}", font, readable_on(colour)), place))
         return drawn
 

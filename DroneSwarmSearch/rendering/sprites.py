@@ -24,7 +24,16 @@ from DroneSwarmSearch.rendering.palette import (
     readable_on,
 )
 
-__all__ = ["collision", "compass", "drone", "found", "person", "search_ring", "text_line"]
+__all__ = [
+    "body_share",
+    "collision",
+    "compass",
+    "drone",
+    "found",
+    "person",
+    "search_ring",
+    "text_line",
+]
 
 OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60
 LIFE_RING_FROM, BODY_FROM = 24, 40
@@ -103,6 +112,11 @@ def text_line(text: str, size: int, colour: Colour) -> pygame.Surface:
     return pygame.transform.smoothscale(large, (width, height))
 
 
+def body_share(size: int) -> float:
+    """The diameter of a drone's body as a share of its size; small bodies are stout."""
+    return 0.56 if size < BLADES_FROM else 0.44
+
+
 @lru_cache(maxsize=512)
 def drone(size: int, colour: Colour) -> pygame.Surface:
     """A quadcopter: four rotors on crossed arms around a round body; an X if it is small.
@@ -124,7 +138,7 @@ def drone(size: int, colour: Colour) -> pygame.Surface:
             arm = INK if paint is colour else paint
             pen.stroke([(0, 0), (0.6 * x, 0.6 * y)], max(0.22 - 2 * inset, 0.08), arm)
             pen.disc((0.6 * x, 0.6 * y), 0.4 - inset, paint)
-        pen.disc((0, 0), 0.56 - inset, paint)
+        pen.disc((0, 0), body_share(size) - inset, paint)
     if size >= BLADES_FROM:
         r, g, b = ((2 * channel + 3 * 255) // 5 for channel in colour)
         for x, y in _CORNERS:
