@@ -21,7 +21,7 @@ from DroneSwarmSearch.rendering.palette import (
     Colour,
     shades,
 )
-from DroneSwarmSearch.rendering.sprites import text_line
+from DroneSwarmSearch.rendering.sprites import text_line, write
 
 __all__ = ["Panel", "symbol_images", "vector_component"]
 
@@ -93,7 +93,7 @@ class Panel:
         """Headings, colour scale and symbols: the same for every frame."""
         canvas = pygame.Surface(self.size, 0, 32)
         canvas.fill(PAPER)
-        _write(canvas, "STEP", 0, 0, HEADING, GREY)
+        write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
         for heading, top in (
             ("PERSONS FOUND", FOUND_TOP),
             ("DRIFT, CELLS PER STEP", DRIFT_TOP),
@@ -102,7 +102,7 @@ class Panel:
             ("DRONES", DRONES_TOP),
         ):
             pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
-            _write(canvas, heading, 0, top, HEADING, GREY)
+            write(canvas, heading, HEADING, GREY, topleft=(0, top))
         shares = np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32)
         colours = self._palette.ramp[shades(shares, self._gradient)]
         bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
@@ -124,8 +124,8 @@ class Panel:
         ):
             middle = SYMBOLS_TOP + 36 + row * SYMBOL_ROW
             for image in images[name]:
-                _blit_centred(canvas, image, left + SYMBOL_MOST // 2 + 2, middle)
-            _write_middle(canvas, meaning, left + SYMBOL_MOST + 14, middle, SMALL, INK)
+                canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
+            write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
 
     def _draw_step(self, canvas: pygame.Surface, frame: Frame) -> None:
         _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
@@ -142,8 +142,8 @@ class Panel:
             names = ", ".join(map(str, finders[:FINDERS_NAMED]))
             more = ", ..." if len(finders) > FINDERS_NAMED else ""
             noun = "drones" if len(finders) > 1 else "drone"
-            line = text_line(f"by {noun} {names}{more}", SMALL, INK)
-            canvas.blit(line, (WIDTH - line.get_width(), FOUND_TOP + 25))
+            text = f"by {noun} {names}{more}"
+            write(canvas, text, SMALL, INK, topright=(WIDTH, FOUND_TOP + 25))
 
     def _draw_drift(self, canvas: pygame.Surface, vector: tuple[float, float]) -> None:
         top = DRIFT_TOP + 22
@@ -153,8 +153,8 @@ class Panel:
             ("x", vector[0], top + COMPASS // 2 - 14),
             ("y", vector[1], top + COMPASS // 2 + 14),
         ):
-            _write_middle(canvas, name, left, middle, BODY, GREY)
-            _write_middle(canvas, vector_component(value), left + 22, middle, BODY + 4, INK)
+            write(canvas, name, BODY, GREY, midleft=(left, middle))
+            write(canvas, vector_component(value), BODY + 4, INK, midleft=(left + 22, middle))
 
     def _draw_limits(self, canvas: pygame.Surface, maximum: float) -> None:
         """The probabilities at the limits of the colour scale."""
@@ -172,8 +172,7 @@ class Panel:
 
     def _draw_drones(self, canvas: pygame.Surface, drones: int) -> None:
         """The drones' colours and numbers, as many as fit."""
-        count = text_line(f"{drones}", HEADING, GREY)
-        canvas.blit(count, (WIDTH - count.get_width(), DRONES_TOP))
+        write(canvas, f"{drones}", HEADING, GREY, topright=(WIDTH, DRONES_TOP))
         rows = (self.size[1] - DRONES_TOP - 22) // DRONE_ROW
         shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
         for number in range(shown):
@@ -181,11 +180,11 @@ class Panel:
             middle = DRONES_TOP + 34 + row * DRONE_ROW
             left = column * WIDTH // DRONE_COLUMNS
             image = sprites.drone(min(self._symbol, DRONE_SYMBOL), self._palette.drone(number))
-            _blit_centred(canvas, image, left + DRONE_SYMBOL // 2, middle)
-            _write_middle(canvas, f"{number}", left + DRONE_SYMBOL + 4, middle, SMALL, INK)
+            canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
+            write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
         if shown < drones:
             middle = DRONES_TOP + 34 + (rows - 1) * DRONE_ROW
-            _write_middle(canvas, f"and {drones - shown} more", 0, middle, SMALL, GREY)
+            write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
 
 
 def symbol_images(side: int, ring: int, colour: Colour) -> dict[str, tuple[pygame.Surface, ...]]:
@@ -220,27 +219,10 @@ def _percentage(probability: float) -> str:
     return f"{digits}e{int(exponent)}"
 
 
-def _write(
-    canvas: pygame.Surface, text: str, left: int, top: int, size: int, colour: Colour
-) -> None:
-    canvas.blit(text_line(text, size, colour), (left, top))
-
-
-def _write_middle(
-    canvas: pygame.Surface, text: str, left: int, middle: int, size: int, colour: Colour
-) -> None:
-    line = text_line(text, size, colour)
-    canvas.blit(line, (left, middle - line.get_height() // 2))
-
-
 def _write_ratio(canvas: pygame.Surface, part: int, whole: int, top: int, size: int) -> None:
     """A large number, and on the same base line a small "of" with the total."""
-    figure, rest = text_line(f"{part}", size, INK), text_line(f"of {whole}", BODY, GREY)
-    canvas.blit(figure, (0, top))
+    figure = write(canvas, f"{part}", size, INK, topleft=(0, top))
     # Glyphs of this font stand on 0.8 of the line's height.
-    base = top + 0.8 * figure.get_height()
-    canvas.blit(rest, (figure.get_width() + 7, round(base - 0.8 * rest.get_height())))
-
-
-def _blit_centred(canvas: pygame.Surface, image: pygame.Surface, x: int, y: int) -> None:
-    canvas.blit(image, (x - image.get_width() // 2, y - image.get_height() // 2))
+    base = top + 0.8 * figure.height
+    rest = text_line(f"of {whole}", BODY, GREY)
+    canvas.blit(rest, (figure.right + 7, round(base - 0.8 * rest.get_height())))

@@ -25,7 +25,7 @@ from DroneSwarmSearch.rendering.palette import (
     readable_on,
     shades,
 )
-from DroneSwarmSearch.rendering.sprites import text_line
+from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rules import Ending
 
 __all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap"]
@@ -169,12 +169,10 @@ class SearchMap:
         self._draw_frame(canvas, INK, 1)
         for cell in range(0, self._grid_size, tick_stride(TICK_ROOM, self.pitch)):
             across, down = self.centre(cell, cell)
-            label = text_line(f"{cell}", TICK_FONT, GREY)
-            width, height = label.get_size()
-            canvas.blit(label, (round(across - width / 2), TOP - 7 - height))
-            canvas.blit(label, (LEFT - 8 - width, round(down - height / 2)))
-        canvas.blit(text_line("x", TICK_FONT, INK), (LEFT + self.side + 8, TOP - 20))
-        canvas.blit(text_line("y", TICK_FONT, INK), (LEFT - 16, TOP + self.side + 5))
+            write(canvas, f"{cell}", TICK_FONT, GREY, midbottom=(round(across), TOP - 7))
+            write(canvas, f"{cell}", TICK_FONT, GREY, midright=(LEFT - 8, round(down)))
+        write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + self.side + 8, TOP - 20))
+        write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
         return canvas
 
     def _draw_frame(self, canvas: pygame.Surface, colour: Colour, width: int) -> None:
@@ -279,7 +277,7 @@ class SearchMap:
             canvas.fill(WHITE, (LEFT, edge, self.side, 2))
         y = top + BANNER_PADDING
         for line in lines:
-            canvas.blit(line, (LEFT + (self.side - line.get_width()) // 2, y))
+            canvas.blit(line, line.get_rect(midtop=(LEFT + self.side // 2, y)))
             y += line.get_height() + LINE_GAP
 
     def _banner_top(self, frame: Frame, height: int) -> int:

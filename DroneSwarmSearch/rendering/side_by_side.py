@@ -19,11 +19,10 @@ from DroneSwarmSearch.rendering.palette import (
     PALETTES,
     PAPER,
     WHITE,
-    Colour,
 )
 from DroneSwarmSearch.rendering.panel import symbol_images, vector_component
 from DroneSwarmSearch.rendering.search_map import RIGHT, SearchMap
-from DroneSwarmSearch.rendering.sprites import text_line
+from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rules import Ending
 
 __all__ = ["SideBySide"]
@@ -74,9 +73,9 @@ class SideBySide:
         ):
             canvas.blit(self._map.paint(frame, banner=False), (left, HEAD + CAPTION))
             middle, right = HEAD + CAPTION // 2, left + self._map.size[0] - RIGHT
-            _write(canvas, caption, left + MARGIN, middle, CAPTION_FONT, INK)
+            write(canvas, caption, CAPTION_FONT, INK, midleft=(left + MARGIN, middle))
             maximum = f"likeliest cell {100 * float(frame.matrix.max()):.2f}%"
-            _write_left_of(canvas, maximum, right, middle, CAPTION_FONT, GREY)
+            write(canvas, maximum, CAPTION_FONT, GREY, midright=(right, middle))
         self._draw_legend(canvas, posterior.vector)
         return to_array(canvas)
 
@@ -88,13 +87,11 @@ class SideBySide:
             right = _draw_outcome(canvas, frame, right, middle) - GAP
         if len(frame.persons) > 1 and frame.ending is not Ending.FOUND:
             status.insert(0, f"{sum(frame.found)} of {len(frame.persons)} found")
-        right = _write_left_of(canvas, "   ".join(status), right, middle, TITLE_FONT, INK)
-        room = right - GAP - MARGIN
-        font = min(
-            TITLE_FONT,
-            TITLE_FONT * room // text_line(self._title, TITLE_FONT, INK).get_width(),
-        )
-        _write(canvas, self._title, MARGIN, middle, font, INK)
+        written = write(canvas, "   ".join(status), TITLE_FONT, INK, midright=(right, middle))
+        room = written.left - GAP - MARGIN
+        width = text_line(self._title, TITLE_FONT, INK).get_width()
+        font = min(TITLE_FONT, TITLE_FONT * room // width)
+        write(canvas, self._title, font, INK, midleft=(MARGIN, middle))
 
     def _draw_legend(self, canvas: pygame.Surface, vector: tuple[float, float]) -> None:
         """The meaning of symbols, arrow and colours."""
@@ -108,37 +105,20 @@ class SideBySide:
             (images["found"], "found"),
             ((sprites.compass(SYMBOL_MOST + 14, vector),), _drift(vector)),
         ):
-            half = max(image.get_width() for image in drawn) // 2
+            width = max(image.get_width() for image in drawn)
             for image in drawn:
-                corner = x + half - image.get_width() // 2, middle - image.get_height() // 2
-                canvas.blit(image, corner)
-            x = _write(canvas, meaning, x + 2 * half + 10, middle, LEGEND_FONT, INK) + GAP
+                canvas.blit(image, image.get_rect(center=(x + width // 2, middle)))
+            text_left = x + width + 10
+            text = write(canvas, meaning, LEGEND_FONT, INK, midleft=(text_left, middle))
+            x = text.right + GAP
         right = self._size[0] - RIGHT
-        x = _write_left_of(canvas, "likeliest cell", right, middle, LEGEND_FONT, INK)
+        text = write(canvas, "likeliest cell", LEGEND_FONT, INK, midright=(right, middle))
         bar = pygame.image.frombuffer(self._palette.ramp.tobytes(), (N_SHADES, 1), "RGB")
         place = pygame.Rect((0, 0), SCALE_SIZE)
-        place.midright = (x - 10, middle)
+        place.midright = (text.left - 10, middle)
         canvas.blit(pygame.transform.scale(bar, SCALE_SIZE), place)
         pygame.draw.rect(canvas, INK, place, width=1)
-        _write_left_of(canvas, "0", place.left - 10, middle, LEGEND_FONT, INK)
-
-
-def _write(
-    canvas: pygame.Surface, text: str, left: int, middle: int, size: int, colour: Colour
-) -> int:
-    """Write a line of text that starts at `left`; returns its right end."""
-    line = text_line(text, size, colour)
-    canvas.blit(line, (left, middle - line.get_height() // 2))
-    return left + line.get_width()
-
-
-def _write_left_of(
-    canvas: pygame.Surface, text: str, right: int, middle: int, size: int, colour: Colour
-) -> int:
-    """Write a line of text that ends at `right`; returns its left end."""
-    left = right - text_line(text, size, colour).get_width()
-    _write(canvas, text, left, middle, size, colour)
-    return left
+        write(canvas, "0", LEGEND_FONT, INK, midright=(place.left - 10, middle))
 
 
 def _draw_outcome(canvas: pygame.Surface, frame: Frame, right: int, middle: int) -> int:

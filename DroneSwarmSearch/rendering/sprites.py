@@ -33,6 +33,7 @@ __all__ = [
     "person",
     "search_ring",
     "text_line",
+    "write",
 ]
 
 OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60
@@ -115,6 +116,22 @@ def text_line(text: str, size: int, colour: Colour) -> pygame.Surface:
 def body_share(size: int) -> float:
     """The diameter of a drone's body as a share of its size; small bodies are stout."""
     return 0.56 if size < BLADES_FROM else 0.44
+
+
+def write(
+    canvas: pygame.Surface, text: str, size: int, colour: Colour, **anchor: tuple[int, int]
+) -> pygame.Rect:
+    """Write a line of text and return where it is.
+
+    Args:
+        canvas: to draw on.
+        text: to write.
+        size: pygame's font size.
+        colour: of the text.
+        anchor: an attribute of `pygame.Rect` with its value, such as `midleft=(x, y)`.
+    """
+    line = text_line(text, size, colour)
+    return canvas.blit(line, line.get_rect(**anchor))
 
 
 @lru_cache(maxsize=512)
