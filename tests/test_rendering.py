@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
-from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.painter import GAP, Painter
 from DroneSwarmSearch.rendering.palette import FOUND, NOT_FOUND, PALETTES
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
 from DroneSwarmSearch.rendering.text import RAMP, render_text
@@ -75,6 +75,11 @@ def cell_of(picture: NDArray[np.int64], grid_size: int, x: int, y: int) -> NDArr
     side = int(SearchMap(grid_size).pitch)
     top, left = TOP + y * side, LEFT + x * side
     return picture[top : top + side, left : left + side]
+
+
+def panel_left(grid_size: int) -> int:
+    """The left edge of the panel."""
+    return SearchMap(grid_size).size[0] + GAP
 
 
 def board_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
@@ -441,7 +446,7 @@ class TestSymbols:
             side = SearchMap(grid_size).side
             assert changed[TOP : TOP + side, LEFT : LEFT + side].any()
             changed[TOP - 2 : TOP + side + 2, LEFT - 2 : LEFT + side + 2] = False
-            changed[:, Painter(grid_size).panel_left :] = False
+            changed[:, panel_left(grid_size) :] = False
             assert not changed.any()
 
 
@@ -461,7 +466,7 @@ class TestPanel:
     )
     def test_it_shows_the_state(self, change: dict[str, object]) -> None:
         frame = make_frame()
-        left = Painter(7).panel_left
+        left = panel_left(7)
         before = draw(frame)[:, left:]
         after = draw(replace(frame, **change))[:, left:]  # type: ignore[arg-type]
         assert (before != after).any()
@@ -470,7 +475,7 @@ class TestPanel:
         few = tuple((n % 20, n // 20) for n in range(30))
         many = tuple((n % 20, n // 20) for n in range(300))
         pictures = [
-            draw(make_frame(20, drones=drones, persons=()))[:, Painter(20).panel_left :]
+            draw(make_frame(20, drones=drones, persons=()))[:, panel_left(20) :]
             for drones in (few, many)
         ]
         assert pictures[0].shape == pictures[1].shape
@@ -481,14 +486,14 @@ class TestPanel:
     def test_the_figures_of_the_scale_stand_apart(self, top_value: float) -> None:
         matrix = np.full((7, 7), top_value)
         picture = draw(make_frame(matrix=matrix), gradient=False)
-        figures = picture[TOP + 332 : TOP + 348, Painter(7).panel_left :].min(axis=2) < 160
+        figures = picture[TOP + 332 : TOP + 348, panel_left(7) :].min(axis=2) < 160
         used = figures.any(axis=0).astype(int)
         gaps = np.diff(np.flatnonzero(used))
         assert (gaps > 5).sum() == 3
 
     def test_a_scale_without_gradient_has_three_colours(self) -> None:
         frame = make_frame()
-        left = Painter(7).panel_left
+        left = panel_left(7)
         colours = [
             {tuple(p) for p in draw(frame, gradient=gradient)[TOP + 318, left + 2 : left + 228]}
             for gradient in (True, False)
@@ -520,9 +525,7 @@ class TestEndScreens:
         rows = np.flatnonzero(changed.any(axis=1))
         assert (np.diff(rows) == 1).all(), "only the banner covers cells"
         assert len(rows) < 0.5 * len(changed)
-        assert (
-            before[:, Painter(grid_size).panel_left :] == after[:, Painter(grid_size).panel_left :]
-        ).all()
+        assert (before[:, panel_left(grid_size) :] == after[:, panel_left(grid_size) :]).all()
 
     @pytest.mark.parametrize("grid_size", [2, 3, 7, 300, 481])
     def test_the_sentence_fits_with_a_margin(self, grid_size: int) -> None:

@@ -13,6 +13,9 @@ from DroneSwarmSearch.rendering.search_map import BOTTOM, RIGHT, TOP, SearchMap
 
 __all__ = ["Painter", "to_array"]
 
+GAP = 6
+"""Pixels between the map's margin and the panel."""
+
 
 class Painter:
     """Draws frames of one grid size; needs no display and starts none.
@@ -41,10 +44,14 @@ class Painter:
             palette=palette,
             least_height=self._map.side,
         )
-        self.panel_left = self._map.size[0] + 6
-        width = self.panel_left + self._panel.size[0] + RIGHT
-        height = TOP + self._panel.size[1] + BOTTOM
+        self._panel_area = pygame.Rect((self._map.size[0] + GAP, TOP), self._panel.size)
+        width, height = self._panel_area.right + RIGHT, self._panel_area.bottom + BOTTOM
         self._size = width + width % 2, height + height % 2
+        self._backdrop: pygame.Surface | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """Everything but the prepared surface, which cannot be copied."""
+        return {**self.__dict__, "_backdrop": None}
 
     @property
     def size(self) -> tuple[int, int]:
@@ -57,10 +64,14 @@ class Painter:
         Raises:
             ValueError: the frame is of another grid size.
         """
-        canvas = pygame.Surface(self.size, 0, 32)
-        canvas.fill(PAPER)
-        canvas.blit(self._map.paint(frame), (0, 0))
-        canvas.blit(self._panel.paint(frame), (self.panel_left, TOP))
+        if self._backdrop is None:
+            self._backdrop = pygame.Surface(self.size, 0, 32)
+            self._backdrop.fill(PAPER)
+            self._map.draw_fixed(self._backdrop)
+            self._panel.draw_fixed(self._backdrop.subsurface(self._panel_area))
+        canvas = self._backdrop.copy()
+        self._map.draw(canvas, frame)
+        self._panel.draw(canvas.subsurface(self._panel_area), frame)
         return canvas
 
     def pixels(self, frame: Frame) -> NDArray[np.uint8]:

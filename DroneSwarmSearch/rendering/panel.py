@@ -16,7 +16,6 @@ from DroneSwarmSearch.rendering.palette import (
     MIDDLE_FROM,
     N_SHADES,
     PALETTES,
-    PAPER,
     PROGRESS,
     Colour,
     shades,
@@ -54,7 +53,7 @@ DRONE_SYMBOL = 20
 
 
 class Panel:
-    """Draws the panel.
+    """Draws the panel on surfaces of its `size`.
 
     Args:
         symbol: side of a drone on the map in pixels; the legend shows it alike.
@@ -71,28 +70,17 @@ class Panel:
         self._symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
         self._gradient = gradient
         self._palette = PALETTES[palette]
-        self._fixed: pygame.Surface | None = None
 
-    def __getstate__(self) -> dict[str, object]:
-        """Everything but the prepared surface, which cannot be copied."""
-        return {**self.__dict__, "_fixed": None}
-
-    def paint(self, frame: Frame) -> pygame.Surface:
-        """A new surface with the panel of a frame."""
-        if self._fixed is None:
-            self._fixed = self._draw_fixed()
-        canvas = self._fixed.copy()
+    def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
+        """Draw the values of a frame on a surface with the fixed parts."""
         self._draw_step(canvas, frame)
         self._draw_found(canvas, frame)
         self._draw_drift(canvas, frame.vector)
         self._draw_limits(canvas, float(frame.matrix.max()))
         self._draw_drones(canvas, len(frame.drones))
-        return canvas
 
-    def _draw_fixed(self) -> pygame.Surface:
-        """Headings, colour scale and symbols: the same for every frame."""
-        canvas = pygame.Surface(self.size, 0, 32)
-        canvas.fill(PAPER)
+    def draw_fixed(self, canvas: pygame.Surface) -> None:
+        """Draw headings, colour scale and symbols, which are the same for every frame."""
         write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
         for heading, top in (
             ("PERSONS FOUND", FOUND_TOP),
@@ -110,7 +98,6 @@ class Panel:
         canvas.blit(pygame.transform.scale(bar, place.size), place)
         pygame.draw.rect(canvas, INK, place, width=1)
         self._draw_symbols(canvas)
-        return canvas
 
     def _draw_symbols(self, canvas: pygame.Surface) -> None:
         images = symbol_images(self._symbol, SYMBOL_MOST + 4, self._palette.drone(0))

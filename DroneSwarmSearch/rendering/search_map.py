@@ -19,7 +19,6 @@ from DroneSwarmSearch.rendering.palette import (
     INK,
     NOT_FOUND,
     PALETTES,
-    PAPER,
     WHITE,
     Colour,
     readable_on,
@@ -86,7 +85,7 @@ Sprite = tuple[pygame.Surface, Point]
 
 
 class SearchMap:
-    """Draws the map of one grid size.
+    """Draws the map of one grid size on surfaces of its `size`.
 
     Args:
         grid_size: cells along each side.
@@ -120,17 +119,27 @@ class SearchMap:
         self.pitch = self.side / grid_size
         self.size = LEFT + self.side + RIGHT, TOP + self.side + BOTTOM
         self.symbol = _symbol_side(SYMBOL_SHARE, self.pitch, DRONE_LEAST)
-        self._axes: pygame.Surface | None = None
         self._lines: pygame.Surface | None = None
 
     def __getstate__(self) -> dict[str, object]:
-        """Everything but the prepared surfaces, which cannot be copied."""
-        return {**self.__dict__, "_axes": None, "_lines": None}
+        """Everything but the prepared surface, which cannot be copied."""
+        return {**self.__dict__, "_lines": None}
 
-    def paint(self, frame: Frame, *, banner: bool = True) -> pygame.Surface:
-        """A new surface with the map of a frame.
+    def draw_fixed(self, canvas: pygame.Surface) -> None:
+        """Draw the coordinates, which are the same for every frame."""
+        self._draw_frame(canvas, INK, 1)
+        for cell in range(0, self._grid_size, tick_stride(TICK_ROOM, self.pitch)):
+            across, down = self.centre(cell, cell)
+            write(canvas, f"{cell}", TICK_FONT, GREY, midbottom=(round(across), TOP - 7))
+            write(canvas, f"{cell}", TICK_FONT, GREY, midright=(LEFT - 8, round(down)))
+        write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + self.side + 8, TOP - 20))
+        write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
+
+    def draw(self, canvas: pygame.Surface, frame: Frame, *, banner: bool = True) -> None:
+        """Draw the cells of a frame and what is on them.
 
         Args:
+            canvas: with the coordinates.
             frame: of this grid size.
             banner: at the end of an episode, write the outcome across the map.
 
@@ -142,9 +151,6 @@ class SearchMap:
                 f"this painter draws grids of size {self._grid_size},"
                 f" got a frame of size {frame.grid_size}"
             )
-        if self._axes is None:
-            self._axes = self._draw_axes()
-        canvas = self._axes.copy()
         self._draw_cells(canvas, frame.matrix)
         if self._render_grid:
             self._draw_lines(canvas)
@@ -154,26 +160,12 @@ class SearchMap:
             self._draw_frame(canvas, colour, FRAME_WIDTH)
             if banner:
                 self._draw_banner(canvas, frame, frame.ending, colour)
-        return canvas
 
     def centre(self, x: float, y: float) -> Point:
         """The middle of a cell in pixels."""
         return LEFT + (x + 0.5) * self.pitch, TOP + (y + 0.5) * self.pitch
 
     # Cells.
-
-    def _draw_axes(self) -> pygame.Surface:
-        """The page with the coordinates."""
-        canvas = pygame.Surface(self.size, 0, 32)
-        canvas.fill(PAPER)
-        self._draw_frame(canvas, INK, 1)
-        for cell in range(0, self._grid_size, tick_stride(TICK_ROOM, self.pitch)):
-            across, down = self.centre(cell, cell)
-            write(canvas, f"{cell}", TICK_FONT, GREY, midbottom=(round(across), TOP - 7))
-            write(canvas, f"{cell}", TICK_FONT, GREY, midright=(LEFT - 8, round(down)))
-        write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + self.side + 8, TOP - 20))
-        write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
-        return canvas
 
     def _draw_frame(self, canvas: pygame.Surface, colour: Colour, width: int) -> None:
         """A frame around the cells."""

@@ -71,7 +71,9 @@ class SideBySide:
             (0, prior, "prior: the drift alone"),
             (self._map.size[0], posterior, "posterior: given the searches made"),
         ):
-            canvas.blit(self._map.paint(frame, banner=False), (left, HEAD + CAPTION))
+            area = canvas.subsurface((left, HEAD + CAPTION), self._map.size)
+            self._map.draw_fixed(area)
+            self._map.draw(area, frame, banner=False)
             middle, right = HEAD + CAPTION // 2, left + self._map.size[0] - RIGHT
             write(canvas, caption, CAPTION_FONT, INK, midleft=(left + MARGIN, middle))
             maximum = f"likeliest cell {100 * float(frame.matrix.max()):.2f}%"
