@@ -51,7 +51,7 @@ FPS_LEAST, FPS_MOST = 0.1, 50.0
 """A GIF cannot show more frames per second."""
 
 USUAL_POLICY = "greedy-matrix"
-"""It uses observations alone, so that it can fly with a person at the keys."""
+"""It needs only observations, so it can fly together with a person at the keys."""
 
 INTERRUPTED = 130
 """The exit code of shells after Ctrl-C."""
@@ -86,7 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("\ninterrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader of the output has gone; flushing what is buffered must not fail again.
+        # The reader of the output has gone: flushing the buffer must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
 

@@ -1,4 +1,4 @@
-"""The panel beside the map: step, persons found, drift, colour scale and legend."""
+"""The panel right of the map: step, persons found, drift, colour scale and legend."""
 
 from __future__ import annotations
 

@@ -29,47 +29,52 @@ from DroneSwarmSearch.rules import Ending
 
 __all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap"]
 
+# Lengths are in pixels, unless stated otherwise.
+
 LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24
-"""Margins around the cells in pixels; the first two hold the coordinates."""
+"""Margins around the cells; the first two hold the coordinates."""
 
 SIDE_GOAL = 720
-"""Side of all cells together, as near as whole pixels per cell allow."""
+"""The side of all cells together, rounded so that a cell has whole pixels."""
 
 SIDE_MOST = 1000
-"""That side where a grid has more cells along a side than this."""
+"""The side of grids with more cells along a side than this."""
 
 TICK_ROOM = 26
 TICK_FONT = 18
 
 GRID_FINEST = 4
-"""Cells of fewer pixels get a line around every tenth only."""
+"""Of cells smaller than this, only every tenth gets a line."""
 
 GRID_OPACITY = 0.45
 GRID_FULL_FROM = 16
-"""Opacity of lines at least this many pixels apart; closer lines are fainter."""
+"""The opacity of lines at least this far apart; closer lines are fainter."""
 
 SYMBOL_SHARE = 0.92
 SEARCHING_SHARE = 0.76
-"""Side of a symbol, and of a drone inside a search ring, as a share of its room."""
+"""The side of a symbol, and of a drone inside a search ring, as a share of its room."""
 
 SMALL_SHARE, SMALL_MOST = 1.15, 16
-"""In small cells symbols are larger than their room, up to this many pixels."""
+"""In small cells, symbols up to this side are larger than their room."""
 
 PAIR_SHARE = 0.58
-"""Room of each of two symbols in a cell, as a share of the cell's side."""
+"""The room of each of two symbols in a cell, as a share of the cell's side."""
 
 DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST = 9, 11, 160
 LEAST_APART = 8
-"""Limits of sizes and distances in pixels; they hold even where symbols then leave their cell."""
+"""Limits of sizes and distances, which hold even if symbols then leave their cell."""
 
 RING_MARGIN = 9
+"""How much larger than its drone a search ring is."""
+
 COLLISION_MARGIN = 1.5
-"""Size of a search ring beyond its drone, in pixels; of a star beyond its drones, in drones."""
+"""How much larger than its drones the star of a collision is, as a share of a drone."""
 
 NUMBER_FROM = 24
+"""Drones of at least this side show their number."""
+
 NUMBER_SHARES = (1.1, 1.0, 0.75)
-"""Drones of at least this many pixels show their number; its font size for one, two or three
-digits, as a share of the body."""
+"""Font sizes of numbers with one, two or three digits, as shares of the drone's body."""
 
 SENTENCE_FONT, REASON_FONT = 60, 30
 BANNER_TEXT_SHARE = 0.9
@@ -77,11 +82,11 @@ BANNER_PADDING = 20
 BANNER_STEP = 12
 LINE_GAP = 10
 FRAME_WIDTH = 5
-"""The outcome: a banner, whose top may lie at multiples of a step, and a frame around the cells."""
+"""The outcome is a banner, placed in steps, and a frame around the cells."""
 
 Point = tuple[float, float]
 Sprite = tuple[pygame.Surface, Point]
-"""An image and where its middle is."""
+"""An image and the place of its middle."""
 
 
 class SearchMap:

@@ -62,20 +62,20 @@ def fitted(frame: Frame, columns: int, rows: int) -> list[str]:
     """
     lines = render_text(frame, columns).split("\n")
     size = frame.grid_size
-    header, board, legend = lines[: -size - 2], lines[-size - 2 : -1], lines[-1]
+    header, grid, legend = lines[: -size - 2], lines[-size - 2 : -1], lines[-1]
     header = [part for line in header for part in textwrap.wrap(line, columns)]
     footer = textwrap.wrap(legend, columns)
 
     margin = len(str(size - 1)) + 1
-    width = (len(board[-1]) - margin) // size
+    width = (len(grid[-1]) - margin) // size
     y, x = divmod(int(frame.matrix.argmax()), size)
     left, right = _visible(x, size, (columns - margin) // width)
     top, bottom = _visible(y, size, rows - len(header) - 1 - len(footer))
-    board = [
+    grid = [
         line[:margin] + line[margin + left * width : margin + right * width]
-        for line in (board[0], *board[1 + top : 1 + bottom])
+        for line in (grid[0], *grid[1 + top : 1 + bottom])
     ]
-    return [*header, *board, *footer][:rows]
+    return [*header, *grid, *footer][:rows]
 
 
 def _visible(centre: int, size: int, room: int) -> tuple[int, int]:

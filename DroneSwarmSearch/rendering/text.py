@@ -14,7 +14,7 @@ __all__ = ["RAMP", "render_text"]
 
 RAMP = ".:;=oO%#@"
 """Probability from 0 (first) to the maximum of the matrix (last). Shares no character with
-the marks below, so that a cell's probability is readable whatever stands in it."""
+the marks below, so that a cell's probability stays readable behind the marks."""
 
 SEARCHING = "*"
 TOGETHER = "+"
@@ -28,8 +28,8 @@ WIDTH = 160
 def render_text(frame: Frame, columns: int = WIDTH) -> str:
     """The frame as lines of ASCII without escape codes, without a newline at the end.
 
-    Every cell ends with the character of its probability. Before it stands what is in the
-    cell: drones by their numbers, `*` after a drone that searches, `+` between drones that
+    Every cell ends with the character of its probability. The contents of the cell come
+    before it: drones by their numbers, `*` after a drone that searches, `+` between drones that
     share the cell, `P` for a missing person (with a count if there are several), `F1` for
     a person found there by drone 1. `12*P@` is drone 12 searching the likeliest cell, in
     which a person is.
@@ -70,7 +70,7 @@ def _header(frame: Frame) -> list[str]:
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
-    """What stands in each occupied cell, by (x, y)."""
+    """The contents of each occupied cell, by (x, y)."""
     drones: dict[tuple[int, int], list[str]] = {}
     for number, (cell, searching) in enumerate(zip(frame.drones, frame.searching, strict=True)):
         drones.setdefault(cell, []).append(f"{number}{SEARCHING if searching else ''}")
