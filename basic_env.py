@@ -1,11 +1,9 @@
-"""The demo: drones search the sea for a shipwrecked person while you watch, or fly along.
+"""The demo: watch drones search for a shipwrecked person, or fly one of them.
 
-Run it from the repository, or anywhere once the package is installed:
-
-    python basic_env.py                      watch a search, in a window or in the terminal
-    python basic_env.py --manual             fly drone 0: arrows, space to search, i to idle
-    python basic_env.py --record search.gif  make a film of it
-    python basic_env.py --help               everything else
+    python basic_env.py                      watch a search in a window or in the terminal
+    python basic_env.py --manual             fly drone 0: arrows, space searches, i idles
+    python basic_env.py --record search.gif  record a film
+    python basic_env.py --help               all options
 
 The search itself is a few lines; `DroneSwarmSearch/demo.py` adds the window and the keys:
 

@@ -30,6 +30,7 @@ from DroneSwarmSearch.drones import Drones
 from DroneSwarmSearch.observations import Observation, WithSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.palette import PALETTES
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.world import WorldState
@@ -101,6 +102,8 @@ class DroneSwarmSearch(WithSpaces):
             or the drift forecast alone.
         reward_scheme: the figures of the reward table.
         scenario: all parameters but the render settings, instead of the arguments above.
+        palette: the colours of the map: "classic" (dark red, yellow, bright green) or
+            "sea" (pale to deep blue).
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -130,6 +133,7 @@ class DroneSwarmSearch(WithSpaces):
         bayesian_update: bool = False,
         reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
         scenario: Scenario | None = None,
+        palette: str = "classic",
     ) -> None:
         super().__init__()
         self._scenario = resolve_scenario(
@@ -148,10 +152,13 @@ class DroneSwarmSearch(WithSpaces):
         self.render_mode = checks.choice("render_mode", render_mode, modes)
         self.render_grid = checks.boolean("render_grid", render_grid)
         self.render_gradient = checks.boolean("render_gradient", render_gradient)
+        checks.choice("palette", palette, tuple(PALETTES))
+        self.palette = palette
         self._display = Display(
             self._scenario.grid_size,
             render_grid=self.render_grid,
             render_gradient=self.render_gradient,
+            palette=palette,
             fps=self.metadata["render_fps"],
         )
 
@@ -385,13 +392,17 @@ class DroneSwarmSearch(WithSpaces):
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
         cells, world = self._cells_and_world()
-        positions = self._positions
+        positions, finds = self._positions, world.finds
+        persons = (
+            finds[person][1] if person in finds else world.person_cell(person)
+            for person in world.persons
+        )
         return Frame(
             matrix=world.matrix(),
             drones=tuple(positions[cell] for cell in cells),
             searching=tuple(action == Action.SEARCH for action in self._drones.chosen),
-            persons=tuple(positions[world.person_cell(person)] for person in world.persons),
-            found=tuple(person not in world.missing for person in world.persons),
+            persons=tuple(positions[cell] for cell in persons),
+            found_by=tuple(finds.get(person, (None, 0))[0] for person in world.persons),
             step=world.step,
             timestep_limit=self.timestep_limit,
             vector=self.vector,

@@ -42,6 +42,7 @@ class WorldState:
     Attributes:
         persons: all persons, by number.
         missing: the persons not yet found.
+        finds: for every person found, the drone that found them, and the cell.
         step: completed steps.
     """
 
@@ -74,6 +75,7 @@ class WorldState:
         self._episode = episode
         self.step = 0
         self.missing = self.persons
+        self.finds: dict[int, tuple[int, int]] = {}
         self._paths = self._start_paths  # each person's cells over some steps
         self._paths_first = 0  # the first of these steps
         self._active_posteriors: Posteriors | None = None  # from the first search on
@@ -166,6 +168,7 @@ class WorldState:
             cell = self.person_cell(person)
             if cell in searches and self._is_detected(person):
                 finders.add(searches[cell])
+                self.finds[person] = searches[cell], cell
                 self.missing = tuple(other for other in self.missing if other != person)
         if self._posteriors is not None:
             if self._active_posteriors is None:

@@ -1,8 +1,8 @@
-"""Makes the pictures of the README and the documentation in `docs/images`.
+"""Make the pictures of the README and the documentation in `docs/images`.
 
     python docs/make_pictures.py
 
-They are deterministic: the same code, pygame and Pillow give the same bytes.
+The same versions of the code, pygame and Pillow give the same bytes.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from PIL import Image
 
 from DroneSwarmSearch import DroneSwarmSearch, Ending, demo
 from DroneSwarmSearch.policies import GreedyPolicy
-from DroneSwarmSearch.rendering import colours, sprites
+from DroneSwarmSearch.rendering import palette, sprites
 
 IMAGES = Path(__file__).parent / "images"
 
 SEED = 12
-"""Of the search that is filmed, and the first that is tried for each picture."""
+"""The seed of the film, and the first seed that each picture tries."""
 
 SIZE, DRONES = 20, 4
 CORNERS = [(0, 0), (SIZE - 1, 0), (SIZE - 1, SIZE - 1), (0, SIZE - 1)]
 
 
 def last_picture(name: str, ending: Ending) -> None:
-    """Save the picture of the end of the first search that ends so."""
+    """Save the last picture of the first episode with this ending."""
     env = DroneSwarmSearch(
         grid_size=SIZE,
         render_mode="rgb_array",
@@ -50,14 +50,14 @@ def last_picture(name: str, ending: Ending) -> None:
 
 
 def logo(name: str, side: int = 192) -> None:
-    """Save the symbol of a drone, which the documentation's pages bear."""
-    symbol = sprites.drone(side, colours.drone_colour(0))
+    """Save the symbol of a drone, the logo of the documentation."""
+    symbol = sprites.drone(side, palette.PALETTES["classic"].drone(0))
     pixels = pygame.image.tobytes(symbol, "RGBA")
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / name, optimize=True)
 
 
 def main() -> None:
-    """Make them all."""
+    """Make all pictures."""
     IMAGES.mkdir(exist_ok=True)
     logo("logo.png")
     demo.main(["--seed", str(SEED), "--record", str(IMAGES / "search.gif")])

@@ -26,7 +26,9 @@ def test_searches_look_before_the_person_drifts_and_observations_after() -> None
     assert infos["Found"] and rewards == {"drone0": 20_000.0}
     matrix = observations["drone0"]["observation"][1]
     assert matrix[0, 1] == 1.0, "the new state is shown, drifted by one cell"
-    assert env.frame().persons == ((1, 0),) and env.frame().ending is Ending.FOUND
+    frame = env.frame()
+    assert frame.persons == ((0, 0),), "the frame shows where the person was found"
+    assert frame.found_by == (0,) and frame.ending is Ending.FOUND
 
 
 def test_fruitless_searches_pay_for_the_matrix_that_was_shown() -> None:
@@ -173,3 +175,23 @@ def test_the_posterior_is_shown_after_a_fruitless_search() -> None:
     assert posterior.sum() == pytest.approx(1)
     assert posterior[2, 3] < posterior[4, 3], "less where it was searched"
     assert plain[2, 3] == plain[4, 3]
+
+
+def test_frames_keep_the_cell_and_the_finder_of_every_find() -> None:
+    env = DroneSwarmSearch(
+        grid_size=9,
+        n_drones=2,
+        vector=(1, 0),
+        person_initial_position=[(1, 1), (4, 4)],
+        disperse_constant=0,
+    )
+    env.reset(seed=0, drones_positions=[(8, 8), (1, 1)])
+    assert env.frame().found_by == (None, None)
+    play(env, IDLE, SEARCH)
+    for step in range(1, 4):
+        frame = env.frame()
+        assert frame.persons == ((1, 1), (4 + step, 4))
+        assert frame.found_by == (1, None) and frame.found == (True, False)
+        play(env, IDLE, RIGHT)
+    env.reset()
+    assert env.frame().found_by == (None, None)

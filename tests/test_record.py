@@ -21,10 +21,10 @@ from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record
 from DroneSwarmSearch.evaluation.record import frames
-from DroneSwarmSearch.rendering.colours import BANNER_LOST
+from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
-from DroneSwarmSearch.rendering.video import SUFFIXES, write_film
+from DroneSwarmSearch.rendering.palette import NOT_FOUND
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 
@@ -32,7 +32,7 @@ pytest.importorskip("pygame")
 Image = pytest.importorskip("PIL.Image")
 imageio = pytest.importorskip("imageio.v2")
 
-from DroneSwarmSearch.rendering.diptych import Diptych  # noqa: E402 (needs pygame)
+from DroneSwarmSearch.rendering.side_by_side import SideBySide  # noqa: E402 (needs pygame)
 
 
 def small(**changed: Any) -> NamedSearch:
@@ -129,26 +129,26 @@ class TestPicture:
     @pytest.mark.parametrize("grid_size", [2, 7, 40, 61])
     def test_lengths_are_even(self, grid_size: int) -> None:
         pair = frame(grid_size), frame(grid_size)
-        height, width, channels = Diptych(grid_size, "title").pixels(*pair).shape
+        height, width, channels = SideBySide(grid_size, "title").pixels(*pair).shape
         assert (height % 2, width % 2, channels) == (0, 0, 3)
 
     def test_each_board_shows_its_own_matrix(self) -> None:
         flat, peak = frame(6), frame(6, likeliest=(4, 4))
-        diptych = Diptych(6, "title")
-        left, right = halves(diptych.pixels(flat, peak))
-        assert np.array_equal(left, halves(diptych.pixels(flat, flat))[0])
-        assert np.array_equal(right, halves(diptych.pixels(peak, peak))[1])
+        side_by_side = SideBySide(6, "title")
+        left, right = halves(side_by_side.pixels(flat, peak))
+        assert np.array_equal(left, halves(side_by_side.pixels(flat, flat))[0])
+        assert np.array_equal(right, halves(side_by_side.pixels(peak, peak))[1])
         assert not np.array_equal(left, right)
 
     def test_a_long_title_is_made_to_fit(self) -> None:
         title = "a_package_with_a_name.and_a_module_with_another:AndAPolicyThatIsNamedToo"
-        diptych, shown = Diptych(6, f"{title} searching long-watch, seed 123456"), frame(6)
+        side_by_side, shown = SideBySide(6, f"{title} searching long-watch, seed 123456"), frame(6)
         ended = replace(shown, ending=Ending.COLLISION)
-        short = Diptych(6, "short").pixels(ended, ended)
-        picture = diptych.pixels(ended, ended)
+        short = SideBySide(6, "short").pixels(ended, ended)
+        picture = side_by_side.pixels(ended, ended)
         changed = np.flatnonzero((picture != short).any(axis=(0, 2)))
         # What is written on the right, the outcome, is not overwritten.
-        outcome = np.flatnonzero((picture[:74] == BANNER_LOST).all(axis=2).any(axis=0)).min()
+        outcome = np.flatnonzero((picture[:74] == NOT_FOUND).all(axis=2).any(axis=0)).min()
         assert 0.9 * outcome < changed.max() < outcome
 
     @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ class TestFilm:
         with imageio.get_reader(path) as film:
             assert film.count_frames() == 4 + round(2.0 * record.HOLD)
             assert film.get_meta_data()["fps"] == 2
-            assert film.get_data(0).shape == Diptych(5, "title").pixels(frame(5), frame(5)).shape
+            assert film.get_data(0).shape == SideBySide(5, "title").pixels(frame(5), frame(5)).shape
 
     def test_what_was_there_before_stays_if_the_policy_fails(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"
@@ -296,7 +296,7 @@ class TestWriting:
             "import resource, sys\n"
             "from pathlib import Path\n"
             "from test_record import TestWriting\n"
-            "from DroneSwarmSearch.rendering.video import write_film\n"
+            "from DroneSwarmSearch.rendering.film import write_film\n"
             "room = int(sys.argv[2])\n"
             "resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))\n"
             "try:\n"
@@ -316,7 +316,7 @@ class TestWriting:
             "import resource, sys\n"
             "from pathlib import Path\n"
             "from test_record import TestWriting\n"
-            "from DroneSwarmSearch.rendering.video import write_film\n"
+            "from DroneSwarmSearch.rendering.film import write_film\n"
             "pictures = TestWriting.pictures(int(sys.argv[2]), 300, 400)\n"
             "write_film(Path(sys.argv[1]), pictures, fps=5, hold=1)\n"
             "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
@@ -544,7 +544,7 @@ def frame(grid_size: int, likeliest: tuple[int, int] | None = None) -> Frame:
         drones=((0, 0),),
         searching=(True,),
         persons=((1, 1),),
-        found=(False,),
+        found_by=(None,),
         step=3,
         timestep_limit=10,
         vector=(0.5, -0.25),

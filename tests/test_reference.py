@@ -203,7 +203,7 @@ def test_arguments_are_those_of_the_signature(table: list[list[str]]) -> None:
     for (_, default), parameter in zip(told, parameters, strict=True):
         assert eval(default, {"RewardScheme": RewardScheme}) == parameter.default
     keywords = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
-    assert keywords == [name for name, _ in told][-4:]  # "The last four are keyword only."
+    assert keywords == [name for name, _ in told][-5:]  # "The last five are keyword only."
 
 
 def test_reset_options_are_those_that_there_are(recwarn: pytest.WarningsRecorder) -> None:

@@ -36,7 +36,7 @@ OTHER: dict[str, Any] = {
 def test_names_and_defaults_are_the_environments():
     of_environment = inspect.signature(DroneSwarmSearch).parameters
     of_scenario = inspect.signature(Scenario).parameters
-    own = {"render_mode", "render_grid", "render_gradient", "scenario"}
+    own = {"render_mode", "render_grid", "render_gradient", "palette", "scenario"}
     assert list(of_scenario) == [name for name in of_environment if name not in own] == list(OTHER)
     assert Scenario() == DroneSwarmSearch().scenario
     keyword_only = [each.name for each in of_scenario.values() if each.kind is each.KEYWORD_ONLY]

@@ -147,9 +147,10 @@ class Twins:
         drones = [[list(cell) for cell in frame.drones] for frame in frames]
         assert batch.positions.tolist() == drones
         assert batch.cells.tolist() == [[y * size + x for x, y in cells] for cells in drones]
+        missing = batch.missing
+        assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
         persons = [[y * size + x for x, y in frame.persons] for frame in frames]
-        assert batch.person_cells.tolist() == persons
-        assert batch.missing.tolist() == [[not f for f in frame.found] for frame in frames]
+        assert (batch.person_cells == persons)[missing].all()
         assert batch.found.tolist() == [any(frame.found) for frame in frames]
         assert batch.searching.tolist() == [list(frame.searching) for frame in frames]
         assert batch.steps.tolist() == [frame.step for frame in frames]

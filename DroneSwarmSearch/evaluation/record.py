@@ -24,9 +24,9 @@ from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
-from DroneSwarmSearch.rendering.video import SUFFIXES, write_film
 
 __all__ = ["frames", "main", "record"]
 
@@ -84,7 +84,7 @@ def record(
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of its limits, or a name unknown.
     """
-    from DroneSwarmSearch.rendering.diptych import Diptych
+    from DroneSwarmSearch.rendering.side_by_side import SideBySide
 
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
@@ -93,14 +93,14 @@ def record(
     spec, where = PolicySpec.of(policy, name), as_named(search)
     pairs = frames(spec, where, seed=seed, bayesian_update=bayesian_update)
     title = f"{spec.name} searching {where.name}, seed {seed}"
-    diptych = Diptych(where.scenario.grid_size, title)
+    side_by_side = SideBySide(where.scenario.grid_size, title)
     last: list[Frame] = []
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
         for prior, posterior in pairs:
             last[:] = [posterior]
             bar(posterior.step)
-            yield diptych.pixels(prior, posterior)
+            yield side_by_side.pixels(prior, posterior)
 
     limit = where.scenario.timestep_limit
     with Progress(f"film of {title}", limit) as bar:

@@ -1,5 +1,10 @@
-"""Pictures of the search: `text` for terminals, `painter` off screen, `window` on screen.
+"""Pictures of a search: a `Frame` as text, picture, window or film.
 
-All of them draw a `frame.Frame` and know nothing else. Importing this package, `frame`
-or `text` does not import pygame; `painter` and `window` do.
+`frame` is the data; `text` needs NumPy alone; `painter`, `side_by_side` and `window` draw
+with pygame; `film` writes files with the packages of the extra "video". Importing this
+package does not import pygame.
 """
+
+from DroneSwarmSearch.rendering.frame import Frame
+
+__all__ = ["Frame"]

@@ -23,13 +23,24 @@ class Display:
         grid_size: cells along each side of the grid.
         render_grid: draw lines between the cells.
         render_gradient: colour the cells smoothly, else in three steps.
+        palette: the name of the colours.
         fps: frames per second at most in the window.
     """
 
     def __init__(
-        self, grid_size: int, *, render_grid: bool, render_gradient: bool, fps: float
+        self,
+        grid_size: int,
+        *,
+        render_grid: bool,
+        render_gradient: bool,
+        palette: str,
+        fps: float,
     ) -> None:
-        self._arguments = {"render_grid": render_grid, "render_gradient": render_gradient}
+        self._arguments: dict[str, Any] = {
+            "render_grid": render_grid,
+            "render_gradient": render_gradient,
+            "palette": palette,
+        }
         self._grid_size = grid_size
         self._fps = fps
         self._painter: Painter | None = None

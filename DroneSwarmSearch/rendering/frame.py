@@ -1,7 +1,7 @@
-"""What a picture of the search shows, as plain data.
+"""One moment of a search as plain data.
 
-The environment makes a `Frame`; `text`, `painter` and `window` draw it. None of
-them knows the environment, and drawing a frame cannot change an episode.
+The environment makes a `Frame`; `text`, `painter` and `window` draw it. They depend on
+nothing else of the environment, so drawing cannot change an episode.
 """
 
 from __future__ import annotations
@@ -24,20 +24,22 @@ class Frame:
         matrix: probability of each cell, float32, shape (grid_size, grid_size),
             indexed [y, x]; sums to 1.
         drones: (x, y) of every drone, in the order of their names.
-        searching: for every drone, whether it searched in the step that led here.
-        persons: (x, y) of every person, missing or found.
-        found: for every person, whether it has been found.
+        searching: for every drone, whether it searched in the last step.
+        persons: (x, y) of every person: the current cell of a missing person, the cell of
+            the find for a found one.
+        found_by: for every person, the number of the drone that found them; None while
+            they are missing.
         step: completed steps.
-        timestep_limit: the step with which the episode ends at the latest.
+        timestep_limit: the most steps the episode can have.
         vector: drift in cells per step, (x, y), y growing downward.
-        ending: how the episode ended, None while it goes on.
+        ending: how the episode ended; None before its end.
     """
 
     matrix: NDArray[np.float32]
     drones: tuple[tuple[int, int], ...]
     searching: tuple[bool, ...]
     persons: tuple[tuple[int, int], ...]
-    found: tuple[bool, ...]
+    found_by: tuple[int | None, ...]
     step: int
     timestep_limit: int
     vector: tuple[float, float]
@@ -49,8 +51,13 @@ class Frame:
         return int(self.matrix.shape[0])
 
     @property
+    def found(self) -> tuple[bool, ...]:
+        """For every person, whether they have been found."""
+        return tuple(drone is not None for drone in self.found_by)
+
+    @property
     def outcome(self) -> str:
-        """The seed's sentence for the end screen; empty while the episode goes on."""
+        """The sentence of the end screen; empty before the end of the episode."""
         if self.ending is None:
             return ""
         if self.ending is Ending.FOUND:

@@ -1,41 +1,47 @@
-"""A frame as plain ASCII text, for terminals and for traces in tests."""
+"""A frame as plain ASCII text, for terminals and logs."""
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
-from DroneSwarmSearch.rendering.colours import scaled
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
+from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 __all__ = ["RAMP", "render_text"]
 
 RAMP = ".:;=oO%#@"
-"""Probability from none (first) to the matrix maximum (last). Shares no character with
-the marks below, so that whatever stands in a cell can be told from its probability."""
+"""Probability from 0 (first) to the maximum of the matrix (last). Shares no character with
+the marks below, so that a cell's probability stays readable behind the marks."""
 
-SEARCHES = "*"
+SEARCHING = "*"
 TOGETHER = "+"
 MISSING = "P"
 FOUND = "F"
 
-SPACED_UP_TO = 160
-"""Characters in a line, at most, where nothing is known of the terminal."""
+WIDTH = 160
+"""Characters in a line where the width of the terminal is unknown."""
 
 
-def render_text(frame: Frame, columns: int = SPACED_UP_TO) -> str:
-    """The frame as lines of ASCII without escape codes, and no newline at the end.
+def render_text(frame: Frame, columns: int = WIDTH) -> str:
+    """The frame as lines of ASCII without escape codes, without a newline at the end.
 
-    Every cell ends with the character of its probability; before it stands what is in
-    the cell: drones by their numbers, `*` after one that searches, `+` between drones
-    in the same cell, `P` for a missing and `F` for a found person (with a count if
-    there are several). `12*P@` is drone 12 searching the likeliest cell, over a person.
-    Cells are set apart by a space where the rows of the grid then fit some columns.
+    Every cell ends with the character of its probability. The contents of the cell come
+    before it: drones by their numbers, `*` after a drone that searches, `+` between drones that
+    share the cell, `P` for a missing person (with a count if there are several), `F1` for
+    a person found there by drone 1. `12*P@` is drone 12 searching the likeliest cell, in
+    which a person is.
+
+    Args:
+        frame: what to write.
+        columns: characters in a line; a space separates the cells if they then fit.
     """
     tokens = _tokens(frame)
-    # A place for the searching mark is kept free: the width stays the same from frame to
-    # frame unless several things meet in a cell.
-    usual = len(str(len(frame.drones) - 1)) + len(SEARCHES)
+    # Room for the mark of a search is reserved: the width of a cell then changes from
+    # frame to frame only where several things meet.
+    usual = len(str(len(frame.drones) - 1)) + len(SEARCHING)
     width = max([usual, *map(len, tokens.values())]) + 1
     margin = len(str(frame.grid_size - 1)) + 1
     if margin + (width + 1) * frame.grid_size <= columns:
@@ -51,7 +57,7 @@ def render_text(frame: Frame, columns: int = SPACED_UP_TO) -> str:
 
 
 def _header(frame: Frame) -> list[str]:
-    """Clock, drift and score, and how the episode ended if it did."""
+    """Step, drift and persons found; at the end of an episode, its outcome."""
     x, y = frame.vector
     status = (
         f"step {frame.step}/{frame.timestep_limit}"
@@ -64,34 +70,33 @@ def _header(frame: Frame) -> list[str]:
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
-    """What stands in each cell that is not empty, by (x, y)."""
+    """The contents of each occupied cell, by (x, y)."""
     drones: dict[tuple[int, int], list[str]] = {}
-    for number, (cell, searches) in enumerate(zip(frame.drones, frame.searching, strict=True)):
-        drones.setdefault(cell, []).append(f"{number}{SEARCHES if searches else ''}")
+    for number, (cell, searching) in enumerate(zip(frame.drones, frame.searching, strict=True)):
+        drones.setdefault(cell, []).append(f"{number}{SEARCHING if searching else ''}")
     tokens = {cell: TOGETHER.join(numbers) for cell, numbers in drones.items()}
-    for mark, found in ((MISSING, False), (FOUND, True)):
-        counts: dict[tuple[int, int], int] = {}
-        for cell, is_found in zip(frame.persons, frame.found, strict=True):
-            if is_found is found:
-                counts[cell] = counts.get(cell, 0) + 1
-        for cell, count in counts.items():
-            tokens[cell] = tokens.get(cell, "") + mark + (str(count) if count > 1 else "")
+    finds = list(zip(frame.persons, frame.found_by, strict=True))
+    for cell, count in Counter(cell for cell, drone in finds if drone is None).items():
+        tokens[cell] = tokens.get(cell, "") + MISSING + (str(count) if count > 1 else "")
+    for cell, drone in finds:
+        if drone is not None:
+            tokens[cell] = f"{tokens.get(cell, '')}{FOUND}{drone}"
     return tokens
 
 
 def _column_numbers(grid_size: int, width: int) -> str:
-    """The numbers of the columns, each ending where its cells end; thinned if too dense."""
+    """The numbers of the columns, right-aligned with their cells; thinned out if too dense."""
     stride = tick_stride(len(str(grid_size - 1)) + 1, width)
-    labelled = (str(x) if x % stride == 0 else "" for x in range(grid_size))
     line = ""
-    for x, label in enumerate(labelled):
+    for x in range(0, grid_size, stride):
+        label = str(x)
         line = line.ljust((x + 1) * width - len(label)) + label
-    return line.rstrip()
+    return line
 
 
 def _rows(frame: Frame, tokens: dict[tuple[int, int], str], width: int, margin: int) -> list[str]:
     """One line per row of the grid: its number, then its cells."""
-    levels = np.rint(scaled(frame.matrix) * (len(RAMP) - 1)).astype(np.intp)
+    levels = np.rint(shares_of_maximum(frame.matrix) * (len(RAMP) - 1)).astype(np.intp)
     lines = []
     for y, row in enumerate(levels.tolist()):
         cells = ((tokens.get((x, y), "") + RAMP[level]).rjust(width) for x, level in enumerate(row))
@@ -100,11 +105,11 @@ def _rows(frame: Frame, tokens: dict[tuple[int, int], str], width: int, margin: 
 
 
 def _legend(frame: Frame) -> str:
-    """What the characters mean."""
+    """The meaning of the characters."""
     last = len(frame.drones) - 1
     numbers = "0" if last == 0 else f"0-{last}"
     return (
-        f"{numbers} drone, {SEARCHES} searching, {TOGETHER} same cell"
-        f" | person: {MISSING} missing, {FOUND} found"
+        f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"
+        f" | person: {MISSING} missing, {FOUND}0 found by drone 0"
         f" | {RAMP} probability, 0 to {percent(float(frame.matrix.max()))}"
     )

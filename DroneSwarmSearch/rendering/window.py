@@ -9,34 +9,32 @@ import weakref
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.colours import drone_colour
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.palette import PALETTES
 
-__all__ = ["Window"]
+__all__ = ["KEYS_KEPT", "Window"]
 
 KEYS_KEPT = 64
-"""Key presses that wait for somebody to take them; older ones are dropped."""
+"""Key events that wait in the queue; older ones are dropped."""
 
 DESKTOP_SHARE = 0.92
-"""A window that would not fit the desktop takes this share of it; the rest is for bars."""
+"""A window too large for the desktop takes this share of it; the rest is for title bars."""
 
 ICON = 32
 
-UNSEEN_DRIVERS = ("dummy", "offscreen")
+HIDDEN_DRIVERS = ("dummy", "offscreen")
 DRIVER_VARIABLES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 
 
 class Window:
-    """Shows frames in a window, at no more than a given rate.
+    """Shows frames in a window, at most at a given rate.
 
-    pygame has one display per process. Windows therefore take turns: the last one to
-    show a frame has the display, in its own size and under its own title, and closing
-    one of the others leaves the display alone. A program that has started
-    `pygame.display` itself keeps it started when the window closes.
+    pygame has one display per process, so windows share it: the last one to show a frame
+    owns the display, with its size and title, and closing another one leaves it open. A
+    display that the program itself has initialised stays initialised.
 
-    Key events stay in pygame's queue for whoever steers by hand; all other events are
-    taken out of it at every `show`.
+    Key events stay in pygame's queue for the program; `show` removes all other events.
 
     Args:
         painter: draws the frames.
@@ -45,10 +43,10 @@ class Window:
     """
 
     _owner: weakref.ref[Window] | None = None
-    """The window that has the display."""
+    """The window that owns the display."""
 
-    _started_display = False
-    """Whether `pygame.display` runs because a window needed it."""
+    _initialised_display = False
+    """Whether a window has initialised `pygame.display`."""
 
     def __init__(self, painter: Painter, *, title: str, fps: float) -> None:
         self._painter = painter
@@ -59,7 +57,7 @@ class Window:
 
     @property
     def is_open(self) -> bool:
-        """Whether this window has the display."""
+        """Whether this window owns the display."""
         return (
             Window._owner is not None
             and Window._owner() is self
@@ -68,13 +66,13 @@ class Window:
         )
 
     def show(self, frame: Frame) -> None:
-        """Shows a frame, opening the window if need be, and waits until the next is due.
+        """Show a frame, opening the window if needed, and wait for at most one frame period.
 
-        Waits one frame period at most. Does nothing once the user has closed the window,
-        which is warned about once, until `open`.
+        After the user has closed the window, the first call warns; all calls do nothing
+        until `open`.
 
         Raises:
-            RuntimeError: no window can be opened here, or it has failed.
+            RuntimeError: no window can be opened, or it failed.
         """
         if self._dismissed:
             return
@@ -83,73 +81,71 @@ class Window:
             if self._user_quits():
                 self.dismiss()
                 warnings.warn(
-                    "the window was closed: the episode goes on without being shown;"
+                    "the window was closed: the episode continues without being shown;"
                     " the next reset opens the window again",
                     stacklevel=2,
                 )
                 return
             self._present(self._painter.paint(frame))
         except pygame.error as error:
-            raise RuntimeError(f"the window has failed ({error})") from error
+            raise RuntimeError(f"the window failed ({error})") from error
         if self._clock is None:
             self._clock = pygame.time.Clock()
         self._clock.tick(self._fps)
 
-    def dismiss(self) -> None:
-        """Closes the window; `show` does nothing until `open`."""
-        self.close()
-        self._dismissed = True
-
-    def close(self) -> None:
-        """Closes the window, if it is open; may be called any number of times."""
-        if not self.is_open:
-            return
-        pygame.display.quit()
-        if not Window._started_display:
-            pygame.display.init()
-        Window._owner = None
-        Window._started_display = False
-
-    def __getstate__(self) -> dict[str, object]:
-        """What a copy starts from: the same settings, but no open window."""
-        return {**self.__dict__, "_clock": None}
-
     def open(self) -> None:
-        """Opens the window if it is not open, also after it was dismissed.
-
-        Takes the display, and starts it if nobody has.
+        """Open the window, also after it was dismissed; does nothing if it is open.
 
         Raises:
-            RuntimeError: no window can be opened here.
+            RuntimeError: no window can be opened.
         """
         self._dismissed = False
         if self.is_open:
             return
         try:
             if not pygame.display.get_init():
-                _refuse_without_screen()
+                _check_for_screen()
                 pygame.display.init()
-                Window._started_display = True
-                _refuse_unasked_blindness()
+                Window._initialised_display = True
+                _check_driver()
             surface = pygame.display.get_surface()
-            size = self._fitting_size()
+            size = self._fitted_size()
             if surface is None or surface.get_size() != size:
                 pygame.display.set_mode(size)
         except pygame.error as error:
-            if Window._started_display:
+            if Window._initialised_display:
                 pygame.display.quit()
-                Window._started_display = False
+                Window._initialised_display = False
             raise RuntimeError(
-                f'no window can be opened here ({error}): use render_mode="rgb_array" for'
+                f'no window can be opened ({error}): use render_mode="rgb_array" for'
                 ' pictures or "ansi" for text, or set the environment variable'
                 " SDL_VIDEODRIVER=dummy to run without a screen"
             ) from error
         pygame.display.set_caption(self._title)
-        pygame.display.set_icon(sprites.drone(ICON, drone_colour(0)))
+        pygame.display.set_icon(sprites.drone(ICON, PALETTES["classic"].drone(0)))
         Window._owner = weakref.ref(self)
 
-    def _fitting_size(self) -> tuple[int, int]:
-        """The painter's size, or as much less as the desktop demands."""
+    def dismiss(self) -> None:
+        """Close the window; `show` does nothing until `open`."""
+        self.close()
+        self._dismissed = True
+
+    def close(self) -> None:
+        """Close the window if it is open; may be called any number of times."""
+        if not self.is_open:
+            return
+        pygame.display.quit()
+        if not Window._initialised_display:
+            pygame.display.init()
+        Window._owner = None
+        Window._initialised_display = False
+
+    def __getstate__(self) -> dict[str, object]:
+        """Copies have the same settings, but no open window."""
+        return {**self.__dict__, "_clock": None}
+
+    def _fitted_size(self) -> tuple[int, int]:
+        """The painter's size, scaled down if the desktop is smaller."""
         width, height = self._painter.size
         desktop_width, desktop_height = pygame.display.get_desktop_sizes()[0]
         if width <= desktop_width and height <= desktop_height:
@@ -158,7 +154,7 @@ class Window:
         return round(width * share), round(height * share)
 
     def _user_quits(self) -> bool:
-        """Takes the waiting events, but for keys, and tells whether one asks to close."""
+        """Remove the waiting events except key events; True if one of them closes the window."""
         keys = (pygame.KEYDOWN, pygame.KEYUP)
         events = pygame.event.get(exclude=keys)
         pressed = pygame.event.get(keys, pump=False)
@@ -176,18 +172,15 @@ class Window:
         pygame.display.flip()
 
 
-def _refuse_without_screen() -> None:
-    """Raise an error where SDL would complain on stderr and find no screen all the same."""
-    told = ("DISPLAY", "WAYLAND_DISPLAY", *DRIVER_VARIABLES)
-    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in told):
+def _check_for_screen() -> None:
+    """Raise an error where SDL would print its own to stderr and still find no screen."""
+    variables = ("DISPLAY", "WAYLAND_DISPLAY", *DRIVER_VARIABLES)
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in variables):
         raise pygame.error("there is no screen")
 
 
-def _refuse_unasked_blindness() -> None:
-    """Raise an error if SDL has taken to a driver that shows nothing, for want of a screen.
-
-    Nothing is wrong with that where the user has asked for it.
-    """
+def _check_driver() -> None:
+    """Raise an error if SDL has fallen back to a hidden driver that nobody asked for."""
     driver = pygame.display.get_driver()
-    if driver in UNSEEN_DRIVERS and not any(os.environ.get(name) for name in DRIVER_VARIABLES):
+    if driver in HIDDEN_DRIVERS and not any(os.environ.get(name) for name in DRIVER_VARIABLES):
         raise pygame.error("there is no screen")

@@ -349,7 +349,7 @@ class SearchBatch(BatchReadings):
         # 2. The rules decide outcomes, rewards and endings.
         world, outcomes = self._world, self._outcomes
         probability = world.probabilities(rows, cells).astype(np.float64)
-        finds = world.search(rows, cells)
+        finds = world.search(rows, cells, searches)
         found = all_found = finds
         if finds.size:
             found, all_found = searches.take(finds), world.all_found(rows.take(finds))

@@ -147,12 +147,16 @@ class BatchReadings:
         _, positions = grid_of(self._scenario.grid_size)
         x, y = self._now.forecasts.drift[:, row].tolist()
         ending = self._outcomes.endings[row]
+        missing = self._world.missing[:, row]
+        finders, find_cells = self._world.finds[..., row]
+        persons = np.where(missing, self._world.person_cells[:, row], find_cells)
+        found_by = np.where(missing, -1, finders % self._cells.shape[1])
         return Frame(
             matrix=self.matrices_of(np.array([row]))[0],
             drones=tuple(positions[cell] for cell in self._cells[row].tolist()),
             searching=tuple(self.searching[row].tolist()),
-            persons=tuple(positions[cell] for cell in self.person_cells[row].tolist()),
-            found=tuple((~self.missing[row]).tolist()),
+            persons=tuple(positions[cell] for cell in persons.tolist()),
+            found_by=tuple(None if drone < 0 else drone for drone in found_by.tolist()),
             step=int(self._world.step[row]),
             timestep_limit=self._scenario.timestep_limit,
             vector=(x, y),

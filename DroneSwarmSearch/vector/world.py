@@ -52,6 +52,7 @@ class BatchState:
         )
         self._set_forecasts(forecasts)
         self._first.missing[...] = 1
+        self._finds = np.zeros((2, persons, rows), np.int64)  # see `finds`
         # With several persons: whose forecast is shown, and in which rows it is a mean.
         self._shown_person = np.zeros(rows, np.int64)
         self._mixed = np.zeros(rows, np.bool_)
@@ -89,6 +90,14 @@ class BatchState:
     def person_cells(self) -> Ints:
         """Every person's cell, y * N + x: int64, (persons, rows)."""
         return self._now.cells
+
+    @property
+    def finds(self) -> Ints:
+        """The drone that found each person, numbered throughout the batch, and in which cell.
+
+        int64, (2, persons, rows); the values of missing persons are meaningless.
+        """
+        return self._finds
 
     # The start of an episode.
 
@@ -143,12 +152,13 @@ class BatchState:
 
     # A step: `search`, then `advance`.
 
-    def search(self, rows: Ints, cells: Ints) -> Ints:
+    def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Decide which of a step's searches find a person.
 
         Args:
             rows: the row of every search.
             cells: the cell of every search; different cells within a row.
+            drones: the drone of every search, numbered throughout the batch.
 
         Returns:
             The searches that found someone, as indices into the arguments; a search that
@@ -167,7 +177,9 @@ class BatchState:
                 uniforms = numbers(now.detection_keys[where], places.astype(np.uint64))
                 hits = hits[uniforms < detection]
             if hits.size and detection > 0.0:
-                now.missing[person][rows.take(hits)] = 0
+                where = rows.take(hits)
+                now.missing[person][where] = 0
+                self._finds[:, person, where] = drones.take(hits), cells.take(hits)
                 found.append(hits)
         finds = np.concatenate(found) if len(found) > 1 else found[0] if found else _NO_ROWS
         if finds.size and several:

@@ -1,4 +1,8 @@
-"""Films of a search, as files. Needs the packages of the extra "video"."""
+"""Pictures as a GIF or MP4 file. Needs the packages of the extra "video".
+
+Both writers are our own. Pillow keeps all frames of a GIF in memory, and imageio-ffmpeg
+ignores ffmpeg's exit code, so that a full disk would pass for success.
+"""
 
 from __future__ import annotations
 
@@ -31,16 +35,16 @@ INSTALL = 'pip install "DroneSwarmSearchEnvironment[video]"'
 SUFFIXES = (".gif", ".mp4")
 
 GIF_WIDTH = 600
-"""Pixels across, at most, unless asked for more: a GIF is for pages, where bytes count."""
+"""The default width of a GIF in pixels; wider pictures are scaled down."""
 
 GIF_SAMPLES = 8
-"""The colours of a GIF are chosen from so many of its pictures, evenly spread."""
+"""The number of pictures, evenly spread over the film, from which its palette is chosen."""
 
 UNCHANGED = 255
-"""The colour of a GIF that stands for the pixel of the picture before."""
+"""The colour index of pixels that are the same as in the previous picture."""
 
 GIF_LONGEST = 655_350
-"""Milliseconds for which one picture of a GIF can stay."""
+"""The longest duration of a frame of a GIF, in milliseconds."""
 
 Picture = NDArray[np.uint8]
 
@@ -55,27 +59,27 @@ def write_film(
 ) -> int:
     """Write pictures to a file, GIF or MP4 by its suffix.
 
-    The file appears when it is complete. If anything fails, what it held before stays. The
-    memory needed does not grow with the number of pictures; a GIF needs space for them on
-    the disk while it is made.
+    The file appears when it is complete; after an error or an interruption, a previous file
+    is still there. Memory does not grow with the number of pictures; for a GIF, they are
+    stored compressed in a temporary file.
 
     Args:
-        path: the file; its folder is made if need be.
-        pictures: uint8, shape (height, width, 3), all alike; at least one. They are taken
-            one by one, the first after everything that a film needs has been found.
+        path: the file; its folder is created if needed.
+        pictures: at least one, uint8 of shape (height, width, 3), all alike. The first one
+            is taken after all other checks.
         fps: pictures per second.
-        hold: seconds for which the last picture stays.
-        gif_width: pixels across to which wider pictures are scaled down in a GIF.
+        hold: additional seconds for which the last picture stays.
+        gif_width: the most pixels across in a GIF.
 
     Returns:
         The number of pictures taken.
 
     Raises:
-        ImportError: a package of the extra "video" is missing, or its ffmpeg.
+        ImportError: a package of the extra "video", or its ffmpeg, is missing.
         OSError: the file cannot be written.
         TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of its limits, the suffix is none of `SUFFIXES`, or the
-            pictures are none or differ in shape.
+        ValueError: an argument is outside its limits, the suffix is not one of `SUFFIXES`,
+            or the pictures are missing or differ in shape.
     """
     # `evaluation` has a command that makes films.
     from DroneSwarmSearch.evaluation.files import replacing
@@ -86,7 +90,7 @@ def write_film(
     gif_width = checks.integer("gif_width", gif_width, 1)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise ValueError(f"a film's name must end in {' or '.join(SUFFIXES)}, got {path.name!r}")
+        raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {path.name!r}")
     ffmpeg = None
     if suffix == ".gif":
         _package("PIL")
@@ -108,7 +112,7 @@ def _package(name: str) -> ModuleType:
 
 
 def _find_ffmpeg() -> str:
-    """The program that makes MP4 files, tried out."""
+    """The path of an ffmpeg that runs."""
     package = _package("imageio_ffmpeg")
     try:
         program: str = package.get_ffmpeg_exe()
@@ -124,7 +128,7 @@ def _find_ffmpeg() -> str:
 
 
 def _checked(pictures: Iterable[Picture]) -> Iterator[Picture]:
-    """The pictures; an error if there is none, or one of another shape or type."""
+    """The pictures, each checked for shape and type."""
     shape = None
     for picture in pictures:
         if shape is None and picture.ndim == 3 and picture.shape[2] == 3:
@@ -144,43 +148,36 @@ def _checked(pictures: Iterable[Picture]) -> Iterator[Picture]:
 
 
 def _write_gif(path: Path, pictures: Iterable[Picture], fps: float, hold: float, width: int) -> int:
-    """A GIF that repeats for ever, at most so wide."""
+    """Write a GIF that repeats forever."""
+    from PIL import Image
+
     with tempfile.TemporaryFile(dir=path.parent) as spool, path.open("wb") as file:
-        # The palette depends on pictures from the whole film: they go to the disk first.
-        places, size = [], (0, 0)
+        # The palette depends on the whole film, so the pictures go to disk first.
+        ends, size = [0], (0, 0)
         for picture in pictures:
             image = _shrunken(picture, width)
-            places.append(spool.tell())
             size = image.size
             spool.write(zlib.compress(image.tobytes(), 1))
-        images = _Images(spool, [*places, spool.tell()], size)
-        palette = _palette(images)
-        _write_gif_frames(file, (_quantised(image, palette) for image in images), fps, hold)
-    return len(places)
+            ends.append(spool.tell())
+        count = len(ends) - 1
 
+        def stored(number: int) -> Image.Image:
+            start, end = ends[number : number + 2]
+            spool.seek(start)
+            return Image.frombytes("RGB", size, zlib.decompress(spool.read(end - start)))
 
-class _Images:
-    """Images in a file, read one at a time."""
-
-    def __init__(self, file: IO[bytes], places: list[int], size: tuple[int, int]) -> None:
-        self._file, self._places, self.size = file, places, size
-
-    def __len__(self) -> int:
-        return len(self._places) - 1
-
-    def __getitem__(self, number: int) -> Image.Image:
-        from PIL import Image
-
-        begin, end = self._places[number : number + 2]
-        self._file.seek(begin)
-        return Image.frombytes("RGB", self.size, zlib.decompress(self._file.read(end - begin)))
-
-    def __iter__(self) -> Iterator[Image.Image]:
-        return map(self.__getitem__, range(len(self)))
+        samples = (round(k * (count - 1) / (GIF_SAMPLES - 1)) for k in range(GIF_SAMPLES))
+        palette = _common_palette([stored(number) for number in samples])
+        images = (
+            stored(number).quantize(palette=palette, dither=Image.Dither.NONE)
+            for number in range(count)
+        )
+        _write_gif_frames(file, images, fps, hold)
+    return count
 
 
 def _shrunken(picture: Picture, width: int) -> Image.Image:
-    """The picture as an image, no wider than that."""
+    """The picture as an image of at most this width."""
     from PIL import Image
 
     image = Image.fromarray(picture)
@@ -191,51 +188,50 @@ def _shrunken(picture: Picture, width: int) -> Image.Image:
     return image.resize((width, height), Image.Resampling.HAMMING)
 
 
-def _palette(images: _Images) -> Image.Image:
-    """An image with the 255 colours that serve all images alike.
+def _common_palette(samples: list[Image.Image]) -> Image.Image:
+    """An image with the palette of 255 colours that all frames use.
 
-    One palette for all: what stays in place stays the same in every bit, and costs none.
+    With one palette, what does not move keeps its exact colours and needs no bytes.
     """
     from PIL import Image
 
-    last, (width, height) = len(images) - 1, images.size
-    samples = Image.new("RGB", (width, height * GIF_SAMPLES))
-    for place in range(GIF_SAMPLES):
-        samples.paste(images[round(place * last / (GIF_SAMPLES - 1))], (0, place * height))
+    width, height = samples[0].size
+    joined = Image.new("RGB", (width, height * len(samples)))
+    for number, sample in enumerate(samples):
+        joined.paste(sample, (0, number * height))
     # The other methods of quantisation drop the small bright symbols.
-    palette = samples.quantize(UNCHANGED, method=Image.Quantize.FASTOCTREE)
+    palette = joined.quantize(UNCHANGED, method=Image.Quantize.FASTOCTREE)
     colours = bytes(palette.getpalette() or ())[: 3 * UNCHANGED]
-    # The colours left over repeat the first, lest any pixel is nearest to one of them.
+    # Unused entries repeat the first colour, so that no pixel is nearest to one of them.
     palette.putpalette((colours + 256 * colours[:3])[: 3 * 256])
     return palette
-
-
-def _quantised(image: Image.Image, palette: Image.Image) -> Image.Image:
-    from PIL import Image
-
-    return image.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def _write_gif_frames(
     file: IO[bytes], images: Iterable[Image.Image], fps: float, hold: float
 ) -> None:
-    """Write a GIF frame by frame; Pillow would keep all frames in memory.
+    """Write a GIF frame by frame.
 
-    The images, at least one, have a palette in common, which leaves out `UNCHANGED`. Of each
-    only the box that differs from the image before is written, with `UNCHANGED` for the
-    pixels in it that do not. An image that does not differ at all prolongs the one before.
+    A frame holds only the box that differs from the previous one, with `UNCHANGED` for the
+    pixels in it that do not. A picture that does not differ prolongs the previous frame.
+
+    Args:
+        file: to write to.
+        images: at least one, with one palette that does not use `UNCHANGED`.
+        fps: images per second.
+        hold: additional seconds for the last one.
     """
     duration, images = min(round(1000 / fps), GIF_LONGEST), iter(images)
     first = next(images)
     width, height = first.size
     file.write(b"GIF89a" + struct.pack("<HHBBB", width, height, 0xF7, 0, 0))  # 256 colours
     file.write(bytes(first.getpalette() or ()))
-    file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00")  # repeat for ever
-    before = changes = np.asarray(first)
+    file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00")  # repeat forever
+    previous = changes = np.asarray(first)
     left, top, stays = 0, 0, duration
     for image in images:
         now = np.asarray(image)
-        changed = now != before
+        changed = now != previous
         if not changed.any() and stays + duration + 1000 * hold <= GIF_LONGEST:
             stays += duration
             continue
@@ -245,18 +241,18 @@ def _write_gif_frames(
         left, right = (columns[0], columns[-1]) if len(columns) else (0, 0)
         box = slice(top, bottom + 1), slice(left, right + 1)
         changes = np.where(changed[box], now[box], np.uint8(UNCHANGED))
-        before, stays = now, duration
+        previous, stays = now, duration
     stays = min(stays + round(1000 * hold), GIF_LONGEST)
     file.writelines(_gif_frame(changes, left, top, stays))
     file.write(b";")
 
 
 def _gif_frame(indices: NDArray[np.uint8], left: int, top: int, stays: int) -> list[bytes]:
-    """A frame of a GIF, as the file has it."""
+    """The bytes of a frame of a GIF."""
     from PIL import Image
     from PIL.GifImagePlugin import getdata
 
-    frame = Image.fromarray(indices)  # "L": the colours of the whole film hold
+    frame = Image.fromarray(indices)  # mode "L": the palette of the file applies
     return getdata(frame, (int(left), int(top)), duration=stays, transparency=UNCHANGED)
 
 
@@ -266,22 +262,22 @@ def _gif_frame(indices: NDArray[np.uint8], left: int, top: int, stays: int) -> l
 def _write_mp4(
     ffmpeg: str, path: Path, pictures: Iterator[Picture], fps: float, hold: float
 ) -> int:
-    """An H.264 video; the last picture is repeated for as long as it stays."""
+    """Write an H.264 video that repeats the last picture for `hold` seconds."""
     first = next(pictures)
     height, width, _ = first.shape
     command = [ffmpeg, "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{width}x{height}", "-r", f"{fps!r}", "-i", "-", "-an"]
-    if width % 2 or height % 2:  # which this pixel format cannot have
+    if width % 2 or height % 2:  # the pixel format needs even lengths
         command += ["-vf", f"scale={width + width % 2}:{height + height % 2}"]
     command += ["-pix_fmt", "yuv420p", f"file:{path}"]
     held, count = round(fps * hold), 0
-    with tempfile.TemporaryFile() as complaints:
+    with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=complaints,
-            start_new_session=True,  # Ctrl-C is for this process, which then ends the other
+            stderr=errors,
+            start_new_session=True,  # Ctrl-C reaches this process alone, which then kills ffmpeg
         )
         assert process.stdin is not None
         try:
@@ -289,7 +285,7 @@ def _write_mp4(
                 count += 1
                 try:
                     process.stdin.write(picture.tobytes())
-                except OSError:  # ffmpeg has ended; its exit code is looked at below
+                except OSError:  # ffmpeg has exited; its exit code is checked below
                     break
             with suppress(OSError):
                 process.stdin.close()
@@ -301,15 +297,15 @@ def _write_mp4(
             process.wait()
             raise
         if failed:
-            complaints.seek(0)
-            lines = complaints.read().decode(errors="replace").split("\n")
+            errors.seek(0)
+            lines = errors.read().decode(errors="replace").split("\n")
             reason = next(filter(None, map(str.strip, reversed(lines))), "it gave no reason")
             raise OSError(f"ffmpeg ended with code {process.returncode}: {reason}")
     return count - held
 
 
 def _holding(pictures: Iterable[Picture], times: int) -> Iterator[Picture]:
-    """The pictures, and the last of them again some times."""
+    """The pictures, then the last one again so many times."""
     picture = None
     for picture in pictures:
         yield picture
