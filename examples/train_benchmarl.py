@@ -225,11 +225,11 @@ def main() -> None:
             model_config=model,
             critic_model_config=of_state if options.algorithm == "mappo" else None,
             seed=options.seed + run.steps_done,  # a resumed run meets other seas
-            config=settings(options, run.checkpoint if run.resumes else None),
+            config=settings(options, run.checkpoint if run.resuming else None),
             callbacks=[Record(run)],
         )
-        run.go_on_from(experiment.total_frames)
-        if not run.resumes:
+        run.resume_from(experiment.total_frames)
+        if not run.resuming:
             experiment._save_experiment()
         experiment.run()
     training.compare_with_baselines(

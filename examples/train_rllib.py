@@ -166,18 +166,18 @@ def train(run: training.Run, options: Namespace) -> Path:
     """Train until the steps are done; returns the checkpoint's path."""
 
     def save() -> None:
-        with run.saving_folder() as path:
+        with run.saving_folder(f"checkpoint_{run.steps_done}") as path:
             learning.save_to_path(path)
 
     learning = algorithm(options, options.seed + run.steps_done)  # resumed, in other seas
-    if run.resumes:
+    if run.resuming:
         learning.restore_from_path(run.checkpoint.absolute())
         counted = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
         played = learning.metrics.peek(counted, default=0)  # nothing is counted at the beginning
-        run.go_on_from(int(played))
+        run.resume_from(int(played))
     else:
         save()
-    while run.steps_done < run.wanted:
+    while run.steps_done < run.total_steps:
         got = learning.train()[ENV_RUNNER_RESULTS]
         save()
         ended = got.get("ended", 0)

@@ -152,14 +152,14 @@ def train(options: argparse.Namespace) -> Any:
         seed = options.seed + run.steps_done  # a resumed run is to meet new seas
         set_random_seed(seed)
         env = (wrapped if options.supersuit else batched)(options.num_envs, seed)
-        if run.resumes:
+        if run.resuming:
             model = algorithm.load(run.checkpoint, env, device="cpu")
-            run.go_on_from(model.num_timesteps // DRONES)
+            run.resume_from(model.num_timesteps // DRONES)
         else:
             model = algorithm("MlpPolicy", env, **PARAMETERS)
-        left = run.wanted - run.steps_done
+        left = run.total_steps - run.steps_done
         if left > 0:
-            model.learn(left * DRONES, Record(run), reset_num_timesteps=not run.resumes)
+            model.learn(left * DRONES, Record(run), reset_num_timesteps=not run.resuming)
     return model
 
 

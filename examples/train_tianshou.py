@@ -120,18 +120,18 @@ def train(options: argparse.Namespace) -> DQN:
         torch.manual_seed(options.seed)
         np.random.seed(options.seed)  # Tianshou explores with NumPy's global numbers
         dqn = learner()
-        if run.resumes:
+        if run.resuming:
             kept = torch.load(run.checkpoint)
             dqn.load_state_dict(kept["dqn"])
-            run.go_on_from(kept["steps"])
+            run.resume_from(kept["steps"])
         else:
             save(run, dqn, 0)
         begun = run.steps_done
-        if begun >= run.wanted:
+        if begun >= run.total_steps:
             return dqn
 
         def explore(epoch: int, env_step: int) -> None:
-            progress = (begun + env_step / DRONES) / (FALLING * run.wanted)
+            progress = (begun + env_step / DRONES) / (FALLING * run.total_steps)
             # Tianshou 2.0 does not tell the policies of a swarm when they are being trained.
             dqn.policy.set_eps_inference(max(LEAST, EXPLORATION * (1.0 - progress)))
 
@@ -143,7 +143,7 @@ def train(options: argparse.Namespace) -> DQN:
         collector.reset()
         explore(0, 0)
         begun += collector.collect(n_episode=options.num_envs).n_collected_steps // DRONES
-        left = max(run.wanted - begun, 1)
+        left = max(run.total_steps - begun, 1)
         epoch = min(EPOCH, left)
         swarm.run_training(
             OffPolicyTrainerParams(

@@ -207,11 +207,11 @@ def main() -> None:
         network, policy = make_policy(env)
         loss = make_loss(env, policy, central)
         optimiser = torch.optim.Adam(loss.parameters(), lr=LEARNING_RATE, eps=1e-5)
-        if run.resumes:
+        if run.resuming:
             kept = torch.load(run.checkpoint, weights_only=True)
             loss.load_state_dict(kept["loss"])
             optimiser.load_state_dict(kept["optimiser"])
-            run.go_on_from(kept["steps"])
+            run.resume_from(kept["steps"])
         env.set_seed(options.seed + run.steps_done)  # a resumed run meets other seas
 
         def save(steps: int) -> None:
@@ -223,11 +223,11 @@ def main() -> None:
             with run.saving("checkpoint.pt") as path:
                 torch.save(state, path)
 
-        if not run.resumes:
+        if not run.resuming:
             save(0)
         collector = Collector(env, policy, frames_per_batch=SWARMS * LENGTH)
         batches = iter(collector)
-        while run.steps_done < run.wanted:
+        while run.steps_done < run.total_steps:
             batch = next(batches)
             judge(batch, loss)
             last = improve(batch, loss, optimiser)
