@@ -74,7 +74,8 @@ def main() -> None:
     searches = [random_search(rng, number) for number in range(options.searches)]
     found: dict[str, NDArray[np.float64]] = {}
     first = options.policies[0]
-    row = "{:<18}{:<22}{:<22}{:<24}{}".format
+    width = max(map(len, ["greedy-posterior", *options.policies]))
+    row = f"{{:<{width}}}  {{:<20}}  {{:<20}}  {{:<22}}  {{}}".format
     print(row("policy", "found, %", "time, % of the limit", f"{first} ahead, points", "won:lost"))
     for name in options.policies:
         results = [
