@@ -182,7 +182,11 @@ def test_the_sdist_contains_sources_tests_examples_and_documentation(built):
 
 @pytest.mark.parametrize(
     "what",
-    ["wheel", *(pytest.param(each, marks=pytest.mark.slow) for each in ("sdist", "editable"))],
+    [
+        "wheel",
+        pytest.param("sdist", marks=pytest.mark.slow),
+        pytest.param("editable", marks=pytest.mark.slow),
+    ],
 )
 def test_it_can_be_installed(what, built, tmp_path):
     """In a fresh environment that sees the dependencies of the current one."""
