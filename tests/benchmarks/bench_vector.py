@@ -4,7 +4,7 @@
 
 Speeds are environment steps per second: one step of a swarm counts once, and resets are
 included. The cases take turns within one process, because absolute figures vary with the
-machine while ratios hold. Tables show medians over the rounds, with quartiles in brackets.
+machine while ratios hold. Tables show medians over the rounds, with quartiles in parentheses.
 """
 
 from __future__ import annotations
