@@ -1,8 +1,8 @@
-"""Make the checkout of a tag ready to be built for the package index; run by release.yml.
+"""Prepare a tagged checkout for the package index; run by release.yml.
 
-It refuses a tag that is not that of the version, and a version whose section in the changelog
-has no date. Then it makes the README's relative links absolute, which work on GitHub alone:
-pages and pictures are those of the tag, in the repository in which the workflow runs.
+The tag has to match the version, and the version's section in the changelog needs a date. Then
+the README's relative links, which work on GitHub only, become absolute: they point to the pages
+and pictures of the tag, in the repository that runs the workflow.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ PICTURES = (".gif", ".jpg", ".png", ".svg")
 
 
 def version_of(package: str) -> str:
-    """The version that the text of the package's `__init__.py` states."""
+    """The version in the text of the package's `__init__.py`."""
     found = re.search(r'^__version__ = "(.+)"$', package, re.M)
     assert found is not None
     return found[1]
 
 
 def problem(tag: str, version: str, changelog: str) -> str | None:
-    """Why this must not be released, if anything speaks against it."""
+    """The reason not to release, or None."""
     if tag != f"v{version}":
-        return f"the tag {tag} is not that of version {version}: v{version}"
+        return f"the tag {tag} does not match version {version}, which needs v{version}"
     if not re.search(rf"^## {re.escape(version)} \(\d{{4}}-\d\d-\d\d\)$", changelog, re.M):
         return f"CHANGELOG.md has no section '## {version} (YYYY-MM-DD)'"
     return None
 
 
 def absolute(text: str, repository: str, tag: str) -> str:
-    """A top-level page with absolute links.
+    """Make the links of a top-level page absolute.
 
     Args:
-        text: Markdown, with or without pieces of HTML.
+        text: Markdown, possibly with HTML.
         repository: its address.
-        tag: whose pages and pictures are linked.
+        tag: of the linked pages and pictures.
     """
 
     def address(match: re.Match[str]) -> str:
@@ -51,7 +51,7 @@ def absolute(text: str, repository: str, tag: str) -> str:
 
     def linked(block: str) -> str:
         if block.startswith("```"):
-            return block  # code stays as it is
+            return block
         block = re.sub(r"(\]\()([^)\s]+)(\))", address, block)
         return re.sub(r"(\b(?:src|href)=\")([^\"]+)(\")", address, block)
 
@@ -62,11 +62,11 @@ def main(environment: Mapping[str, str] = os.environ, root: Path = ROOT) -> None
     """Check the tag, and rewrite the README.
 
     Args:
-        environment: the variables that GitHub sets.
+        environment: the environment variables set by GitHub.
         root: the checkout.
 
     Raises:
-        SystemExit: this must not be released.
+        SystemExit: the checkout must not be released.
     """
     tag = environment["GITHUB_REF_NAME"]
     version = version_of((root / "DroneSwarmSearch" / "__init__.py").read_text("utf-8"))

@@ -6,8 +6,8 @@ writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function 
 registers; names given as arguments make those alone. The same code and the same matplotlib
 give the same bytes. `calibration` draws from `docs/figures/calibration.csv`, which
 `python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures, and `speed`
-from what `python -m DroneSwarmSearch bench --json docs/figures/bench.json` does; everything else
-is worked out here, within seconds.
+from what `python tests/benchmarks/bench_vector.py --json docs/figures/bench.json` does; everything
+else is worked out here, within seconds.
 
 To add a figure, write a function from a `Theme` and a `Sampling` to a matplotlib `Figure` and
 decorate it with its name. Figures are 576 pixels wide, so that their text can still be read

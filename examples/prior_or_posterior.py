@@ -1,10 +1,10 @@
-"""What a true belief is worth: one greedy policy, with and without the posterior.
+"""Compare one greedy policy with and without Bayesian updates of the probability matrix.
 
     python examples/prior_or_posterior.py --episodes 200
 
-Both runs meet the same seas. With `bayesian_update=False` the matrix is the drift alone
-and the policy has to remember by itself where it has searched; with True the matrix is
-the exact posterior given the searches made.
+With `bayesian_update=False`, the matrix is the forecast of the drift alone, and the policy itself
+remembers which cells it has searched. With True, the matrix is the exact posterior given all
+searches. Both runs play the same episodes.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.policies import GreedyPolicy
 
 
-def found(bayesian_update: bool, episodes: int, seed: int) -> list[bool]:
-    """Whether each of some episodes ended with the person found."""
+def play(bayesian_update: bool, episodes: int, seed: int) -> list[bool]:
+    """Play some episodes; returns for each whether the person was found."""
     env = DroneSwarmSearch(
         grid_size=20,
         n_drones=4,
@@ -38,16 +38,15 @@ def found(bayesian_update: bool, episodes: int, seed: int) -> list[bool]:
 
 
 def main() -> None:
-    """Play both and print the shares of success."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--episodes", type=int, default=200, help="episodes of each (200)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the seas (0)")
+    parser.add_argument("--episodes", type=int, default=200, help="per policy (200)")
+    parser.add_argument("--seed", type=int, default=0, help="of the first episode (0)")
     options = parser.parse_args()
-    for name, bayesian_update in (("drift alone", False), ("posterior", True)):
-        outcomes = found(bayesian_update, options.episodes, options.seed)
-        share = sum(outcomes) / len(outcomes)
-        spread = (share * (1 - share) / len(outcomes)) ** 0.5
-        print(f"{name:>12}: found in {share:.1%} of {len(outcomes)} episodes (± {spread:.1%})")
+    for name, bayesian_update in (("forecast", False), ("posterior", True)):
+        outcomes = play(bayesian_update, options.episodes, options.seed)
+        rate = sum(outcomes) / len(outcomes)
+        error = (rate * (1 - rate) / len(outcomes)) ** 0.5
+        print(f"{name:>9}: found in {rate:.1%} of {len(outcomes)} episodes (± {error:.1%})")
 
 
 if __name__ == "__main__":

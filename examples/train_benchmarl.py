@@ -1,11 +1,11 @@
-"""Train drones with BenchMARL: IPPO or MAPPO, on a task that it takes like its own.
+"""Train drones with BenchMARL, with IPPO or MAPPO.
 
     python examples/train_benchmarl.py --out runs/mappo
     python examples/train_benchmarl.py --out runs/ippo --algorithm ippo
 
-`SearchTask` is all that BenchMARL's other algorithms, models and benchmarks need as well.
-MAPPO's critic sees the whole state, the person included; the policy that comes of it does
-not. Needs pip install "DroneSwarmSearchEnvironment[benchmarl,evaluation]".
+`SearchTask` makes the environment a BenchMARL task, for its other algorithms, models and
+benchmarks as well. MAPPO's critic sees the state, which contains the person; the policy does not.
+Needs pip install "DroneSwarmSearchEnvironment[benchmarl,evaluation]".
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("TQDM_DISABLE", "1")  # the run has a progress display of its own
+os.environ.setdefault("TQDM_DISABLE", "1")  # the run shows its own progress
 
 import numpy as np
 import torch
@@ -33,32 +33,31 @@ from torchrl.data import Composite
 from torchrl.envs import EnvBase, ExplorationType, PettingZooWrapper, set_exploration_type
 
 from DroneSwarmSearch import DroneSwarmSearch, training
+from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
-SCALE = 2.0**-17
-"""Of the rewards: a return of -100000 becomes -0.76."""
+REWARD_SCALE = 2.0**-17  # brings a return of 100,000 points below 1
 
-SWARMS, BATCH = 16, 1024
-"""Environments side by side, and the steps of all of them between two updates."""
+NUM_ENVS, BATCH = 16, 1024  # environments, and the steps of all of them between two updates
 
 ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
 
-warnings.filterwarnings("ignore", module="torch")  # BenchMARL's dealings with TorchRL
+warnings.filterwarnings("ignore", module="torch")  # how BenchMARL uses TorchRL
 
 
 class SearchClass(TaskClass):
-    """What BenchMARL wants to know of a search; `config` are `DroneSwarmSearch`'s parameters."""
+    """The environment for BenchMARL; `config` holds the parameters of `DroneSwarmSearch`."""
 
     def get_env_fun(
         self, num_envs: int, continuous_actions: bool, seed: int | None, device: Any
     ) -> Callable[[], EnvBase]:
-        seeds = itertools.count(0 if seed is None else seed)  # or all swarms had one sea
+        seeds = itertools.count(0 if seed is None else seed)  # different for each environment
 
         def make() -> EnvBase:
             env: Any = DroneSwarmSearch(**self.config)
-            # The limit ends a search like all else: drones see it come, and pay for it.
-            env = FlatObservation(ScaledRewards(env, SCALE))
-            env = ActionMask(env, right_of_way=True)  # in the infos, where TorchRL looks for it
+            # The time limit terminates the episode: the drones observe the remaining time.
+            env = FlatObservation(ScaledRewards(env, REWARD_SCALE))
+            env = ActionMask(env, right_of_way=True)  # in the infos, where TorchRL expects it
             groups = {"drones": env.possible_agents}
             return PettingZooWrapper(
                 env, group_map=groups, return_state=True, seed=next(seeds), device=device
@@ -86,13 +85,13 @@ class SearchClass(TaskClass):
         return env.full_action_spec
 
     def observation_spec(self, env: EnvBase) -> Composite:
-        return _of_drones(env, "observation")
+        return spec_of_drones(env, "observation")
 
     def action_mask_spec(self, env: EnvBase) -> Composite:
-        return _of_drones(env, "action_mask")
+        return spec_of_drones(env, "action_mask")
 
     def info_spec(self, env: EnvBase) -> Composite:
-        return _of_drones(env, "info")
+        return spec_of_drones(env, "info")
 
     def state_spec(self, env: EnvBase) -> Composite:
         return Composite(state=env.observation_spec["state"].clone())
@@ -103,7 +102,7 @@ class SearchClass(TaskClass):
 
 
 class SearchTask(Task):
-    """The searches; `SearchTask.TRAINING_TASK.get_task(config)` takes any other parameters, too."""
+    """BenchMARL's task; `SearchTask.TRAINING_TASK.get_task(config)` takes any parameters."""
 
     TRAINING_TASK = None
 
@@ -112,13 +111,13 @@ class SearchTask(Task):
         return SearchClass
 
 
-def _of_drones(env: EnvBase, key: str) -> Composite:
-    """The part of the observations' spec that has one entry of each drone."""
+def spec_of_drones(env: EnvBase, key: str) -> Composite:
+    """A part of the observation spec of the group of drones."""
     drones = env.observation_spec["drones"]
     return Composite(drones=Composite({key: drones[key].clone()}, shape=drones.shape))
 
 
-class Record(Callback):
+class CurveCallback(Callback):
     """Adds rows to the learning curve, and the optimisers to BenchMARL's checkpoints."""
 
     def __init__(self, run: training.Run) -> None:
@@ -127,11 +126,11 @@ class Record(Callback):
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         ended = batch["next"][batch["next", "done"].squeeze(-1)]
-        figures = {}
+        statistics = {}
         if len(ended):
-            figures["reward"] = float(ended["drones", "episode_reward"].mean()) / SCALE
-            figures["found"] = float(ended["drones", "info", "Found"].amax(dim=-1).mean())
-        self.run.log(self.experiment.total_frames, **figures)
+            statistics["reward"] = float(ended["drones", "episode_reward"].mean()) / REWARD_SCALE
+            statistics["found"] = float(ended["drones", "info", "Found"].amax(dim=-1).mean())
+        self.run.log(self.experiment.total_frames, **statistics)
 
     def on_state_dict(self, state_dict: dict[str, Any]) -> None:
         state_dict["optimisers"] = {name: each.state_dict() for name, each in self._optimisers()}
@@ -145,42 +144,40 @@ class Record(Callback):
         return optimisers.items()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """BenchMARL pickles the callbacks of an experiment; the run is not to be kept there."""
+        """BenchMARL pickles its callbacks; leave out the run."""
         return Callback, ()
 
 
-class Pilot:
-    """The trained policy as the evaluation wants it: flat observations in, actions out."""
+class TrainedPolicy:
+    """The policy's most likely actions, for `evaluate`."""
 
     def __init__(self, policy: nn.Module) -> None:
         self.policy = policy
 
-    def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (slots,), for observations of shape (slots, n)."""
-        drones = training.TRAINING_TASK["n_drones"]
-        masks = training.masks_of_flat(seen, training.TRAINING_TASK)
-        masks = masks.reshape(-1, drones, masks.shape[-1])
-        observations = seen.reshape(len(masks), drones, -1)
-        shown = {
-            "observation": torch.from_numpy(observations),
-            "action_mask": torch.from_numpy(masks),
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations."""
+        n = TRAINING_TASK["n_drones"]
+        masks = training.masks_of_flat(observations, TRAINING_TASK)
+        drones = {
+            "observation": torch.from_numpy(observations.reshape(-1, n, observations.shape[1])),
+            "action_mask": torch.from_numpy(masks.reshape(-1, n, masks.shape[1])),
         }
-        swarms = TensorDict({"drones": shown}, batch_size=len(masks))
+        batch = TensorDict({"drones": drones}, batch_size=len(observations) // n)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
-            actions: torch.Tensor = self.policy(swarms)["drones", "action"]
+            actions: torch.Tensor = self.policy(batch)["drones", "action"]
         return actions.flatten().numpy()
 
 
-def settings(options: Any, checkpoint: Path | None) -> ExperimentConfig:
-    """BenchMARL's defaults, changed to fit a small search and a CPU."""
+def make_config(options: Any, checkpoint: Path | None) -> ExperimentConfig:
+    """BenchMARL's defaults, adapted to a small task and a CPU."""
     config = ExperimentConfig.get_from_yaml()
     config.max_n_frames, config.max_n_iters = None, math.ceil(options.steps / BATCH)
-    config.on_policy_n_envs_per_worker = SWARMS
+    config.on_policy_n_envs_per_worker = NUM_ENVS
     config.on_policy_collected_frames_per_batch = BATCH
     config.on_policy_n_minibatch_iters = 6
     config.on_policy_minibatch_size = 256
     config.lr = 1e-3
-    config.evaluation = False  # the run compares with the baselines when it is over
+    config.evaluation = False  # the script compares with the baselines at the end
     config.loggers = []
     config.create_json = False
     config.save_folder = str(options.out)
@@ -189,8 +186,8 @@ def settings(options: Any, checkpoint: Path | None) -> ExperimentConfig:
     return config
 
 
-class Saved(Experiment):
-    """An experiment of which no checkpoint is left that was not written to its end."""
+class AtomicExperiment(Experiment):
+    """An experiment that deletes a checkpoint if it is interrupted while writing it."""
 
     def _save_experiment(self) -> None:
         try:
@@ -202,39 +199,37 @@ class Saved(Experiment):
 
 
 def main() -> None:
-    """Train, and compare the result with the baselines."""
     parser = training.arguments(__doc__, steps=200_000, short=2 * BATCH)
     parser.add_argument(
         "--algorithm",
         choices=list(ALGORITHMS),
         default="mappo",
-        help="MAPPO's critic sees the state, IPPO's what the drone sees (mappo)",
+        help="MAPPO's critic sees the state, IPPO's the drone's observation (mappo)",
     )
     options = parser.parse_args()
 
     algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
     algorithm.entropy_coef, algorithm.lmbda = 0.001, 0.95
-    usual = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
-    model = MlpConfig(**usual)
-    of_state = MlpConfig(**usual, num_feature_dims=3)  # planes
+    network = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
+    state_network = MlpConfig(**network, num_feature_dims=3)
     title = f"BenchMARL, {options.algorithm.upper()}"
     with training.Run(options, title, "*/checkpoints/checkpoint_*.pt") as run:
-        experiment = Saved(
-            task=SearchTask.TRAINING_TASK.get_task(training.TRAINING_TASK),
+        experiment = AtomicExperiment(
+            task=SearchTask.TRAINING_TASK.get_task(TRAINING_TASK),
             algorithm_config=algorithm,
-            model_config=model,
-            critic_model_config=of_state if options.algorithm == "mappo" else None,
-            seed=options.seed + run.steps_done,  # a resumed run meets other seas
-            config=settings(options, run.checkpoint if run.resumes else None),
-            callbacks=[Record(run)],
+            model_config=MlpConfig(**network),
+            critic_model_config=state_network if options.algorithm == "mappo" else None,
+            seed=options.seed + run.steps_done,  # a resumed run plays new episodes
+            config=make_config(options, run.checkpoint if run.resuming else None),
+            callbacks=[CurveCallback(run)],
         )
-        run.go_on_from(experiment.total_frames)
-        if not run.resumes:
+        run.resume_from(experiment.total_frames)
+        if not run.resuming:
             experiment._save_experiment()
         experiment.run()
     training.compare_with_baselines(
-        Pilot(experiment.policy),
-        training.TRAINING_TASK,
+        TrainedPolicy(experiment.policy),
+        TRAINING_TASK,
         episodes=options.episodes,
         name=f"benchmarl-{options.algorithm}",
         folder=run.folder,

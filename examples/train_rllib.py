@@ -1,13 +1,13 @@
-"""PPO with Ray RLlib: one network for all drones, on this machine or on a cluster.
+"""Train drones with Ray RLlib's PPO: one network for all drones, on one machine or a cluster.
 
     pip install "DroneSwarmSearchEnvironment[rllib,evaluation]"
     python examples/train_rllib.py --out runs/rllib
     python examples/train_rllib.py --out runs/rllib2 --num-env-runners 2
     python examples/train_rllib.py --out runs/rllib3 --num-env-runners 32 --address auto
 
-Without runners everything happens in this process. With some, each plays in a process of
-its own on a processor of its own, wherever the cluster has one; this package must be
-installed there. The network learns in this process, which also keeps the folder.
+By default, everything runs in this process. With env runners, each runs in a process of its own
+on any CPU of the cluster, where this package must be installed; this process trains the network
+and keeps the folder.
 """
 
 from __future__ import annotations
@@ -35,35 +35,32 @@ from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaski
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
 from DroneSwarmSearch import DroneSwarmSearch, training
+from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
-SEARCH = training.TRAINING_TASK
+MODULE_ID = "drone"  # the RLModule that all drones share
 
-NETWORK = "drone"
-"""The name of the network that all drones share."""
+OBSERVATIONS, ACTION_MASK = "observations", "action_mask"  # the keys that RLlib's module expects
 
-OBSERVATION, MASK = "observations", "action_mask"
-"""The keys of an observation that RLlib's masking module looks for."""
+REWARD_SCALE = 2.0**-17  # brings a return of 100,000 points below 1
 
-SCALE = 2.0**-17
-"""Of the rewards: 100,000 points become less than one."""
-
-APART = 10**9
-"""Between the seeds of two runners: RLlib's are neighbours, which would share their seas."""
+SEED_STRIDE = 10**9  # RLlib gives neighbouring runners neighbouring seeds, which would overlap
 
 
 class SearchEnv(ParallelPettingZooEnv):
-    """The environment as RLlib's runners play it; moves that may end in a crash are masked."""
+    """The environment for RLlib, with masks against crashes."""
 
     def __init__(self, context: EnvContext) -> None:
-        # The limit ends a search like all else: drones see it come, and pay for it.
-        env = FlatObservation(ScaledRewards(DroneSwarmSearch(**SEARCH), scale=SCALE))
+        # The time limit terminates the episode: the drones observe the remaining time.
+        env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), scale=REWARD_SCALE))
         super().__init__(ActionMask(env, in_observation=True, right_of_way=True))
-        self.first_seed = APART * (1 + context.worker_index)  # beyond the evaluation's
+        self.first_seed = SEED_STRIDE * (1 + context.worker_index)
         self.observation_space = spaces.Dict(
             {
-                drone: spaces.Dict({OBSERVATION: each["observation"], MASK: each["action_mask"]})
-                for drone, each in self.observation_space.items()
+                agent: spaces.Dict(
+                    {OBSERVATIONS: space["observation"], ACTION_MASK: space["action_mask"]}
+                )
+                for agent, space in self.observation_space.items()
             }
         )
 
@@ -79,30 +76,29 @@ class SearchEnv(ParallelPettingZooEnv):
 
 
 def renamed(observations: dict[str, Any]) -> dict[str, Any]:
-    """Observations with masks, by the keys that RLlib's masking module looks for."""
+    """Observations with the keys that RLlib's module expects."""
     return {
-        drone: {OBSERVATION: seen["observation"], MASK: seen["action_mask"]}
-        for drone, seen in observations.items()
+        agent: {OBSERVATIONS: each["observation"], ACTION_MASK: each["action_mask"]}
+        for agent, each in observations.items()
     }
 
 
-def count_episode(
+def on_episode_end(
     *,
     episode: MultiAgentEpisode,
     prev_episode_chunks: Sequence[MultiAgentEpisode],
     metrics_logger: Any,
     **_: Any,
 ) -> None:
-    """Count an episode that has ended; a long one is sampled in several chunks."""
-    parts = [*prev_episode_chunks, episode]
-    points = sum(part.get_return() for part in parts) / SCALE / len(episode.agent_ids)
+    """Record the return and the outcome; a long episode is sampled in several chunks."""
+    chunks = [*prev_episode_chunks, episode]
+    reward = sum(chunk.get_return() for chunk in chunks) / REWARD_SCALE / len(episode.agent_ids)
     found = any(info["Found"] for info in episode.get_infos(-1).values())
-    metrics_logger.log_dict({"ended": 1, "found": int(found), "points": points}, reduce="sum")
+    metrics_logger.log_dict({"episodes": 1, "found": int(found), "reward": reward}, reduce="sum")
 
 
-def algorithm(options: Namespace, seed: int) -> Algorithm:
-    """PPO, not yet trained."""
-    layers = DefaultModelConfig(
+def build_algorithm(options: Namespace, seed: int) -> Algorithm:
+    network = DefaultModelConfig(
         fcnet_hiddens=[128, 128], fcnet_activation="tanh", vf_share_layers=False
     )
     config = (
@@ -112,8 +108,8 @@ def algorithm(options: Namespace, seed: int) -> Algorithm:
             num_env_runners=options.num_env_runners,
             num_envs_per_env_runner=options.num_envs_per_env_runner,
         )
-        .multi_agent(policies={NETWORK}, policy_mapping_fn=lambda drone, *_, **__: NETWORK)
-        .rl_module(rl_module_spec=RLModuleSpec(ActionMaskingTorchRLModule, model_config=layers))
+        .multi_agent(policies={MODULE_ID}, policy_mapping_fn=lambda agent, *_, **__: MODULE_ID)
+        .rl_module(rl_module_spec=RLModuleSpec(ActionMaskingTorchRLModule, model_config=network))
         .training(
             lr=5e-4,
             gamma=0.99,
@@ -124,84 +120,82 @@ def algorithm(options: Namespace, seed: int) -> Algorithm:
             minibatch_size=min(512, options.batch, options.steps),
             num_epochs=8,
         )
-        .callbacks(on_episode_end=count_episode)
+        .callbacks(on_episode_end=on_episode_end)
         .debugging(seed=seed, log_level="ERROR")
     )
     return config.build_algo()
 
 
 class TrainedPolicy:
-    """The network of a checkpoint, as `DroneSwarmSearch.evaluation` takes policies.
+    """The policy for `evaluate`, loaded from a checkpoint.
 
     Args:
-        path: of the checkpoint; nothing else of the training is needed to play.
+        path: of the checkpoint; only its RLModule is loaded.
     """
 
     def __init__(self, path: Path) -> None:
         learner = path.absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
-        self.module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / NETWORK)
+        self.module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / MODULE_ID)
         self.reset(seed=0)
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Begin the random numbers anew, as `evaluation` does before it plays episodes."""
+        """Seed the sampling of actions; `evaluate` calls this before it plays episodes."""
         self.rng = np.random.default_rng(seed)
 
-    def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
-        """An action for every drone, shape (drones,), drawn as in training.
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Sample actions, shape (drones,), for flat observations.
 
-        The likeliest one, always taken, would let drones go round in circles that have not
-        been trained for long.
+        After a short training, the most likely actions would often lead drones in circles.
         """
-        masks = training.masks_of_flat(seen, SEARCH).astype(np.int8)
-        shown = {OBSERVATION: torch.from_numpy(seen), MASK: torch.from_numpy(masks)}
+        masks = training.masks_of_flat(observations, TRAINING_TASK).astype(np.int8)
+        batch = {OBSERVATIONS: torch.from_numpy(observations), ACTION_MASK: torch.from_numpy(masks)}
         with torch.no_grad():
-            output = self.module.forward_inference({Columns.OBS: shown})
+            output = self.module.forward_inference({Columns.OBS: batch})
         logits = output[Columns.ACTION_DIST_INPUTS].numpy()
-        # The greatest of logits with Gumbel noise is a draw from their softmax.
+        # The largest of logits with Gumbel noise is a sample from their softmax.
         actions: NDArray[np.int64] = (logits + self.rng.gumbel(size=logits.shape)).argmax(axis=1)
         return actions
 
 
 def train(run: training.Run, options: Namespace) -> Path:
-    """Train until the steps are done; returns the checkpoint's path."""
+    """Train for all steps; returns the path of the last checkpoint."""
 
-    def save() -> None:
-        with run.saving_folder() as path:
-            learning.save_to_path(path)
+    def save(steps: int) -> None:
+        with run.saving_folder(f"checkpoint_{steps}") as path:
+            algorithm.save_to_path(path)
 
-    learning = algorithm(options, options.seed + run.steps_done)  # resumed, in other seas
-    if run.resumes:
-        learning.restore_from_path(run.checkpoint.absolute())
-        counted = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
-        played = learning.metrics.peek(counted, default=0)  # nothing is counted at the beginning
-        run.go_on_from(int(played))
+    algorithm = build_algorithm(options, options.seed + run.steps_done)  # resumed: new episodes
+    if run.resuming:
+        algorithm.restore_from_path(run.checkpoint.absolute())
+        counter = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
+        run.resume_from(int(algorithm.metrics.peek(counter, default=0)))
     else:
-        save()
-    while run.steps_done < run.wanted:
-        got = learning.train()[ENV_RUNNER_RESULTS]
-        save()
-        ended = got.get("ended", 0)
+        save(0)
+    while run.steps_done < run.total_steps:
+        results = algorithm.train()[ENV_RUNNER_RESULTS]
+        steps = int(results[NUM_ENV_STEPS_SAMPLED_LIFETIME])
+        save(steps)
+        episodes = results.get("episodes", 0)
         run.log(
-            int(got[NUM_ENV_STEPS_SAMPLED_LIFETIME]),
-            reward=got["points"] / ended if ended else None,
-            found=got["found"] / ended if ended else None,
+            steps,
+            reward=results["reward"] / episodes if episodes else None,
+            found=results["found"] / episodes if episodes else None,
         )
-    learning.stop()
+    algorithm.stop()
     return run.checkpoint
 
 
 def main() -> None:
-    """Train, then compare the result with the baselines."""
     parser = training.arguments(__doc__, steps=200_000, short=1_000)
     parser.add_argument(
-        "--num-env-runners", type=int, default=0, metavar="N", help="processes that play (0)"
+        "--num-env-runners", type=int, default=0, metavar="N", help="remote env runners (0)"
     )
     parser.add_argument(
         "--num-envs-per-env-runner",
         type=int,
         default=16,
         metavar="N",
-        help="environments that each plays at a time (16)",
+        help="environments of each runner (16)",
     )
     parser.add_argument(
         "--batch", type=int, default=4_000, metavar="N", help="steps between updates (4,000)"
@@ -209,18 +203,18 @@ def main() -> None:
     parser.add_argument(
         "--address",
         default="local",
-        help="of a running Ray cluster, or auto: the one that this machine belongs to; without "
-        "it Ray begins on this machine alone",
+        help="address of a Ray cluster; 'auto' for the one that this machine belongs to; by "
+        "default, a new one on this machine",
     )
     options = parser.parse_args()
 
-    with training.Run(options, "PPO with RLlib", "checkpoint") as run:
+    with training.Run(options, "PPO with RLlib", "checkpoint_*") as run:
         ray.init(address=options.address, log_to_driver=False, logging_level="error")
         path = train(run, options)
         ray.shutdown()
     training.compare_with_baselines(
         TrainedPolicy(path),
-        SEARCH,
+        TRAINING_TASK,
         episodes=options.episodes,
         name="rllib-ppo",
         folder=run.folder,

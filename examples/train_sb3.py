@@ -2,11 +2,9 @@
 
     python examples/train_sb3.py --out runs/sb3
 
-The searches are stepped together by the batched engine; `--supersuit` steps the single
-environment through the wrappers and SuperSuit instead, with the same network. All drones
-share one policy, and each sees the search from its own place. With `--mask` the policy never
-leaves the grid nor collides (MaskablePPO of sb3-contrib). Interrupted, the same command with
-`--resume` goes on from the last checkpoint.
+All drones share one policy, and each one's observation is its own. The searches run as a batch;
+`--supersuit` steps single environments through the wrappers and SuperSuit instead. `--mask` uses
+MaskablePPO of sb3-contrib, with masks under which drones never crash.
 """
 
 from __future__ import annotations
@@ -21,8 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
-from DroneSwarmSearch import DroneSwarmSearch, training
-from DroneSwarmSearch.rules import RewardScheme
+from DroneSwarmSearch import DroneSwarmSearch, RewardScheme, training
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
@@ -32,14 +29,13 @@ CHECKPOINT = "model.zip"
 
 DRONES = TRAINING_TASK["n_drones"]
 
-SCALE = 2.0**-17
-"""Of the rewards: brings those of up to 100 000 points near 1, which PPO's critic needs."""
+REWARD_SCALE = 2.0**-17  # brings rewards of up to 100,000 points near 1, for the critic
 
-FIND = SCALE * RewardScheme().find
-"""The least that a drone is paid for a find, scaled; nothing else is worth as much. (Nor is a
-find in the step of a collision, which rarely happens.)"""
+FIND_REWARD = REWARD_SCALE * RewardScheme().find
+"""The smallest reward for a find. All others are smaller, as is that for a find in the step of a
+collision, which is rare."""
 
-PARAMETERS = {
+PPO_SETTINGS = {
     "n_steps": 64,
     "batch_size": 2048,
     "n_epochs": 4,
@@ -47,48 +43,47 @@ PARAMETERS = {
     "gamma": 0.99,
     "gae_lambda": 0.95,
     "ent_coef": 0.002,
-    # In rollouts without a find all that differs is that unsuccessful searches cost a little.
-    # Normalised, that little would teach the drones not to search at all.
+    # In rollouts without a find, rewards differ only by the small cost of searches. Normalised,
+    # that cost would teach the drones not to search.
     "normalize_advantage": False,
     "policy_kwargs": {"net_arch": [128, 128]},
     "device": "cpu",
 }
 
 
-def batched(swarms: int, seed: int) -> VecEnv:
-    """Many searches, stepped together; a slot for each drone.
+def make_batch(num_swarms: int, seed: int) -> VecEnv:
+    """A batch of searches; each sub-environment is one drone.
 
-    The drones see how many steps are left and are punished when there are none: the time limit
-    is a true end of their task, after which there is no value to be estimated. So its
-    truncation is not told apart from termination (`separate_flags` is left at False).
+    The time limit counts as termination (`separate_flags=False`), because the drones observe
+    the remaining time and the rewards include a penalty for running out of it.
     """
     env = SB3VecEnv(
         DroneVectorEnv(
-            swarms,
+            num_swarms,
             observation="flat",
             autoreset_mode="SameStep",
-            reward_scale=SCALE,
+            reward_scale=REWARD_SCALE,
             **TRAINING_TASK,
         ),
-        right_of_way=True,  # of the masks, if they are asked for
+        right_of_way=True,  # used by MaskablePPO only
     )
     env.seed(seed)
     return VecMonitor(env)
 
 
-def wrapped(swarms: int, seed: int) -> VecEnv:
-    """The same from single environments, through the wrappers and SuperSuit."""
+def make_supersuit(num_swarms: int, seed: int) -> VecEnv:
+    """The same with single environments, through the wrappers and SuperSuit."""
     import supersuit
 
-    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), SCALE))
-    slots = supersuit.pettingzoo_env_to_vec_env_v1(env)
-    together = supersuit.concat_vec_envs_v1(slots, swarms, base_class="stable_baselines3")
-    together.venv.reset(seed=seed)  # SuperSuit's form for Stable-Baselines3 takes no seeds
-    return VecMonitor(together)
+    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), REWARD_SCALE))
+    drones = supersuit.pettingzoo_env_to_vec_env_v1(env)
+    envs = supersuit.concat_vec_envs_v1(drones, num_swarms, base_class="stable_baselines3")
+    envs.venv.reset(seed=seed)  # SuperSuit's environment for Stable-Baselines3 takes no seeds
+    return VecMonitor(envs)
 
 
-class Record(BaseCallback):
-    """Notes how episodes end, in a row of the curve for each rollout, and keeps the model."""
+class CurveCallback(BaseCallback):
+    """Adds a row to the learning curve for each rollout, and saves the model."""
 
     def __init__(self, run: training.Run) -> None:
         super().__init__()
@@ -97,19 +92,23 @@ class Record(BaseCallback):
         self.found: list[bool] = []
 
     def _on_step(self) -> bool:
-        over = self.locals["dones"]
-        if over.any():
+        dones = self.locals["dones"]
+        if dones.any():
             infos = self.locals["infos"]
-            self.returns += [infos[slot]["episode"]["r"] / SCALE for slot in over.nonzero()[0]]
+            self.returns += [infos[i]["episode"]["r"] / REWARD_SCALE for i in dones.nonzero()[0]]
             best = self.locals["rewards"].reshape(-1, DRONES).max(axis=1)
-            self.found += (best[over[::DRONES]] >= FIND).tolist()
+            self.found += (best[dones[::DRONES]] >= FIND_REWARD).tolist()
         return True
 
     def _on_rollout_end(self) -> None:
-        self.run.log(self.num_timesteps // DRONES, _mean(self.returns), _mean(self.found))
+        steps = self.num_timesteps // DRONES
+        if self.found:
+            self.run.log(steps, float(np.mean(self.returns)), float(np.mean(self.found)))
+        else:
+            self.run.log(steps)
         self.returns, self.found = [], []
 
-    def _on_rollout_start(self) -> None:  # before the first, then what has been learnt
+    def _on_rollout_start(self) -> None:  # before the first, then after every update
         self.save()
 
     def _on_training_end(self) -> None:
@@ -120,24 +119,22 @@ class Record(BaseCallback):
             self.model.save(path)
 
 
-def _mean(values: list[float] | list[bool]) -> float | None:
-    return float(np.mean(values)) if values else None
-
-
-class Trained:
-    """What the model does where it is surest, as the evaluation asks for it."""
+class TrainedPolicy:
+    """The model's most likely actions, for `evaluate`."""
 
     def __init__(self, model: Any, masked: bool) -> None:
         self.model, self.masked = model, masked
 
-    def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for flat observations, one for each drone."""
-        masks = {"action_masks": training.masks_of_flat(seen, TRAINING_TASK)} if self.masked else {}
-        return self.model.predict(seen, deterministic=True, **masks)[0]
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations."""
+        masks = {}
+        if self.masked:
+            masks["action_masks"] = training.masks_of_flat(observations, TRAINING_TASK)
+        return self.model.predict(observations, deterministic=True, **masks)[0]
 
 
-def _algorithm(masked: bool) -> Any:
-    if not masked:
+def algorithm_of(options: argparse.Namespace) -> Any:
+    if not options.mask:
         return PPO
     from sb3_contrib import MaskablePPO
 
@@ -145,39 +142,40 @@ def _algorithm(masked: bool) -> Any:
 
 
 def train(options: argparse.Namespace) -> Any:
-    """Train until all steps wanted are done; returns the model."""
-    algorithm = _algorithm(options.mask)
+    """Train for all steps; returns the model."""
+    algorithm = algorithm_of(options)
     title = f"{algorithm.__name__} of Stable-Baselines3"
     with training.Run(options, title, CHECKPOINT) as run:
-        seed = options.seed + run.steps_done  # a resumed run is to meet new seas
+        seed = options.seed + run.steps_done  # a resumed run plays new episodes
         set_random_seed(seed)
-        env = (wrapped if options.supersuit else batched)(options.num_envs, seed)
-        if run.resumes:
+        env = (make_supersuit if options.supersuit else make_batch)(options.num_envs, seed)
+        if run.resuming:
             model = algorithm.load(run.checkpoint, env, device="cpu")
-            run.go_on_from(model.num_timesteps // DRONES)
+            run.resume_from(model.num_timesteps // DRONES)
         else:
-            model = algorithm("MlpPolicy", env, **PARAMETERS)
-        left = run.wanted - run.steps_done
-        if left > 0:
-            model.learn(left * DRONES, Record(run), reset_num_timesteps=not run.resumes)
+            model = algorithm("MlpPolicy", env, **PPO_SETTINGS)
+        remaining = run.total_steps - run.steps_done
+        if remaining > 0:
+            model.learn(
+                remaining * DRONES, CurveCallback(run), reset_num_timesteps=not run.resuming
+            )
     return model
 
 
 def main() -> None:
-    """Train, and compare the result with the baselines."""
     parser = training.arguments(__doc__, steps=1_000_000, short=4_000)
-    way = parser.add_mutually_exclusive_group()
-    way.add_argument(
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument(
         "--supersuit", action="store_true", help="step single environments through SuperSuit"
     )
-    way.add_argument("--mask", action="store_true", help="mask actions that lead to crashes")
+    choice.add_argument("--mask", action="store_true", help="mask actions that lead to crashes")
     parser.add_argument(
-        "--num-envs", metavar="N", type=int, default=32, help="searches at a time (32)"
+        "--num-envs", metavar="N", type=int, default=32, help="searches in the batch (32)"
     )
     options = parser.parse_args()
     model = train(options)
     training.compare_with_baselines(
-        Trained(model, options.mask),
+        TrainedPolicy(model, options.mask),
         TRAINING_TASK,
         episodes=options.episodes,
         name="ppo",

@@ -2,10 +2,9 @@
 
     python examples/train_tianshou.py --out runs/tianshou
 
-Tianshou takes PettingZoo environments in their AEC form, in which the drones choose one
-after another and the environment makes its step when the last has chosen. All drones share
-one network, and masks keep them on the grid and out of each other's way. Interrupted, the
-same command with `--resume` goes on from the last checkpoint, with an empty replay buffer.
+Tianshou uses PettingZoo's AEC API: the drones choose one after another, and the environment steps
+when the last one has chosen. All drones share one network, with masks under which they never
+crash. A resumed run starts with an empty replay buffer.
 """
 
 from __future__ import annotations
@@ -36,125 +35,118 @@ CHECKPOINT = "model.pt"
 
 DRONES = TRAINING_TASK["n_drones"]
 
-SCALE = 2.0**-17
-"""Of the rewards: brings those of up to 100 000 points near 1, as networks want them."""
+REWARD_SCALE = 2.0**-17  # brings rewards of up to 100,000 points near 1
 
-DISCOUNT = 0.98
-"""Of rewards one environment step later."""
+GAMMA = 0.98  # discount per environment step
+N_STEP = 5  # environment steps of rewards in a return before bootstrapping
 
-HORIZON = 5
-"""Environment steps whose rewards are added up before the network is asked for the rest."""
+START_EPSILON, END_EPSILON, EXPLORATION_FRACTION = 1.0, 0.05, 0.5
 
-EXPLORATION, LEAST, FALLING = 1.0, 0.05, 0.5
-"""The share of random actions in the beginning and in the end, and how much of the training
-it takes to get there."""
+EPOCH = 1000  # environment steps between rows of the curve
 
-EPOCH = 1000
-"""Environment steps between rows of the curve."""
+logging.getLogger("tianshou.data.stats").setLevel(logging.ERROR)  # warns of one return per drone
 
 
-logging.getLogger("tianshou.data.stats").setLevel(logging.ERROR)  # a return for each drone is meant
+def make_env() -> PettingZooEnv:
+    """One search; Tianshou's wrapper finds the masks in the observations.
 
-
-def search() -> PettingZooEnv:
-    """One search as Tianshou wants it: its own wrapper finds the masks in the observations.
-
-    The drones see how many steps are left and are punished when there are none: the time limit
-    is a true end of their task, after which there is no value to be estimated.
+    The time limit counts as termination, because the drones observe the remaining time and the
+    rewards include a penalty for running out of it.
     """
-    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), SCALE))
+    env = FlatObservation(ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), REWARD_SCALE))
     return PettingZooEnv(parallel_to_aec(ActionMask(env, in_observation=True, right_of_way=True)))
 
 
-def learner() -> DQN:
-    """A DQN that all drones share.
+def make_dqn() -> DQN:
+    """The DQN that all drones share.
 
-    A step of the environment is a choice by each of its drones. Everybody is paid when the
-    last has chosen, so returns must reach over as many choices as there are drones, or a
-    multiple of them: then they hold the step's reward, and what follows is the same drone's
-    next turn.
+    One environment step consists of one transition per drone, and the rewards come with the last
+    one. So returns must cover a multiple of DRONES transitions: they then contain whole steps,
+    and bootstrap from the same drone's next observation.
     """
-    env = search()
-    size, actions = env.observation_space["observation"].shape[0], int(env.action_space.n)
-    network = Net(state_shape=size, action_shape=actions, hidden_sizes=[128, 128])
+    env = make_env()
+    inputs, actions = env.observation_space["observation"].shape[0], int(env.action_space.n)
+    network = Net(state_shape=inputs, action_shape=actions, hidden_sizes=[128, 128])
     policy = DiscreteQLearningPolicy(model=network, action_space=env.action_space)
     return DQN(
         policy=policy,
         optim=AdamOptimizerFactory(lr=5e-4),
-        gamma=DISCOUNT ** (1 / DRONES),
-        n_step_return_horizon=HORIZON * DRONES,
+        gamma=GAMMA ** (1 / DRONES),
+        n_step_return_horizon=N_STEP * DRONES,
         target_update_freq=500,
     )
 
 
-class Record(LazyLogger):
-    """Notes how episodes end, in a row of the curve for each epoch, and keeps the network."""
+class CurveLogger(LazyLogger):
+    """Adds a row to the learning curve for each epoch, and saves the network."""
 
-    def __init__(self, run: training.Run, dqn: DQN, begun: int) -> None:
+    def __init__(self, run: training.Run, dqn: DQN, first_step: int) -> None:
         super().__init__()
-        self.run, self.dqn, self.begun = run, dqn, begun
+        self.run, self.dqn, self.first_step = run, dqn, first_step
         self.returns: list[NDArray[np.float64]] = []
 
     def log_training_data(self, log_data: dict[str, Any], step: int) -> None:
-        self.returns += [each / SCALE for each in log_data["returns"]]  # (drones,) each
+        self.returns += [each / REWARD_SCALE for each in log_data["returns"]]  # each (drones,)
 
     def save_data(self, epoch: int, env_step: int, update_step: int, *_: Any) -> None:
-        steps = self.begun + env_step // DRONES
+        steps = self.first_step + env_step // DRONES
         save(self.run, self.dqn, steps)
-        # Whoever has found nobody by the limit, or crashes, has a return near -100 000.
+        # Without a find by the limit, and after a crash, a drone's return is near -100,000.
         found = [each.min() > -50_000 for each in self.returns]
-        reward = float(np.mean(self.returns)) if found else None
-        self.run.log(steps, reward, float(np.mean(found)) if found else None)
+        if found:
+            self.run.log(steps, float(np.mean(self.returns)), float(np.mean(found)))
+        else:
+            self.run.log(steps)
         self.returns = []
 
 
 def save(run: training.Run, dqn: DQN, steps: int) -> None:
-    """Keep what `--resume` needs."""
     with run.saving(CHECKPOINT) as path:
         torch.save({"steps": steps, "dqn": dqn.state_dict()}, path)
 
 
 def train(options: argparse.Namespace) -> DQN:
-    """Train until all steps wanted are done."""
+    """Train for all steps; returns the DQN."""
     with training.Run(options, "DQN of Tianshou", CHECKPOINT) as run:
         torch.manual_seed(options.seed)
-        np.random.seed(options.seed)  # Tianshou explores with NumPy's global numbers
-        dqn = learner()
-        if run.resumes:
-            kept = torch.load(run.checkpoint)
-            dqn.load_state_dict(kept["dqn"])
-            run.go_on_from(kept["steps"])
+        np.random.seed(options.seed)  # Tianshou explores with NumPy's global generator
+        dqn = make_dqn()
+        if run.resuming:
+            checkpoint = torch.load(run.checkpoint)
+            dqn.load_state_dict(checkpoint["dqn"])
+            run.resume_from(checkpoint["steps"])
         else:
             save(run, dqn, 0)
-        begun = run.steps_done
-        if begun >= run.wanted:
+        first_step = run.steps_done
+        if first_step >= run.total_steps:
             return dqn
 
-        def explore(epoch: int, env_step: int) -> None:
-            progress = (begun + env_step / DRONES) / (FALLING * run.wanted)
-            # Tianshou 2.0 does not tell the policies of a swarm when they are being trained.
-            dqn.policy.set_eps_inference(max(LEAST, EXPLORATION * (1.0 - progress)))
+        def set_epsilon(epoch: int, env_step: int) -> None:
+            steps = first_step + env_step / DRONES
+            progress = steps / (EXPLORATION_FRACTION * run.total_steps)
+            # In Tianshou 2.0, policies of several agents use their inference epsilon in training.
+            dqn.policy.set_eps_inference(max(END_EPSILON, START_EPSILON * (1.0 - progress)))
 
-        swarm = MultiAgentOffPolicyAlgorithm(algorithms=[dqn] * DRONES, env=search())
-        envs = DummyVectorEnv([search for _ in range(options.num_envs)])
-        envs.seed(options.seed + begun)
+        agents = MultiAgentOffPolicyAlgorithm(algorithms=[dqn] * DRONES, env=make_env())
+        envs = DummyVectorEnv([make_env for _ in range(options.num_envs)])
+        envs.seed(options.seed + first_step)  # a resumed run plays new episodes
         buffer = VectorReplayBuffer(200_000, options.num_envs)
-        collector = Collector(swarm.policy, envs, buffer, exploration_noise=True)
+        collector = Collector(agents.policy, envs, buffer, exploration_noise=True)
         collector.reset()
-        explore(0, 0)
-        begun += collector.collect(n_episode=options.num_envs).n_collected_steps // DRONES
-        left = max(run.wanted - begun, 1)
-        epoch = min(EPOCH, left)
-        swarm.run_training(
+        set_epsilon(0, 0)
+        first_step += collector.collect(n_episode=options.num_envs).n_collected_steps // DRONES
+        remaining = max(run.total_steps - first_step, 1)
+        epoch = min(EPOCH, remaining)
+        agents.run_training(
             OffPolicyTrainerParams(
                 training_collector=collector,
-                max_epochs=-(-left // epoch),
+                max_epochs=-(-remaining // epoch),
                 epoch_num_steps=DRONES * epoch,
                 collection_step_num_env_steps=DRONES * options.num_envs,
                 update_step_num_gradient_steps_per_sample=1 / 4,
                 batch_size=128,
-                training_fn=explore,
-                logger=Record(run, dqn, begun),
+                training_fn=set_epsilon,
+                logger=CurveLogger(run, dqn, first_step),
                 verbose=False,
                 show_progress=False,
             )
@@ -162,29 +154,28 @@ def train(options: argparse.Namespace) -> DQN:
     return dqn
 
 
-class Trained:
-    """What the network holds for the best allowed action, as the evaluation asks for it."""
+class TrainedPolicy:
+    """The network's best allowed actions, for `evaluate`."""
 
     def __init__(self, dqn: DQN) -> None:
         self.policy = dqn.policy.eval()
 
-    def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for flat observations, one for each drone."""
-        masks = training.masks_of_flat(seen, TRAINING_TASK)
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations."""
+        masks = training.masks_of_flat(observations, TRAINING_TASK)
         with torch.no_grad():
-            return self.policy(Batch(obs=Batch(obs=seen, mask=masks), info=Batch())).act
+            return self.policy(Batch(obs=Batch(obs=observations, mask=masks), info=Batch())).act
 
 
 def main() -> None:
-    """Train, and compare the result with the baselines."""
     parser = training.arguments(__doc__, steps=40_000, short=500)
     parser.add_argument(
-        "--num-envs", metavar="N", type=int, default=8, help="searches at a time (8)"
+        "--num-envs", metavar="N", type=int, default=8, help="environments to collect from (8)"
     )
     options = parser.parse_args()
     dqn = train(options)
     training.compare_with_baselines(
-        Trained(dqn), TRAINING_TASK, episodes=options.episodes, name="dqn", folder=options.out
+        TrainedPolicy(dqn), TRAINING_TASK, episodes=options.episodes, name="dqn", folder=options.out
     )
 
 

@@ -1,11 +1,10 @@
-"""Train drones with TorchRL: PPO with one policy that all drones share.
+"""Train drones with TorchRL's PPO; all drones share one policy.
 
     python examples/train_torchrl.py --out runs/ippo
     python examples/train_torchrl.py --out runs/mappo --critic central
 
-The critic judges by what its drone sees (IPPO), or by the whole state as well, in which the
-person is to be seen (MAPPO): `state()` serves in training alone, and the policy that comes
-of it needs no more than its observations. Needs
+The critic sees the drone's observation (IPPO), or also the state, which contains the person
+(MAPPO). The state is used in training only. Needs
 pip install "DroneSwarmSearchEnvironment[torchrl,evaluation]".
 """
 
@@ -35,38 +34,62 @@ from torchrl.modules import MLP, MaskedCategorical, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
+from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
-SCALE = 2.0**-17
-"""Of the rewards: a return of -100000 becomes -0.76."""
-
-SWARMS, LENGTH = 16, 64
-"""Environments side by side, and steps of each between two updates of the policy."""
-
-EPOCHS, MINIBATCH = 6, 256
-LEARNING_RATE, DISCOUNT, LAMBDA, ENTROPY = 1e-3, 0.99, 0.95, 0.01
+REWARD_SCALE = 2.0**-17  # brings a return of 100,000 points below 1
+NUM_ENVS, NUM_STEPS = 16, 64  # environments, and steps of each between two updates
+EPOCHS, MINIBATCH_SIZE = 6, 256
+LEARNING_RATE, GAMMA, GAE_LAMBDA, ENT_COEF = 1e-3, 0.99, 0.95, 0.01
 HIDDEN = [128, 128]
 
-# Where TorchRL keeps what belongs to the group of drones.
+# TorchRL's keys of the group "drones".
 OBSERVATION, MASK = ("drones", "observation"), ("drones", "action_mask")
-LOGITS, ACTION, LOG_PROB = ("drones", "logits"), ("drones", "action"), ("drones", "log_prob")
+LOGITS, ACTION, LOGPROB = ("drones", "logits"), ("drones", "action"), ("drones", "log_prob")
 REWARD, RETURN = ("drones", "reward"), ("drones", "return")
 VALUE, TARGET, ADVANTAGE = ("drones", "value"), ("drones", "target"), ("drones", "advantage")
 
 warnings.filterwarnings("ignore", "PettingZoo in TorchRL is tested using")
 
 
-def make_swarm(with_state: bool) -> EnvBase:
-    """An environment, its drones as one group; moves that may end in a crash are masked."""
-    env: Any = DroneSwarmSearch(**training.TRAINING_TASK)
-    env = FlatObservation(ScaledRewards(env, SCALE))
-    env = ActionMask(env, right_of_way=True)  # in the infos, where TorchRL looks for it
+def make_env(with_state: bool) -> EnvBase:
+    """One environment, with its drones as one group and masks against crashes.
+
+    The time limit counts as termination, because the drones observe the remaining time and the
+    rewards include a penalty for running out of it. With `SeparateFlags`, the critic would
+    bootstrap over the limit, and each such penalty would count again for a further episode.
+    """
+    env: Any = DroneSwarmSearch(**TRAINING_TASK)
+    env = FlatObservation(ScaledRewards(env, REWARD_SCALE))
+    env = ActionMask(env, right_of_way=True)  # in the infos, where TorchRL expects it
     groups = {"drones": env.possible_agents}
     return PettingZooWrapper(env, group_map=groups, return_state=with_state)
 
 
+def make_envs(num_envs: int, with_state: bool) -> EnvBase:
+    """Several environments, with each drone's return so far."""
+    envs = SerialEnv(num_envs, partial(make_env, with_state))
+    returns = RewardSum(in_keys=[REWARD], out_keys=[RETURN], reset_keys=["_reset"])
+    return TransformedEnv(envs, Compose(InitTracker(), returns))
+
+
+def make_policy(env: EnvBase) -> tuple[nn.Module, ProbabilisticActor]:
+    """The network from observations to logits, and the actor that samples allowed actions."""
+    inputs = env.observation_spec[OBSERVATION].shape[-1]
+    network = MLP(inputs, len(Action), num_cells=HIDDEN, activation_class=nn.Tanh)
+    policy = ProbabilisticActor(
+        TensorDictModule(network, in_keys=[OBSERVATION], out_keys=[LOGITS]),
+        in_keys={"logits": LOGITS, "mask": MASK},
+        out_keys=[ACTION],
+        distribution_class=MaskedCategorical,
+        return_log_prob=True,
+        log_prob_key=LOGPROB,
+    )
+    return network, policy
+
+
 class Critic(nn.Module):
-    """The value of each drone's place, by its observation and, if it is given, the state."""
+    """The value of each drone's observation and, if given, of the state."""
 
     def __init__(self, inputs: int) -> None:
         super().__init__()
@@ -84,46 +107,8 @@ class Critic(nn.Module):
         return values
 
 
-class Pilot:
-    """The trained network as the evaluation wants it: flat observations in, actions out."""
-
-    def __init__(self, network: nn.Module) -> None:
-        self.network = network
-
-    def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (slots,), for observations of shape (slots, n)."""
-        with torch.no_grad():
-            logits = self.network(torch.from_numpy(seen))
-        masks = training.masks_of_flat(seen, training.TRAINING_TASK)
-        logits[~torch.from_numpy(masks)] = -torch.inf
-        actions: NDArray[np.int64] = logits.argmax(dim=-1).numpy()
-        return actions
-
-
-def make_environment(swarms: int, with_state: bool) -> EnvBase:
-    """Some swarms side by side, with what every drone has earned in the episode so far."""
-    many = SerialEnv(swarms, partial(make_swarm, with_state))
-    returns = RewardSum(in_keys=[REWARD], out_keys=[RETURN], reset_keys=["_reset"])
-    return TransformedEnv(many, Compose(InitTracker(), returns))
-
-
-def make_policy(env: EnvBase) -> tuple[nn.Module, ProbabilisticActor]:
-    """A network from observations to logits, and what draws the actions that are allowed."""
-    features = env.observation_spec[OBSERVATION].shape[-1]
-    network = MLP(features, len(Action), num_cells=HIDDEN, activation_class=nn.Tanh)
-    policy = ProbabilisticActor(
-        TensorDictModule(network, in_keys=[OBSERVATION], out_keys=[LOGITS]),
-        in_keys={"logits": LOGITS, "mask": MASK},
-        out_keys=[ACTION],
-        distribution_class=MaskedCategorical,
-        return_log_prob=True,
-        log_prob_key=LOG_PROB,
-    )
-    return network, policy
-
-
 def make_loss(env: EnvBase, policy: ProbabilisticActor, central: bool) -> ClipPPOLoss:
-    """PPO's loss, with a critic of its own, which sees the state as well if it is central."""
+    """PPO's loss with its critic; a central critic also sees the state."""
     inputs = env.observation_spec[OBSERVATION].shape[-1]
     if central:
         inputs += env.observation_spec["state"].shape[-3:].numel()
@@ -132,10 +117,10 @@ def make_loss(env: EnvBase, policy: ProbabilisticActor, central: bool) -> ClipPP
         in_keys=[OBSERVATION, "state"] if central else [OBSERVATION],
         out_keys=[VALUE],
     )
-    loss = ClipPPOLoss(policy, critic, entropy_coeff=ENTROPY)
+    loss = ClipPPOLoss(policy, critic, entropy_coeff=ENT_COEF)
     loss.set_keys(
         action=ACTION,
-        sample_log_prob=LOG_PROB,
+        sample_log_prob=LOGPROB,
         reward=REWARD,
         done=("drones", "done"),
         terminated=("drones", "terminated"),
@@ -143,18 +128,12 @@ def make_loss(env: EnvBase, policy: ProbabilisticActor, central: bool) -> ClipPP
         value_target=TARGET,
         advantage=ADVANTAGE,
     )
-    loss.make_value_estimator(ValueEstimators.GAE, gamma=DISCOUNT, lmbda=LAMBDA)
+    loss.make_value_estimator(ValueEstimators.GAE, gamma=GAMMA, lmbda=GAE_LAMBDA)
     return loss
 
 
-def judge(batch: TensorDictBase, loss: ClipPPOLoss) -> None:
-    """Add advantages and the critic's targets to a batch of shape (swarms, steps).
-
-    Nothing is expected to follow an episode's last step, the limit's included: drones see
-    their time run out and pay for it, so that it ends the search like success or a crash.
-    `SeparateFlags` would tell the limit apart, and the critic be asked what follows: each
-    loss would then be counted again and again, as the start of a further one.
-    """
+def add_advantages(batch: TensorDictBase, loss: ClipPPOLoss) -> None:
+    """Add advantages and value targets to a batch of shape (environments, steps)."""
     with torch.no_grad():
         loss.value_estimator(
             batch,
@@ -163,14 +142,14 @@ def judge(batch: TensorDictBase, loss: ClipPPOLoss) -> None:
         )
 
 
-def improve(batch: TensorDictBase, loss: ClipPPOLoss, optimiser: torch.optim.Optimizer) -> float:
-    """Improve policy and critic by a batch that was judged; returns the last loss."""
+def update(batch: TensorDictBase, loss: ClipPPOLoss, optimiser: torch.optim.Optimizer) -> float:
+    """Update policy and critic; returns the last loss."""
     advantages = batch[ADVANTAGE]
     batch[ADVANTAGE] = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
     steps = batch.reshape(-1)
     for _ in range(EPOCHS):
-        for rows in torch.randperm(len(steps)).split(MINIBATCH):
-            losses = loss(steps[rows])
+        for indices in torch.randperm(len(steps)).split(MINIBATCH_SIZE):
+            losses = loss(steps[indices])
             total = losses["loss_objective"] + losses["loss_critic"] + losses["loss_entropy"]
             optimiser.zero_grad()
             total.backward()
@@ -179,40 +158,55 @@ def improve(batch: TensorDictBase, loss: ClipPPOLoss, optimiser: torch.optim.Opt
     return float(total.detach())
 
 
-def figures(batch: TensorDictBase) -> dict[str, float]:
-    """The mean return and the share found of the episodes that ended in a batch."""
+def episode_statistics(batch: TensorDictBase) -> dict[str, float]:
+    """The mean return and the success rate of the episodes that ended in a batch."""
     ended = batch["next"][batch["next", "done"].squeeze(-1)]
     if not len(ended):
         return {}
     return {
-        "reward": float(ended[RETURN].mean()) / SCALE,
+        "reward": float(ended[RETURN].mean()) / REWARD_SCALE,
         "found": float(ended["drones", "info", "Found"].amax(dim=-1).mean()),
     }
 
 
+class TrainedPolicy:
+    """The network's best allowed actions, for `evaluate`."""
+
+    def __init__(self, network: nn.Module) -> None:
+        self.network = network
+
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations."""
+        with torch.no_grad():
+            logits = self.network(torch.from_numpy(observations))
+        masks = training.masks_of_flat(observations, TRAINING_TASK)
+        logits[~torch.from_numpy(masks)] = -torch.inf
+        actions: NDArray[np.int64] = logits.argmax(dim=-1).numpy()
+        return actions
+
+
 def main() -> None:
-    """Train, and compare the result with the baselines."""
-    parser = training.arguments(__doc__, steps=200_000, short=2 * SWARMS * LENGTH)
+    parser = training.arguments(__doc__, steps=200_000, short=2 * NUM_ENVS * NUM_STEPS)
     parser.add_argument(
         "--critic",
         choices=["local", "central"],
         default="local",
-        help="judges by what the drone sees, or by the state as well (local)",
+        help="sees the drone's observation, or also the state (local)",
     )
     options = parser.parse_args()
     with training.Run(options, f"TorchRL, PPO with a {options.critic} critic") as run:
         central = options.critic == "central"
-        env = make_environment(SWARMS, central)
+        env = make_envs(NUM_ENVS, central)
         torch.manual_seed(options.seed)
         network, policy = make_policy(env)
         loss = make_loss(env, policy, central)
         optimiser = torch.optim.Adam(loss.parameters(), lr=LEARNING_RATE, eps=1e-5)
-        if run.resumes:
-            kept = torch.load(run.checkpoint, weights_only=True)
-            loss.load_state_dict(kept["loss"])
-            optimiser.load_state_dict(kept["optimiser"])
-            run.go_on_from(kept["steps"])
-        env.set_seed(options.seed + run.steps_done)  # a resumed run meets other seas
+        if run.resuming:
+            checkpoint = torch.load(run.checkpoint, weights_only=True)
+            loss.load_state_dict(checkpoint["loss"])
+            optimiser.load_state_dict(checkpoint["optimiser"])
+            run.resume_from(checkpoint["steps"])
+        env.set_seed(options.seed + run.steps_done)  # a resumed run plays new episodes
 
         def save(steps: int) -> None:
             state = {
@@ -223,21 +217,21 @@ def main() -> None:
             with run.saving("checkpoint.pt") as path:
                 torch.save(state, path)
 
-        if not run.resumes:
+        if not run.resuming:
             save(0)
-        collector = Collector(env, policy, frames_per_batch=SWARMS * LENGTH)
+        collector = Collector(env, policy, frames_per_batch=NUM_ENVS * NUM_STEPS)
         batches = iter(collector)
-        while run.steps_done < run.wanted:
+        while run.steps_done < run.total_steps:
             batch = next(batches)
-            judge(batch, loss)
-            last = improve(batch, loss, optimiser)
+            add_advantages(batch, loss)
+            last_loss = update(batch, loss, optimiser)
             steps = run.steps_done + batch.numel()
             save(steps)
-            run.log(steps, **figures(batch), loss=last)
+            run.log(steps, **episode_statistics(batch), loss=last_loss)
         collector.shutdown()
     training.compare_with_baselines(
-        Pilot(network),
-        training.TRAINING_TASK,
+        TrainedPolicy(network),
+        TRAINING_TASK,
         episodes=options.episodes,
         name="torchrl-ppo",
         folder=run.folder,

@@ -1,4 +1,4 @@
-"""AgileRL trains on the wrapped environment without anything in between."""
+"""AgileRL trains on the wrapped environment without an adapter."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pettingzoo import ParallelEnv
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards, SeparateFlags
 
-if importlib.util.find_spec("agilerl") is None:  # importing it takes long
+if importlib.util.find_spec("agilerl") is None:  # the import is slow
     pytest.skip("agilerl is not installed", allow_module_level=True)
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # AgileRL's own
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # from AgileRL
 
 SMALL: dict[str, Any] = {
     "grid_size": 5,
@@ -31,7 +31,7 @@ NETWORK = {"encoder_config": {"hidden_size": [16]}, "head_config": {"hidden_size
 
 
 def wrapped(masked: bool = True) -> ParallelEnv[str, Any, int]:
-    """The environment as the documentation tells AgileRL's users to wrap it."""
+    """The environment, wrapped as in the documentation for AgileRL."""
     env = FlatObservation(ScaledRewards(SeparateFlags(DroneSwarmSearch(**SMALL))))
     return ActionMask(env, right_of_way=True) if masked else env
 
@@ -63,7 +63,7 @@ def test_ippo_learns() -> None:
     from agilerl.algorithms import IPPO
     from agilerl.training.train_multi_agent_on_policy import train_multi_agent_on_policy
 
-    env = wrapped(masked=False)  # IPPO of AgileRL 2.58 fails at masks, whatever the environment
+    env = wrapped(masked=False)  # IPPO of AgileRL 2.58 fails with any masks
     agent = IPPO(**spaces_of(env), learn_step=48, batch_size=16, net_config=NETWORK)
     before = weights(agent)
     agents, fitnesses = train_multi_agent_on_policy(
@@ -80,17 +80,17 @@ def test_ippo_learns() -> None:
     assert changed(before, agents[0]) and np.isfinite(fitnesses).all()
 
 
-def test_maddpg_learns_and_keeps_to_the_masks() -> None:
+def test_maddpg_learns_and_respects_the_masks() -> None:
     from agilerl.algorithms import MADDPG
     from agilerl.components import ReplayBuffer
     from agilerl.training.train_multi_agent_off_policy import train_multi_agent_off_policy
     from agilerl.vector.pz_async_vec_env import AsyncPettingZooVecEnv
 
-    env = AsyncPettingZooVecEnv([wrapped for _ in range(2)])  # each in a process of its own
+    env = AsyncPettingZooVecEnv([wrapped for _ in range(2)])  # one process each
     try:
-        one = wrapped()
+        single = wrapped()
         agent = MADDPG(
-            **spaces_of(one), vect_noise_dim=2, learn_step=4, batch_size=16, net_config=NETWORK
+            **spaces_of(single), vect_noise_dim=2, learn_step=4, batch_size=16, net_config=NETWORK
         )
         before = weights(agent)
         agents, fitnesses = train_multi_agent_off_policy(
@@ -110,10 +110,10 @@ def test_maddpg_learns_and_keeps_to_the_masks() -> None:
     finally:
         env.close()
 
-    agents[0].set_training_mode(False)  # without noise for two environments
-    observations, infos = one.reset(seed=0)
+    agents[0].set_training_mode(False)  # no noise, whose shape is that of two environments
+    observations, infos = single.reset(seed=0)
     masked_out = 0
-    while one.agents:
+    while single.agents:
         batch = {name: each[None] for name, each in observations.items()}
         actions = agents[0].get_action(batch, infos=infos)[0]
         chosen = {name: int(np.asarray(each).item()) for name, each in actions.items()}
@@ -121,5 +121,5 @@ def test_maddpg_learns_and_keeps_to_the_masks() -> None:
             mask = infos[name]["action_mask"]
             assert mask[action]
             masked_out += int((mask == 0).sum())
-        observations, _, _, _, infos = one.step(chosen)
+        observations, _, _, _, infos = single.step(chosen)
     assert masked_out > 0

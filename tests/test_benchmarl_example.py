@@ -1,4 +1,4 @@
-"""The example for BenchMARL, run as users run it, and the task that it defines."""
+"""The BenchMARL example: its task and policy, and short runs as users run it."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ pytestmark = pytest.mark.slow
 
 EXAMPLE = EXAMPLES / "train_benchmarl.py"
 
-MOMENTS = """
+OPTIMISER_STEPS = """
 import sys, torch
 
 for path in sys.argv[1:]:
-    kept = torch.load(path, weights_only=True)
-    states = [each["state"][0]["step"] for each in kept["optimisers"].values()]
-    print(kept["state"]["total_frames"], *(int(step) for step in states))
+    checkpoint = torch.load(path, weights_only=True)
+    steps = [each["state"][0]["step"] for each in checkpoint["optimisers"].values()]
+    print(checkpoint["state"]["total_frames"], *map(int, steps))
 """
 
 
 @pytest.mark.parametrize("algorithm", ["ippo", "mappo"])
-def test_it_trains_and_goes_on(algorithm: str, tmp_path: Path) -> None:
+def test_it_trains_resumes_and_compares(algorithm: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    usual = (EXAMPLE, "--short", "--out", folder, "--algorithm", algorithm)
+    arguments = (EXAMPLE, "--short", "--out", folder, "--algorithm", algorithm)
     name = f"benchmarl-{algorithm}"
-    check_table(python(*usual), name, 50)
+    check_table(python(*arguments), name, 50)
     [checkpoints] = folder.glob("*/checkpoints")
-    place = checkpoints.relative_to(folder)
-    assert check_folder(folder, place / "checkpoint_2048.pt", name) == [1024, 2048]
+    relative = checkpoints.relative_to(folder)
+    assert check_folder(folder, relative / "checkpoint_2048.pt", name) == [1024, 2048]
     first = rows(folder / "curve.csv")
 
-    check_table(python(*usual, "--resume", "--steps", 3000), name, 50)
-    assert check_folder(folder, place / "checkpoint_3072.pt", name) == [1024, 2048, 3072]
+    check_table(python(*arguments, "--resume", "--steps", 3000), name, 50)
+    assert check_folder(folder, relative / "checkpoint_3072.pt", name) == [1024, 2048, 3072]
     assert rows(folder / "curve.csv")[:2] == first
 
-    kept = [checkpoints / f"checkpoint_{steps}.pt" for steps in (1024, 2048, 3072)]
-    script = tmp_path / "moments.py"
-    script.write_text(MOMENTS, "utf-8")
-    seen = [list(map(int, line.split())) for line in python(script, *kept).splitlines()]
-    once = seen[0][1]
-    assert seen == [[1024 * i, once * i, once * i] for i in (1, 2, 3)]
+    paths = [checkpoints / f"checkpoint_{steps}.pt" for steps in (1024, 2048, 3072)]
+    script = tmp_path / "optimiser_steps.py"
+    script.write_text(OPTIMISER_STEPS, "utf-8")
+    counts = [list(map(int, line.split())) for line in python(script, *paths).splitlines()]
+    per_batch = counts[0][1]
+    assert counts == [[1024 * i, per_batch * i, per_batch * i] for i in (1, 2, 3)]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
 @pytest.mark.parametrize("moment", ["", "*/checkpoints/*", "curve.csv"])
-def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     folder = tmp_path / "run"
     interrupt("train_benchmarl", folder, moment, "--episodes", 5)
     assert (folder / "evaluation.csv").exists()
@@ -85,18 +85,18 @@ idle = lambda tensordict: tensordict.set(("drones", "action"), torch.tensor([5, 
 states = [env.rollout(50, idle)["next", "state"] for env in envs]
 assert states[0].shape == (50, 3, 10, 10)
 assert not torch.equal(*states)
-print("as it should be")
+print("passed")
 """
 
 
-def test_the_task_says_what_the_search_is(tmp_path: Path) -> None:
-    """The specs, and that swarms side by side search different seas."""
+def test_the_task_describes_the_environment(tmp_path: Path) -> None:
+    """Its specs fit, and its environments play different episodes."""
     script = tmp_path / "task.py"
     script.write_text(TASK, "utf-8")
-    assert python(script, EXAMPLE).splitlines()[-1] == "as it should be"
+    assert python(script, EXAMPLE).splitlines()[-1] == "passed"
 
 
-PILOT = """
+POLICY = """
 import runpy, sys, warnings
 warnings.simplefilter("ignore")
 import numpy as np, torch
@@ -105,22 +105,21 @@ from DroneSwarmSearch.wrappers import ActionMask, FlatObservation
 
 example = runpy.run_path(sys.argv[1])
 env = ActionMask(FlatObservation(DroneSwarmSearch(**training.TRAINING_TASK)), right_of_way=True)
-shown, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
+observations, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
 masks = [infos[drone]["action_mask"].astype(bool).tolist() for drone in env.possible_agents]
 
-def policy(swarms):
-    assert swarms["drones", "observation"].shape == (3, 2, 105)
-    assert swarms["drones", "action_mask"].tolist() == [masks] * 3
-    return swarms.set(("drones", "action"), torch.tensor([[0, 1], [2, 3], [4, 5]]))
+def policy(batch):
+    assert batch["drones", "observation"].shape == (3, 2, 105)
+    assert batch["drones", "action_mask"].tolist() == [masks] * 3
+    return batch.set(("drones", "action"), torch.tensor([[0, 1], [2, 3], [4, 5]]))
 
-seen = np.stack(list(shown.values()) * 3)
-assert example["Pilot"](policy)(seen).tolist() == [0, 1, 2, 3, 4, 5]
-print("as it should be")
+actions = example["TrainedPolicy"](policy)(np.stack(list(observations.values()) * 3))
+assert actions.tolist() == [0, 1, 2, 3, 4, 5]
+print("passed")
 """
 
 
-def test_the_policy_is_masked_in_the_evaluation(tmp_path: Path) -> None:
-    """As in training, told from the positions in what it is shown."""
-    script = tmp_path / "pilot.py"
-    script.write_text(PILOT, "utf-8")
-    assert python(script, EXAMPLE).splitlines()[-1] == "as it should be"
+def test_the_trained_policy_gets_the_masks_of_training(tmp_path: Path) -> None:
+    script = tmp_path / "policy.py"
+    script.write_text(POLICY, "utf-8")
+    assert python(script, EXAMPLE).splitlines()[-1] == "passed"

@@ -103,7 +103,7 @@ def margin(episodes: int) -> float:
     return 4 * 0.5 / np.sqrt(episodes)
 
 
-@pytest.mark.parametrize("setting", calibration.CONTESTANTS["DroneSwarmSearch"][1][::3])
+@pytest.mark.parametrize("setting", calibration.PACKAGES["DroneSwarmSearch"][1][::3])
 def test_we_are_at_the_floor(setting: tuple) -> None:
     episodes, steps = 1500, 24
     seen = calibration.ours(setting, episodes, steps)
@@ -130,7 +130,7 @@ def test_the_floor_is_the_mean_distance_of_true_samples() -> None:
 
 
 def test_who_is_outside_of_the_grid_is_in_no_cell() -> None:
-    seen = calibration.nothing_yet(0)
+    seen = calibration.empty(0)
     seen.matrix[0, 3, 3] = 1.0
     seen.counts[0, 3, 3] = 6
     seen.outside[0] = 2
@@ -154,7 +154,7 @@ def test_what_is_not_measured_stays_in_the_file(
 
 def test_contestants_that_are_not_there_are_left_out(capsys: pytest.CaptureFixture[str]) -> None:
     calibration.main(["--only", "2023 package", "--episodes", "1", "--steps", "1"])
-    assert "left out: this package answers to its import path" in capsys.readouterr().out
+    assert "left out: this package provides its import path" in capsys.readouterr().out
 
 
 def kept_figures() -> list[dict[str, str]]:
@@ -164,7 +164,7 @@ def kept_figures() -> list[dict[str, str]]:
 
 def test_the_file_has_every_contestant_and_shows_us_at_the_floor() -> None:
     rows = kept_figures()
-    for name, (_, settings) in calibration.CONTESTANTS.items():
+    for name, (_, settings) in calibration.PACKAGES.items():
         own = [row for row in rows if row["package"] == name]
         assert len(own) == len(settings) * (calibration.STEPS + 1)
         assert all(int(row["episodes"]) >= 4000 for row in own)

@@ -1,4 +1,4 @@
-"""The one-file PPO, run as users run it, and its parts."""
+"""The one-file PPO example: its parts, and a short run as users run it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from trainer_examples import check_folder, check_table, interrupt, module, rows, run
 
-from DroneSwarmSearch import Action
+from DroneSwarmSearch import Action, Ending
 from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
-from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.wrappers.crops import LENGTH
 
 torch = pytest.importorskip("torch")
@@ -30,143 +29,140 @@ def example() -> ModuleType:
 @pytest.mark.slow
 def test_it_trains_resumes_and_compares(tmp_path: Path, example: ModuleType) -> None:
     options = ("--short", "--out", tmp_path, "--episodes", 20)
-    a_round = example.ROLLOUT * sum(others["num_swarms"] for _, others in example.FAMILY)
+    swarms = sum(parameters["num_swarms"] for _, parameters in example.BATCHES)
+    steps_per_rollout = example.NUM_STEPS * swarms
     output = run("train_ppo", *options)
     check_table(output, "ppo", 20)
     steps = check_folder(tmp_path, "checkpoint.pt", "ppo")
-    assert steps == [a_round * (k + 1) for k in range(len(steps))]
+    assert steps == [steps_per_rollout * (k + 1) for k in range(len(steps))]
     weights = tmp_path / "policy.npz"
     first = weights.read_bytes()
     run("train_ppo", *options, "--resume", "--steps", steps[-1] + 1)
-    assert check_folder(tmp_path, "checkpoint.pt", "ppo") == [*steps, steps[-1] + a_round]
+    resumed = check_folder(tmp_path, "checkpoint.pt", "ppo")
+    assert resumed == [*steps, steps[-1] + steps_per_rollout]
     assert weights.read_bytes() != first
     assert PPOPolicy(search("classic").scenario, weights)
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
 @pytest.mark.parametrize("moment", ["", ".policy.*", ".checkpoint.*", "checkpoint.pt", "curve.csv"])
-def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     folder = tmp_path / "run"
     interrupt("train_ppo", folder, moment, "--steps", 20_000, "--episodes", 5)
     assert int(rows(folder / "curve.csv")[-1]["steps"]) >= 20_000
     assert (folder / "evaluation.csv").exists()
 
 
-def swarms_of(example: ModuleType, **changes: Any) -> Any:
-    return example.Swarms(5, **{**SEARCH, "num_swarms": 6, **changes})
+def searches_of(example: ModuleType, **changes: Any) -> Any:
+    return example.Searches(5, **{**SEARCH, "num_swarms": 6, **changes})
 
 
-def test_rewards_are_the_chances_of_the_searches(example: ModuleType) -> None:
-    """Over many steps as many persons are found as the chances say, within five deviations."""
-    swarms = swarms_of(example, num_swarms=400, probability_of_detection=0.7)
-    rng, tally = np.random.default_rng(0), example.Tally()
-    chances, spread, found = 0.0, 0.0, 0
+def test_rewards_are_probabilities_of_success(example: ModuleType) -> None:
+    """The number of finds is the sum of the rewards, within five standard deviations."""
+    searches = searches_of(example, num_swarms=400, probability_of_detection=0.7)
+    rng, statistics = np.random.default_rng(0), example.Statistics()
+    expected, variance, found = 0.0, 0.0, 0
     for _ in range(40):
-        scores = rng.normal(size=(swarms.env.num_envs, example.ACTIONS)).astype(np.float32)
-        scores[:, Action.SEARCH] += 1.0
-        data = swarms.step(scores, rng, tally)
-        paid = data["rewards"][data["real"]].astype(np.float64)
-        assert (paid[data["actions"][data["real"]] != Action.SEARCH] == 0).all()
-        chances, spread = chances + paid.sum(), spread + (paid * (1 - paid)).sum()
-        found += int((swarms.batch.endings == Ending.FOUND).sum())
+        logits = rng.normal(size=(searches.envs.num_envs, example.NUM_ACTIONS))
+        logits[:, Action.SEARCH] += 1.0
+        data = searches.step(logits.astype(np.float32), rng, statistics)
+        rewards = data["rewards"][data["valid"]].astype(np.float64)
+        assert (rewards[data["actions"][data["valid"]] != Action.SEARCH] == 0).all()
+        expected += rewards.sum()
+        variance += (rewards * (1 - rewards)).sum()
+        found += int((searches.batch.endings == Ending.FOUND).sum())
     assert found > 100
-    assert abs(found - chances) < 5 * np.sqrt(spread)
+    assert abs(found - expected) < 5 * np.sqrt(variance)
 
 
-def test_drones_never_collide_nor_leave_while_they_learn(example: ModuleType) -> None:
-    swarms = swarms_of(example, grid_size=3)
-    rng, tally = np.random.default_rng(1), example.Tally()
-    harmless = (0, Ending.FOUND, Ending.TIME_LIMIT)
+def test_drones_never_crash_in_training(example: ModuleType) -> None:
+    searches = searches_of(example, grid_size=3)
+    rng, statistics = np.random.default_rng(1), example.Statistics()
+    logits = np.zeros((searches.envs.num_envs, example.NUM_ACTIONS), np.float32)
     for _ in range(100):
-        swarms.step(np.zeros((swarms.env.num_envs, example.ACTIONS), np.float32), rng, tally)
-        assert np.isin(swarms.batch.endings, harmless).all()
-    assert len(tally.found) > 15
+        searches.step(logits, rng, statistics)
+        assert np.isin(searches.batch.endings, (0, Ending.FOUND, Ending.TIME_LIMIT)).all()
+    assert len(statistics.found) > 15
 
 
-def test_advantages_are_those_of_the_rewards_to_come(
+def test_advantages_are_sums_of_rewards_without_a_critic_and_a_discount(
     example: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a critic that knows nothing and no discount they are plain sums of rewards."""
-    monkeypatch.setattr(example, "DISCOUNT", 1.0)
-    monkeypatch.setattr(example, "TRACE", 1.0)
-    monkeypatch.setattr(example, "ROLLOUT", 30)
+    monkeypatch.setattr(example, "GAMMA", 1.0)
+    monkeypatch.setattr(example, "GAE_LAMBDA", 1.0)
+    monkeypatch.setattr(example, "NUM_STEPS", 30)
     torch.manual_seed(0)
-    swarms = swarms_of(example)
-    agent = example.Agent(swarms.seen.shape[1])
+    searches = searches_of(example)
+    agent = example.Agent(searches.obs.shape[1])
     for parameter in agent.critic.parameters():
         parameter.data.zero_()
     steps: list[dict[str, np.ndarray]] = []
-    step = swarms.step
+    step = searches.step
 
-    def noted(*arguments: Any) -> dict[str, np.ndarray]:
+    def recorded(*arguments: Any) -> dict[str, np.ndarray]:
         steps.append(step(*arguments))
         return steps[-1]
 
-    swarms.step = noted
-    data = example.rollout(agent, [swarms], np.random.default_rng(0), example.Tally())
-    rewards, over, real = (
-        np.stack([step[key] for step in steps]) for key in ("rewards", "over", "real")
+    searches.step = recorded
+    data = example.rollout(agent, [searches], np.random.default_rng(0), example.Statistics())
+    rewards, dones, valid = (
+        np.stack([step[key] for step in steps]) for key in ("rewards", "dones", "valid")
     )
-    assert over.any() and not real.all()
-    wanted = np.zeros(rewards.shape)
-    for slot in range(rewards.shape[1]):
-        for begin in range(len(steps)):
-            ends = np.flatnonzero(over[begin:, slot])
-            last = begin + int(ends[0]) + 1 if len(ends) else len(steps)
-            wanted[begin, slot] = rewards[begin:last, slot].sum()
-    assert data["real"].tolist() == real.reshape(-1).tolist()
+    assert dones.any() and not valid.all()
+    expected = np.zeros(rewards.shape)
+    for drone in range(rewards.shape[1]):
+        for start in range(len(steps)):
+            ends = np.flatnonzero(dones[start:, drone])
+            stop = start + int(ends[0]) + 1 if len(ends) else len(steps)
+            expected[start, drone] = rewards[start:stop, drone].sum()
+    assert data["valid"].tolist() == valid.reshape(-1).tolist()
     for key in ("advantages", "returns"):
-        values = data[key].numpy().reshape(wanted.shape)
-        assert np.allclose(values[real], wanted[real], atol=1e-6)
+        values = data[key].numpy().reshape(expected.shape)
+        assert np.allclose(values[valid], expected[valid], atol=1e-6)
 
 
-def test_the_package_runs_the_network_as_it_was_trained(
-    example: ModuleType, tmp_path: Path
-) -> None:
+def test_the_package_runs_the_trained_network(example: ModuleType, tmp_path: Path) -> None:
     torch.manual_seed(3)
     agent = example.Agent(LENGTH)
-    seen = torch.rand(7, LENGTH)
+    obs = torch.rand(7, LENGTH)
     agent.network().save(tmp_path / "weights.npz")
-    scores = Network.load(tmp_path / "weights.npz")(seen.numpy())
-    assert np.allclose(scores, agent.actor(seen).detach().numpy(), atol=1e-6)
+    logits = Network.load(tmp_path / "weights.npz")(obs.numpy())
+    assert np.allclose(logits, agent.actor(obs).detach().numpy(), atol=1e-6)
 
 
-def test_updates_make_rewarded_actions_likelier(example: ModuleType) -> None:
+def test_updates_make_rewarded_actions_more_likely(example: ModuleType) -> None:
     torch.manual_seed(4)
     agent = example.Agent(LENGTH)
-    optimiser = torch.optim.Adam(agent.parameters())
-    seen = torch.rand(400, LENGTH)
-    actions = torch.arange(400) % example.ACTIONS
-    masks = torch.ones(400, example.ACTIONS, dtype=torch.bool)
+    optimizer = torch.optim.Adam(agent.parameters())
+    obs = torch.rand(400, LENGTH)
+    actions = torch.arange(400) % example.NUM_ACTIONS
 
-    def logarithms() -> Any:
+    def logprobs() -> Any:
         with torch.no_grad():
-            scores = agent.actor(seen).log_softmax(dim=1)
-        return scores.gather(1, actions[:, None])[:, 0]
+            return agent.actor(obs).log_softmax(dim=1).gather(1, actions[:, None])[:, 0]
 
-    before = logarithms()
+    before = logprobs()
     data = {
-        "seen": seen,
+        "obs": obs,
         "actions": actions,
-        "masks": masks,
-        "logarithms": before,
+        "masks": torch.ones(400, example.NUM_ACTIONS, dtype=torch.bool),
         "advantages": (actions == Action.SEARCH).float(),
         "returns": torch.zeros(400),
-        "real": torch.ones(400, dtype=torch.bool),
+        "valid": torch.ones(400, dtype=torch.bool),
     }
     for _ in range(5):
-        example.update(agent, optimiser, {**data, "logarithms": logarithms()}, 1.0)
-    more = logarithms() > before
-    assert more[actions == Action.SEARCH].all()
-    assert not more[actions != Action.SEARCH].any()
+        example.update(agent, optimizer, {**data, "logprobs": logprobs()}, 1.0)
+    more_likely = logprobs() > before
+    assert more_likely[actions == Action.SEARCH].all()
+    assert not more_likely[actions != Action.SEARCH].any()
 
 
-def test_the_sampler_draws_searches_within_the_limits(example: ModuleType) -> None:
-    for size, others in example.FAMILY:
+def test_the_sampler_draws_valid_searches(example: ModuleType) -> None:
+    for size, others in example.BATCHES:
         parameters = {**size, **others, "num_swarms": 200}
-        swarms = example.Swarms(0, sampler=example.sampler(**size), **parameters)
-        drawn = swarms.batch.parameters
+        searches = example.Searches(0, sampler=example.sampler(**size), **parameters)
+        drawn = searches.batch.parameters
         assert len(np.unique(drawn["vector"], axis=0)) == 200
         assert np.abs(drawn["vector"]).max() <= 0.5
         cells = drawn["drones_positions"]

@@ -1,4 +1,4 @@
-"""The example for Tianshou, run as users run it, and what its choice of algorithm rests on."""
+"""The Tianshou example: its transitions and masks, and short runs as users run it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tianshou.env import DummyVectorEnv
 
 EXAMPLE = "train_tianshou"
 
-pytestmark = pytest.mark.filterwarnings("default")  # Tianshou's own
+pytestmark = pytest.mark.filterwarnings("default")  # from Tianshou
 
 
 @pytest.fixture(scope="module")
@@ -34,15 +34,15 @@ def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
     small = ("--num-envs", 4, "--episodes", 20, "--out", tmp_path)
     output = run(EXAMPLE, "--short", "--steps", 400, *small)
     check_table(output, "dqn", 20)
-    begun = check_folder(tmp_path, "model.pt", "dqn")
-    assert 400 <= begun[-1] < 410
+    trained = check_folder(tmp_path, "model.pt", "dqn")
+    assert 400 <= trained[-1] < 410
     first = torch.load(tmp_path / "model.pt")
     output = run(EXAMPLE, "--resume", "--steps", 1000, *small)
     check_table(output, "dqn", 20)
     steps = check_folder(tmp_path, "model.pt", "dqn")
-    assert steps[: len(begun)] == begun and 1000 <= steps[-1] < 1010
+    assert steps[: len(trained)] == trained and 1000 <= steps[-1] < 1010
     second = torch.load(tmp_path / "model.pt")
-    assert (first["steps"], second["steps"]) == (begun[-1], steps[-1])
+    assert (first["steps"], second["steps"]) == (trained[-1], steps[-1])
     assert any(
         (first["dqn"][name] != second["dqn"][name]).any()
         for name in first["dqn"]
@@ -51,37 +51,40 @@ def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
 @pytest.mark.parametrize("moment", ["", "model.pt", "curve.csv"])
-def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     folder = tmp_path / "run"
     interrupt("train_tianshou", folder, moment, "--episodes", 5)
     assert (folder / "evaluation.csv").exists()
 
 
-def collected(example: ModuleType, steps: int) -> tuple[VectorReplayBuffer, Collector]:
-    """Transitions of random drones in one search."""
+def collect(example: ModuleType, steps: int) -> VectorReplayBuffer:
+    """Transitions of random drones in one environment."""
     torch.manual_seed(0)
     np.random.seed(0)
-    dqn = example.learner()
+    dqn = example.make_dqn()
     dqn.policy.set_eps_inference(1.0)
-    swarm = MultiAgentOffPolicyAlgorithm(algorithms=[dqn] * example.DRONES, env=example.search())
-    envs = DummyVectorEnv([example.search])
+    agents = MultiAgentOffPolicyAlgorithm(algorithms=[dqn] * example.DRONES, env=example.make_env())
+    envs = DummyVectorEnv([example.make_env])
     envs.seed(4)
     buffer = VectorReplayBuffer(1000, 1)
-    collector = Collector(swarm.policy, envs, buffer, exploration_noise=True)
+    collector = Collector(agents.policy, envs, buffer, exploration_noise=True)
     collector.reset()
     collector.collect(n_step=steps * example.DRONES)
-    return buffer, collector
+    return buffer
 
 
-def test_a_return_over_a_turn_of_every_drone_is_the_environments(example: ModuleType) -> None:
-    """The rewards of each drone, added up over as many choices as there are drones."""
-    buffer, _ = collected(example, 80)
+def masks_in(buffer: VectorReplayBuffer, count: int) -> np.ndarray:
+    return np.array([buffer.obs.mask[i] for i in range(count)], bool)
+
+
+def test_rewards_over_one_transition_per_drone_are_the_environments(example: ModuleType) -> None:
+    buffer = collect(example, 80)
     env = DroneSwarmSearch(**training.TRAINING_TASK)
     env.reset(seed=4)
     n = example.DRONES
-    assert example.learner().n_step % n == 0
+    assert example.make_dqn().n_step % n == 0
     actions = buffer.act[: 80 * n].reshape(80, n)
     assert buffer.obs.agent_id[:n].tolist() == env.possible_agents
     ended = 0
@@ -91,44 +94,44 @@ def test_a_return_over_a_turn_of_every_drone_is_the_environments(example: Module
             ended += 1
         _, rewards, *_ = env.step(dict(zip(env.possible_agents, chosen.tolist(), strict=True)))
         for k, name in enumerate(env.possible_agents):
-            turns = [step * n + k]
-            while len(turns) < n and not buffer.done[turns[-1]]:
-                turns.append(turns[-1] + 1)
-            paid = buffer.rew[turns, k].sum() / example.SCALE
-            assert paid == pytest.approx(rewards[name], rel=1e-12)
-            last = turns[-1]
-            if not buffer.done[last] and last + 1 < 80 * n:  # then it is the same drone's turn
+            indices = [step * n + k]
+            while len(indices) < n and not buffer.done[indices[-1]]:
+                indices.append(indices[-1] + 1)
+            total = buffer.rew[indices, k].sum() / example.REWARD_SCALE
+            assert total == pytest.approx(rewards[name], rel=1e-12)
+            last = indices[-1]
+            if not buffer.done[last] and last + 1 < 80 * n:  # the same drone is next
                 assert buffer.obs.agent_id[last + 1] == name
                 assert (buffer.obs_next.obs[last] == buffer.obs.obs[last + 1]).all()
     assert ended > 0
 
 
-def test_random_drones_keep_to_the_masks(example: ModuleType) -> None:
-    buffer, _ = collected(example, 60)
-    masks = np.array([buffer.obs.mask[i] for i in range(120)], bool)
+def test_random_drones_respect_the_masks(example: ModuleType) -> None:
+    buffer = collect(example, 60)
+    masks = masks_in(buffer, 120)
     assert masks[np.arange(120), buffer.act[:120].astype(int)].all()
     assert not masks.all()
 
 
-def test_masks_read_from_observations_are_those_of_training(example: ModuleType) -> None:
-    buffer, _ = collected(example, 60)
-    asked = []
+def test_the_trained_policy_gets_the_masks_of_training(example: ModuleType) -> None:
+    buffer = collect(example, 60)
+    received = []
 
     class Policy:
         def eval(self) -> Policy:
             return self
 
         def __call__(self, batch: Batch) -> Batch:
-            asked.append(batch.obs.mask)
+            received.append(batch.obs.mask)
             return Batch(act=np.zeros(len(batch.obs.obs), int))
 
-    learner = type("Learner", (), {"policy": Policy()})()
-    example.Trained(learner)(buffer.obs.obs[:120])
-    assert (asked[0] == np.array([buffer.obs.mask[i] for i in range(120)], bool)).all()
+    dqn = type("DQN", (), {"policy": Policy()})()
+    example.TrainedPolicy(dqn)(buffer.obs.obs[:120])
+    assert (received[0] == masks_in(buffer, 120)).all()
 
 
-def test_the_policy_returns_allowed_actions_for_every_drone(example: ModuleType) -> None:
-    buffer, _ = collected(example, 60)
-    actions = example.Trained(example.learner())(buffer.obs.obs[:120])
+def test_the_trained_policy_returns_an_allowed_action_per_drone(example: ModuleType) -> None:
+    buffer = collect(example, 60)
+    actions = example.TrainedPolicy(example.make_dqn())(buffer.obs.obs[:120])
     assert actions.shape == (120,) and actions.dtype.kind == "i"
-    assert np.array([buffer.obs.mask[i] for i in range(120)], bool)[np.arange(120), actions].all()
+    assert masks_in(buffer, 120)[np.arange(120), actions].all()

@@ -1,4 +1,4 @@
-"""The environment as TorchRL sees it, and the example that trains there, run as users run it."""
+"""The environment in TorchRL, and the TorchRL example."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ import torch
 from tensordict import TensorDictBase
 from torchrl.envs import EnvBase, PettingZooWrapper, check_env_specs
 
-pytestmark = [  # what TorchRL says of PettingZoo's version, and of classes of its own
+pytestmark = [
     pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL is tested using"),
     pytest.mark.filterwarnings("ignore:Creating .* which inherits from WeightUpdaterBase"),
 ]
@@ -40,7 +40,7 @@ EXAMPLE = EXAMPLES / "train_torchrl.py"
 
 LAYOUTS: dict[str, Callable[[Any], Any]] = {
     "dict": DictObservation,
-    "dict with others": lambda env: OtherDrones(DictObservation(env)),
+    "dict with other drones": lambda env: OtherDrones(DictObservation(env)),
     "flat": FlatObservation,
     "planes": PlanesObservation,
     "top cells": TopCellsObservation,
@@ -50,7 +50,7 @@ LAYOUTS: dict[str, Callable[[Any], Any]] = {
 
 @pytest.fixture(scope="module")
 def example() -> dict[str, Any]:
-    """What the example defines."""
+    """The names of the example."""
     return runpy.run_path(str(EXAMPLE))
 
 
@@ -63,11 +63,11 @@ def wrapped(env: Any, **arguments: Any) -> EnvBase:
 
 
 def rollout(env: EnvBase, actions: list[tuple[int, ...]]) -> TensorDictBase:
-    """An episode played by these actions, one tuple for the drones' of each step."""
-    rest = iter(actions)
+    """Play an episode with given actions, one tuple per step."""
+    remaining = iter(actions)
 
     def policy(tensordict: TensorDictBase) -> TensorDictBase:
-        return tensordict.set(("drones", "action"), torch.tensor(next(rest)))
+        return tensordict.set(("drones", "action"), torch.tensor(next(remaining)))
 
     return env.rollout(len(actions), policy)
 
@@ -86,8 +86,7 @@ def test_specs_hold(layout: str, masked: bool, state: bool) -> None:
     assert ("state" in keys) == state
 
 
-def test_it_is_shown_what_the_environment_shows() -> None:
-    """Observations, masks, rewards and states, step by step."""
+def test_observations_masks_rewards_and_states_are_the_environments() -> None:
     plain = ActionMask(FlatObservation(search()), right_of_way=True)
     inner = ActionMask(FlatObservation(search()), right_of_way=True)
     env = wrapped(inner, return_state=True)
@@ -95,10 +94,10 @@ def test_it_is_shown_what_the_environment_shows() -> None:
     shown = env.reset(seed=3)
     rng = np.random.default_rng(0)
     for _ in range(30):
-        for place, drone in enumerate(plain.possible_agents):
-            assert shown["drones", "observation"][place].tolist() == observations[drone].tolist()
+        for index, drone in enumerate(plain.possible_agents):
+            assert shown["drones", "observation"][index].tolist() == observations[drone].tolist()
             mask = infos[drone]["action_mask"].astype(bool)
-            assert shown["drones", "action_mask"][place].tolist() == mask.tolist()
+            assert shown["drones", "action_mask"][index].tolist() == mask.tolist()
         assert shown["state"].tolist() == plain.state().tolist()
         masks = [infos[drone]["action_mask"] for drone in plain.possible_agents]
         actions = [int(rng.choice(mask.nonzero()[0])) for mask in masks]
@@ -106,8 +105,8 @@ def test_it_is_shown_what_the_environment_shows() -> None:
             dict(zip(plain.possible_agents, actions, strict=True))
         )
         stepped = env.step(shown.set(("drones", "action"), torch.tensor(actions)))
-        paid = np.array(list(rewards.values()), np.float32)
-        assert stepped["next", "drones", "reward"].flatten().tolist() == paid.tolist()
+        expected = np.array(list(rewards.values()), np.float32)
+        assert stepped["next", "drones", "reward"].flatten().tolist() == expected.tolist()
         shown = stepped["next"]
 
 
@@ -126,26 +125,26 @@ IDLE, SEARCH, LEFT = int(Action.IDLE), int(Action.SEARCH), int(Action.LEFT)
 
 @pytest.mark.parametrize("central", [False, True])
 @pytest.mark.parametrize("separate", [False, True])
-def test_values_go_on_where_an_episode_is_truncated_alone(
+def test_only_truncated_episodes_are_bootstrapped(
     example: dict[str, Any], central: bool, separate: bool
 ) -> None:
-    """The critic's targets of the last step: time is up, a drone has left, all are found."""
-    env = example["make_environment"](1, True)
+    """Value targets of the last step: time limit, a drone off the grid, all found."""
+    env = example["make_envs"](1, True)
     _, policy = example["make_policy"](env)
     loss = example["make_loss"](env, policy, central)
 
-    def last_targets(swarm: Any, actions: list[tuple[int, ...]]) -> tuple[Any, Any, Any]:
-        """The targets, the rewards and the values of what came after."""
-        inner = FlatObservation(ScaledRewards(SeparateFlags(swarm) if separate else swarm))
+    def last_targets(env: Any, actions: list[tuple[int, ...]]) -> tuple[Any, Any, Any]:
+        """Targets, rewards and values of the next observation."""
+        inner = FlatObservation(ScaledRewards(SeparateFlags(env) if separate else env))
         batch = rollout(wrapped(ActionMask(inner), return_state=True), actions).unsqueeze(0)
         assert batch["next", "done"][0, -1]
-        example["judge"](batch, loss)
+        example["add_advantages"](batch, loss)
         reward, value = batch["next", "drones", "reward"], batch["next", "drones", "value"]
         assert bool((value != 0).all())
         return batch["drones", "target"][0, -1], reward[0, -1], value[0, -1]
 
-    targets, rewards, after = last_targets(search(), [(IDLE, IDLE)] * 50)
-    assert torch.allclose(targets, rewards + 0.99 * after if separate else rewards)
+    targets, rewards, next_values = last_targets(search(), [(IDLE, IDLE)] * 50)
+    assert torch.allclose(targets, rewards + 0.99 * next_values if separate else rewards)
     targets, rewards, _ = last_targets(search(), [(IDLE, IDLE), (LEFT, IDLE)])
     assert torch.allclose(targets, rewards)
     at_once = search(vector=(0, 0), disperse_constant=0, person_initial_position=(1, 0))
@@ -154,57 +153,53 @@ def test_values_go_on_where_an_episode_is_truncated_alone(
     assert torch.allclose(targets, rewards)
 
 
-def test_the_limit_ends_the_examples_searches(example: dict[str, Any]) -> None:
-    played = rollout(example["make_swarm"](False), [(IDLE, IDLE)] * 50)
+def test_the_time_limit_terminates_the_examples_episodes(example: dict[str, Any]) -> None:
+    played = rollout(example["make_env"](False), [(IDLE, IDLE)] * 50)
     assert played["next", "terminated"].flatten().tolist() == [False] * 49 + [True]
 
 
-def test_the_policy_is_masked_in_the_evaluation(example: dict[str, Any]) -> None:
-    """As in training, told from the positions in what it is shown."""
+def test_the_trained_policy_respects_the_masks(example: dict[str, Any]) -> None:
     env = ActionMask(FlatObservation(search()), right_of_way=True)
     observations, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
-    seen = np.stack(list(observations.values()))
-    masks = np.stack([infos[drone]["action_mask"] for drone in env.possible_agents])
-    assert (
-        training.masks_of_flat(seen, training.TRAINING_TASK).tolist() == masks.astype(bool).tolist()
-    )
+    masks = np.stack([infos[drone]["action_mask"] for drone in env.possible_agents]).astype(bool)
     assert not masks.all()
 
-    def wants(closed: int) -> Callable[[torch.Tensor], torch.Tensor]:
-        return lambda shown: torch.eye(6)[closed].repeat(len(shown), 1)
+    def network_for(action: int) -> Callable[[torch.Tensor], torch.Tensor]:
+        return lambda batch: torch.eye(6)[action].repeat(len(batch), 1)
 
     for action in range(6):
-        chosen = example["Pilot"](wants(action))(seen)
+        policy = example["TrainedPolicy"](network_for(action))
+        chosen = policy(np.stack(list(observations.values())))
         assert masks[[0, 1], chosen].all()
-        assert ((chosen == action) == masks[:, action].astype(bool)).all()
+        assert ((chosen == action) == masks[:, action]).all()
 
 
-def test_central_critics_alone_see_the_state(example: dict[str, Any]) -> None:
-    env = example["make_environment"](2, True)
+def test_only_central_critics_see_the_state(example: dict[str, Any]) -> None:
+    env = example["make_envs"](2, True)
     shown = env.reset()
-    elsewhere = shown.clone()
-    elsewhere["state"][:, 2] = elsewhere["state"][:, 2].roll(1, dims=-1)
+    moved = shown.clone()  # the persons
+    moved["state"][:, 2] = moved["state"][:, 2].roll(1, dims=-1)
     for central in (False, True):
         network, policy = example["make_policy"](env)
         critic = example["make_loss"](env, policy, central).critic_network
         with torch.no_grad():
-            values = [critic(place.clone())["drones", "value"] for place in (shown, elsewhere)]
+            values = [critic(each.clone())["drones", "value"] for each in (shown, moved)]
         assert torch.equal(*values) != central
         assert network(shown["drones", "observation"]).shape == (2, 2, 6)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("critic", ["local", "central"])
-def test_it_trains_and_goes_on(critic: str, tmp_path: Path) -> None:
+def test_it_trains_resumes_and_compares(critic: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    usual = (EXAMPLE, "--short", "--out", folder, "--critic", critic)
-    check_table(python(*usual), "torchrl-ppo", 50)
+    arguments = (EXAMPLE, "--short", "--out", folder, "--critic", critic)
+    check_table(python(*arguments), "torchrl-ppo", 50)
     assert check_folder(folder, "checkpoint.pt", "torchrl-ppo") == [1024, 2048]
     first = rows(folder / "curve.csv")
     before = torch.load(folder / "checkpoint.pt", weights_only=True)
     assert before["steps"] == 2048
 
-    check_table(python(*usual, "--resume", "--steps", 3000), "torchrl-ppo", 50)
+    check_table(python(*arguments, "--resume", "--steps", 3000), "torchrl-ppo", 50)
     assert check_folder(folder, "checkpoint.pt", "torchrl-ppo") == [1024, 2048, 3072]
     assert rows(folder / "curve.csv")[:2] == first
     after = torch.load(folder / "checkpoint.pt", weights_only=True)
@@ -215,9 +210,9 @@ def test_it_trains_and_goes_on(critic: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as on POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
 @pytest.mark.parametrize("moment", ["", ".checkpoint.*", "checkpoint.pt", "curve.csv"])
-def test_ctrl_c_says_what_is_there(tmp_path: Path, moment: str) -> None:
+def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     folder = tmp_path / "run"
     interrupt("train_torchrl", folder, moment, "--episodes", 5)
     assert (folder / "evaluation.csv").exists()

@@ -1,4 +1,4 @@
-"""What the training examples share: options, learning curves, runs, the comparison."""
+"""Tools for training: options, learning curves, runs, the comparison with the baselines, masks."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import math
 import os
 import pickle
 import signal
-import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,41 +20,40 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
-from DroneSwarmSearch.evaluation import progress
-from DroneSwarmSearch.training import curve as curves
-from DroneSwarmSearch.training import run as runs
+from DroneSwarmSearch.training.curve import Curve, moving_mean
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
-BY_DEFAULT = {"steps": 5000, "seed": 0, "resume": False, "short": False, "episodes": 1000}
+DEFAULTS = {"steps": 5000, "seed": 0, "resume": False, "short": False, "episodes": 1000}
 
 
 def options(folder: Path, *given: str) -> argparse.Namespace:
-    return training.arguments("Train.", steps=5000, short=70).parse_args(
-        ["--out", str(folder), *given]
-    )
+    parser = training.arguments("Train.", steps=5000, short=70)
+    return parser.parse_args(["--out", str(folder), *given])
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
-    """What a program that knows nothing of ours reads from curve.csv."""
+    """Read curve.csv without the package."""
     with (folder / "curve.csv").open(newline="") as file:
         return list(csv.DictReader(file))
 
 
+def save(run: training.Run, steps: int, name: str = "checkpoint.pt") -> None:
+    with run.saving(name) as path:
+        path.write_text(str(steps))
+
+
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time that runs and progress see."""
+    """The time in seconds that runs and progress bars read."""
     now = [100.0]
-    for module in (runs, progress):
-        monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     return now
 
 
-# The exercise.
-
-
-def test_the_exercise_is_a_search_that_can_be_sent_elsewhere() -> None:
-    assert pickle.loads(pickle.dumps(training.TRAINING_TASK)) == training.TRAINING_TASK
-    env = DroneSwarmSearch(**training.TRAINING_TASK)
+def test_the_task_can_be_pickled_and_played() -> None:
+    task = pickle.loads(pickle.dumps(training.TRAINING_TASK))
+    assert task == training.TRAINING_TASK
+    env = DroneSwarmSearch(**task)
     env.reset(seed=0)
     assert (env.grid_size, len(env.agents), env.timestep_limit) == (10, 2, 50)
     assert env.scenario.bayesian_update
@@ -63,10 +63,10 @@ def test_the_exercise_is_a_search_that_can_be_sent_elsewhere() -> None:
 
 
 def test_options_have_defaults(tmp_path: Path) -> None:
-    assert vars(options(tmp_path)) == {**BY_DEFAULT, "out": tmp_path}
+    assert vars(options(tmp_path)) == {**DEFAULTS, "out": tmp_path}
 
 
-def test_a_short_run_has_few_steps_and_episodes_unless_they_are_given(tmp_path: Path) -> None:
+def test_a_short_run_has_fewer_steps_and_episodes_by_default(tmp_path: Path) -> None:
     short = options(tmp_path, "--short")
     assert (short.steps, short.episodes) == (70, 50)
     short = options(tmp_path, "--short", "--steps", "90", "--episodes", "7", "--seed", "3")
@@ -78,7 +78,7 @@ def test_numbers_may_have_underscores(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("given", "message"),
     [
         (("--steps", "0"), "--steps: must be an integer of at least 1, got '0'"),
         (("--steps", "many"), "--steps: must be an integer of at least 1, got 'many'"),
@@ -86,32 +86,32 @@ def test_numbers_may_have_underscores(tmp_path: Path) -> None:
         (("--episodes", "0.5"), "--episodes: must be an integer of at least 1, got '0.5'"),
     ],
 )
-def test_wrong_options_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], given: tuple[str, ...], words: str
+def test_invalid_options_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], given: tuple[str, ...], message: str
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
         options(tmp_path, *given)
-    assert words in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
-def test_a_folder_is_needed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_folder_is_required(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         training.arguments("Train.", steps=5, short=1).parse_args([])
     assert "--out" in capsys.readouterr().err
 
 
-def test_help_tells_the_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_shows_defaults_and_added_options(capsys: pytest.CaptureFixture[str]) -> None:
     parser = training.arguments("Train with care.", steps=50_000, short=700)
     parser.add_argument("--own", help="of this example")
     with pytest.raises(SystemExit, match="0"):
         parser.parse_args(["--help"])
-    told = " ".join(capsys.readouterr().out.split())
+    shown = " ".join(capsys.readouterr().out.split())
     for words in ("Train with care.", "(50,000)", "700 steps, 50 episodes", "of this example"):
-        assert words in told
+        assert words in shown
 
 
 @pytest.mark.parametrize("name", ["steps", "short"])
-def test_steps_of_an_example_are_checked(name: str) -> None:
+def test_default_steps_are_checked(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} must be an integer of at least 1, got 0"):
         training.arguments("Train.", **{"steps": 5, "short": 1, name: 0})
 
@@ -119,7 +119,7 @@ def test_steps_of_an_example_are_checked(name: str) -> None:
 # Learning curves.
 
 
-def test_a_row_is_in_the_file_at_once(tmp_path: Path, clock: list[float]) -> None:
+def test_a_row_is_written_at_once(tmp_path: Path, clock: list[float]) -> None:
     with training.Run(options(tmp_path / "new"), "Trial") as run:
         clock[0] += 1.5
         run.log(10, reward=-1234.5678, found=0.25)
@@ -132,14 +132,14 @@ def test_a_row_is_in_the_file_at_once(tmp_path: Path, clock: list[float]) -> Non
         assert run.steps_done == 20
 
 
-def test_numbers_of_steps_are_exact_however_large(tmp_path: Path) -> None:
+def test_large_numbers_of_steps_are_exact(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         run.log(123_456_789)
         run.log(123_456_790)
     assert [row["steps"] for row in rows(tmp_path)] == ["123456789", "123456790"]
 
 
-def test_figures_of_ones_own_get_columns_whenever_they_come(tmp_path: Path) -> None:
+def test_a_new_value_adds_a_column(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         run.log(10, found=0.0)
         run.log(20, found=math.nan, loss=0.125)
@@ -151,22 +151,22 @@ def test_figures_of_ones_own_get_columns_whenever_they_come(tmp_path: Path) -> N
     assert [row["entropy"] for row in rows(tmp_path)] == ["", "", "", "1.5"]
 
 
-def test_steps_must_rise(tmp_path: Path) -> None:
+def test_steps_must_increase_and_names_must_be_new(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         run.log(10)
         with pytest.raises(ValueError, match="steps must be an integer of at least 11, got 10"):
             run.log(10)
         with pytest.raises(TypeError, match=r"steps must be an integer of at least 11, got 11\.5"):
             run.log(11.5)  # type: ignore[arg-type]
-        with pytest.raises(ValueError, match="figures must have names other than steps, seconds"):
+        with pytest.raises(ValueError, match="values must have names other than steps, seconds"):
             run.log(11, seconds=1.0)
     assert len(rows(tmp_path)) == 1
 
 
-def test_a_line_cut_off_by_a_crash_is_left_out(tmp_path: Path) -> None:
+def test_an_incomplete_last_line_is_ignored(tmp_path: Path) -> None:
     path = tmp_path / "curve.csv"
     path.write_text("steps,seconds,reward,found\n10,1,-5,0.5\n20,2,-4,0.")
-    curve = training.Curve(path)
+    curve = Curve(path)
     assert curve.rows == [{"steps": 10, "seconds": 1, "reward": -5, "found": 0.5}]
     assert (curve.steps, curve.seconds) == (10, 1.0)
 
@@ -174,40 +174,39 @@ def test_a_line_cut_off_by_a_crash_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "got"), [("", "nothing"), ("time,loss\n", "time,loss"), ("steps", "nothing")]
 )
-def test_other_files_are_no_curves(tmp_path: Path, text: str, got: str) -> None:
+def test_other_files_are_refused(tmp_path: Path, text: str, got: str) -> None:
     (tmp_path / "curve.csv").write_text(text)
     with pytest.raises(ValueError, match=f"must be a learning curve with the col.*, got '{got}'"):
-        training.Curve(tmp_path / "curve.csv")
+        Curve(tmp_path / "curve.csv")
 
 
-def test_the_moving_mean_is_over_a_twentieth_and_leaves_out_what_is_unknown() -> None:
+def test_the_moving_mean_covers_a_twentieth_and_skips_unknown_values() -> None:
     values = np.arange(40.0)
-    assert curves.moving_mean(values)[:3].tolist() == [0.0, 0.5, 1.5]
+    assert moving_mean(values)[:3].tolist() == [0.0, 0.5, 1.5]
     values[1] = math.nan
-    assert curves.moving_mean(values)[:4].tolist() == [0.0, 0.0, 2.0, 2.5]
+    assert moving_mean(values)[:4].tolist() == [0.0, 0.0, 2.0, 2.5]
     unknown = np.array([math.nan, 3.0])
-    assert np.isnan(curves.moving_mean(unknown)).tolist() == [True, False]
-    assert curves.moving_mean(np.zeros(0)).shape == (0,)
+    assert np.isnan(moving_mean(unknown)).tolist() == [True, False]
+    assert moving_mean(np.zeros(0)).shape == (0,)
 
 
-def test_the_curve_is_drawn(tmp_path: Path) -> None:
+def test_the_curve_is_plotted(tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
     pytest.importorskip("matplotlib")
 
-    def drawn(name: str, *found: float) -> np.ndarray:
+    def plotted(name: str, *found: float) -> np.ndarray:
         with training.Run(options(tmp_path / name), "Trial") as run:
             for step, share in enumerate(found, 1):
                 run.log(100 * step, reward=-1e5 * share, found=share)
         with image.open(tmp_path / name / "curve.png") as picture:
             return np.asarray(picture.convert("RGB"))
 
-    one, other = drawn("one", 0.1, 0.3, 0.8), drawn("other", 0.1, 0.3, math.nan)
+    one, other = plotted("one", 0.1, 0.3, 0.8), plotted("other", 0.1, 0.3, math.nan)
     assert one.shape[1] > one.shape[0] > 500
     assert one.shape == other.shape and (one != other).any()
-    assert (one[:5] == 255).all()  # on white
 
 
-def test_without_matplotlib_the_run_goes_on_and_says_what_is_missing(
+def test_without_matplotlib_the_run_reports_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
@@ -217,22 +216,21 @@ def test_without_matplotlib_the_run_goes_on_and_says_what_is_missing(
     assert [path.name for path in tmp_path.iterdir()] == ["curve.csv"]
 
 
-# Runs.
+# Checkpoints.
 
 
-def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path, clock: list[float]) -> None:
+def test_a_run_resumes_from_its_checkpoint(tmp_path: Path, clock: list[float]) -> None:
     with training.Run(options(tmp_path), "Trial", "model") as run:
         for steps in (10, 20, 30):
             clock[0] += 1
             run.log(steps, loss=steps / 10)
             if steps == 20:
-                with run.saving("model") as path:
-                    path.write_text("at 20")
+                save(run, 20, "model")
     clock[0] += 1000
     with training.Run(options(tmp_path, "--resume"), "Trial", "model") as run:
-        assert run.resumes and run.steps_done == 30
-        assert run.checkpoint.read_text() == "at 20"
-        run.go_on_from(20)
+        assert run.resuming and run.steps_done == 30
+        assert run.checkpoint.read_text() == "20"
+        run.resume_from(20)
         assert run.steps_done == 20
         clock[0] += 5
         run.log(25, found=1.0)
@@ -241,18 +239,20 @@ def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path, clock: list[float]) -
     assert [row["loss"] for row in rows(tmp_path)] == ["1", "2", ""]
 
 
-def test_a_checkpoint_ahead_of_the_curve_counts(tmp_path: Path) -> None:
+@pytest.mark.parametrize("logged", [False, True])
+def test_a_checkpoint_may_be_ahead_of_the_curve(tmp_path: Path, logged: bool) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         save(run, 15)
-        run.log(10)
-    run = training.Run(options(tmp_path, "--resume"), "Trial")
-    run.go_on_from(15)
-    assert run.steps_done == 15
-    run.log(20)
-    assert [row["steps"] for row in rows(tmp_path)] == ["10", "20"]
+        if logged:
+            run.log(10)
+    with training.Run(options(tmp_path, "--resume"), "Trial") as run:
+        run.resume_from(15)
+        assert run.steps_done == 15
+        run.log(20)
+    assert [row["steps"] for row in rows(tmp_path)] == ["10", "20"][not logged :]
 
 
-def test_a_checkpoint_is_replaced_as_a_whole(tmp_path: Path) -> None:
+def test_a_file_is_replaced_atomically(tmp_path: Path) -> None:
     run = training.Run(options(tmp_path), "Trial")
     with run.saving("model.zip") as path:
         assert path.suffix == ".zip"
@@ -261,39 +261,50 @@ def test_a_checkpoint_is_replaced_as_a_whole(tmp_path: Path) -> None:
     def fail() -> None:
         with run.saving("model.zip") as path:
             path.write_text("sec")
-            raise RuntimeError("in mid-work")
+            raise RuntimeError("disk full")
 
-    with pytest.raises(RuntimeError, match="in mid-work"):
+    with pytest.raises(RuntimeError, match="disk full"):
         fail()
     assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [
         ("model.zip", "first")
     ]
 
 
-def save(run: training.Run, steps: int, name: str = "checkpoint.pt") -> None:
-    with run.saving(name) as path:
-        path.write_text(str(steps))
+def test_a_folder_is_replaced_atomically(tmp_path: Path) -> None:
+    run = training.Run(options(tmp_path), "Trial", "checkpoint_*")
+
+    def save_folder(name: str, error: BaseException | None = None) -> None:
+        with run.saving_folder(name) as path:
+            (path / "part").mkdir(parents=True)
+            (path / "part" / "weights").write_text(name)
+            if error is not None:
+                raise error
+
+    for name in ("checkpoint_0", "checkpoint_1"):
+        save_folder(name)
+        assert [path.name for path in tmp_path.iterdir()] == [name]
+    with pytest.raises(KeyboardInterrupt):
+        save_folder("checkpoint_2", KeyboardInterrupt())
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint_1"]
+
+    (tmp_path / ".new").mkdir()  # as if the program had been killed
+    (tmp_path / ".new" / "part").write_text("incomplete")
+    run = training.Run(options(tmp_path, "--resume"), "Trial", "checkpoint_*")
+    assert (run.checkpoint / "part" / "weights").read_text() == "checkpoint_1"
+    save_folder("checkpoint_2")
+    assert (run.checkpoint / "part" / "weights").read_text() == "checkpoint_2"
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint_2"]
 
 
-def test_a_checkpoint_without_a_curve_counts(tmp_path: Path) -> None:
-    with training.Run(options(tmp_path), "Trial") as run:
-        save(run, 0)
-    with training.Run(options(tmp_path, "--resume"), "Trial") as run:
-        assert run.checkpoint.read_text() == "0"
-        run.go_on_from(0)
-        run.log(10)
-    assert [row["steps"] for row in rows(tmp_path)] == ["10"]
-
-
-def test_the_newest_of_the_checkpoints_of_a_pattern_counts(tmp_path: Path) -> None:
+def test_the_newest_match_of_a_pattern_counts(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial", "*/at_*.pt") as run:
         with pytest.raises(FileNotFoundError, match=r"no checkpoint \*/at_\*\.pt in"):
             _ = run.checkpoint
         (tmp_path / "saved").mkdir()
-        for time, steps in enumerate((9, 10, 11)):
+        for second, steps in enumerate((9, 10, 11)):
             path = tmp_path / "saved" / f"at_{steps}.pt"
             path.touch()
-            os.utime(path, (time, time))
+            os.utime(path, (second, second))
     run = training.Run(options(tmp_path, "--resume"), "Trial", "*/at_*.pt")
     assert run.checkpoint == tmp_path / "saved" / "at_11.pt"
 
@@ -302,12 +313,12 @@ def test_a_run_is_not_overwritten(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         save(run, 0)
         run.log(10)
-    with pytest.raises(SystemExit, match="holds a run already: go on with it by --resume"):
+    with pytest.raises(SystemExit, match="already holds a run: continue it with --resume"):
         training.Run(options(tmp_path), "Trial")
     assert len(rows(tmp_path)) == 1
 
 
-def test_nor_is_the_curve_of_another_trainer(tmp_path: Path) -> None:
+def test_a_curve_without_a_checkpoint_is_not_overwritten(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         run.log(10)
     with pytest.raises(SystemExit, match=r"a learning curve, but no .*\.pt to resume from: choose"):
@@ -315,7 +326,7 @@ def test_nor_is_the_curve_of_another_trainer(tmp_path: Path) -> None:
     assert len(rows(tmp_path)) == 1
 
 
-def test_what_is_not_there_is_not_resumed(tmp_path: Path) -> None:
+def test_resuming_needs_a_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match=r"nothing to resume in .*: no model; start without"):
         training.Run(options(tmp_path / "nowhere", "--resume"), "Trial", "model")
     assert not (tmp_path / "nowhere").exists()
@@ -325,206 +336,118 @@ def test_what_is_not_there_is_not_resumed(tmp_path: Path) -> None:
         training.Run(options(tmp_path, "--resume"), "Trial", "model")
 
 
-def save_folder(run: training.Run, text: str) -> None:
-    with run.saving_folder() as path:
-        (path / "part").mkdir(parents=True)
-        (path / "part" / "weights").write_text(text)
+# Ctrl-C.
 
 
-def weights(folder: Path) -> list[tuple[str, str]]:
-    """The names and texts of all files there, hidden ones included."""
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    return [(path.relative_to(folder).as_posix(), path.read_text()) for path in files]
+def train(folder: Path, *arguments: str, interrupt_at: str = "") -> None:
+    """A training loop of four rounds of ten steps; Ctrl-C may be pressed at one point."""
+
+    def point(name: str) -> None:
+        if name == interrupt_at:
+            signal.raise_signal(signal.SIGINT)
+
+    def save_at(steps: int) -> None:
+        with run.saving("model") as path:
+            path.write_text(str(steps)[:1])
+            point(f"saving {steps}")
+            path.write_text(str(steps))
+
+    with training.Run(options(folder, "--steps", "40", *arguments), "Trial", "model") as run:
+        point("setup")
+        if run.resuming:
+            run.resume_from(int(run.checkpoint.read_text()))
+        else:
+            save_at(0)
+        while run.steps_done < run.total_steps:
+            point(f"round {run.steps_done}")
+            save_at(run.steps_done + 10)
+            point(f"saved {run.steps_done + 10}")
+            run.log(run.steps_done + 10)
+        point("end")
 
 
-def test_a_checkpoint_that_is_a_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:
-    run = training.Run(options(tmp_path), "Trial", "checkpoint")
-    for text in ("first", "second"):
-        save_folder(run, text)
-        assert weights(tmp_path) == [("checkpoint/part/weights", text)]
-
-    def stop() -> None:
-        with run.saving_folder() as path:
-            path.mkdir()
-            (path / "weights").write_text("thi")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        stop()
-    assert weights(tmp_path) == [("checkpoint/part/weights", "second")]
+def exit_code(function: Callable[..., object], *arguments: Any, **named: Any) -> object:
+    with pytest.raises(SystemExit) as stopped:
+        function(*arguments, **named)
+    return stopped.value.code
 
 
-@pytest.mark.parametrize("renamed", [0, 1, 2])
-@pytest.mark.parametrize("killed", [False, True])
-def test_a_folder_is_there_at_whatever_moment_the_program_is_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renamed: int, killed: bool
-) -> None:
-    """Stopped by Ctrl-C, or killed, before or after each of the two renamings."""
-    run = training.Run(options(tmp_path), "Trial", "checkpoint")
-    save_folder(run, "first")
-    rename, calls = Path.rename, 0
-
-    def stopping(self: Path, target: Path) -> Path:
-        nonlocal calls
-        if calls == renamed:
-            calls += 1
-            raise KeyboardInterrupt
-        calls += 1
-        path = rename(self, target)
-        if calls == renamed == 2:
-            raise KeyboardInterrupt
-        return path
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "rename", stopping)
-        if killed:
-            patch.setattr(training.Run, "_restore_replaced_folder", lambda run: None)
-        with pytest.raises(KeyboardInterrupt):
-            save_folder(run, "second")
-    run = training.Run(options(tmp_path, "--resume"), "Trial", "checkpoint")
-    kept = "second" if renamed == 2 else "first"
-    assert weights(tmp_path) == [("checkpoint/part/weights", kept)]
-    save_folder(run, "third")
-    assert weights(tmp_path) == [("checkpoint/part/weights", "third")]
-
-
-TRAINER = """
-import os, signal, sys
-sys.modules["matplotlib"] = None  # its import takes long
-from DroneSwarmSearch import training
-
-moment = os.environ.get("MOMENT")
-
-def may_stop(now):
-    if now == moment:
-        os.kill(os.getpid(), signal.SIGINT)
-
-def save(steps):
-    with run.saving("model") as path:
-        path.write_text(str(steps)[:1])
-        may_stop(f"saving {steps}")
-        path.write_text(str(steps))
-
-options = training.arguments("Trial.", steps=40, short=20).parse_args()
-with training.Run(options, "Trial", "model") as run:
-    may_stop("setup")
-    if run.resumes:
-        run.go_on_from(int(run.checkpoint.read_text()))
-    else:
-        save(0)
-    while run.steps_done < run.wanted:
-        may_stop(f"round {run.steps_done}")
-        save(run.steps_done + 10)
-        may_stop(f"saved {run.steps_done}")
-        run.log(run.steps_done + 10)
-    may_stop("end")
-print("trained", run.steps_done)
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself Ctrl-C there")
 @pytest.mark.parametrize(
-    ("moment", "steps", "rows_left"),
+    ("point", "checkpoint", "logged"),
     [
         ("setup", None, 0),
         ("saving 0", None, 0),
         ("round 0", 0, 0),
         ("saving 10", 0, 0),
-        ("saved 0", 10, 0),
+        ("saved 10", 10, 0),
         ("round 10", 10, 1),
         ("saving 20", 10, 1),
         ("end", 40, 4),
     ],
 )
-def test_ctrl_c_says_what_is_there_and_that_is_true(
-    tmp_path: Path, moment: str, steps: int | None, rows_left: int
+def test_after_ctrl_c_a_run_resumes_from_its_last_checkpoint(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    point: str,
+    checkpoint: int | None,
+    logged: int,
 ) -> None:
-    script, folder = tmp_path / "trainer.py", tmp_path / "run"
-    script.write_text(TRAINER)
-
-    def train(*arguments: str, moment: str = "") -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, str(script), "--out", str(folder), *arguments],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-            env={
-                **os.environ,
-                "MOMENT": moment,
-                "PYTHONPATH": str(Path(__file__).parents[1]),
-            },
-        )
-
-    stopped = train(moment=moment)
-    assert (stopped.returncode, stopped.stdout) == (130, "")
-    (told,) = (line for line in stopped.stderr.splitlines() if line.startswith("interrupted"))
-    if steps is None:
-        assert told == (
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    folder = tmp_path / "run"
+    assert exit_code(train, folder, interrupt_at=point) == 130
+    (message,) = (
+        line for line in capsys.readouterr().err.splitlines() if line.startswith("interrupted")
+    )
+    if checkpoint is None:
+        assert message == (
             f"interrupted before the first checkpoint: there is nothing to resume in {folder}; "
             "start without --resume"
         )
         assert not list(folder.iterdir())
+        assert "nothing to resume" in str(exit_code(train, folder, "--resume"))
+        train(folder)
     else:
-        assert told == (
-            f"interrupted after {10 * rows_left} steps; --resume goes on from the last "
+        assert message == (
+            f"interrupted after {10 * logged} steps; --resume continues from the last "
             f"checkpoint, {folder / 'model'}"
         )
-        assert (folder / "model").read_text() == str(steps)
-    for arguments in ([], ["--resume"]):
-        fits = bool(arguments) == (steps is not None)
-        if not fits:
-            refused = train(*arguments)
-            assert refused.returncode == 1
-            wanted = "holds a run already" if steps is not None else "nothing to resume"
-            assert wanted in refused.stderr
-    going_on = train(*(["--resume"] if steps is not None else []))
-    assert going_on.stdout == "trained 40\n", going_on.stderr
-    wanted = ["10", "20", "30", "40"]
-    assert [row["steps"] for row in rows(folder)] == (wanted[1:] if moment == "saved 0" else wanted)
+        assert (folder / "model").read_text() == str(checkpoint)
+        assert "already holds a run" in str(exit_code(train, folder))
+        train(folder, "--resume")
+    steps = ["10", "20", "30", "40"]
+    assert [row["steps"] for row in rows(folder)] == (steps[1:] if point == "saved 10" else steps)
 
 
-def test_ctrl_c_ends_the_program_with_the_curve_drawn(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_plots_the_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
 
-    def train() -> None:
+    def interrupted() -> None:
         with training.Run(options(tmp_path), "Trial") as run:
             save(run, 1234)
             run.log(1234)
             raise KeyboardInterrupt
 
-    with pytest.raises(SystemExit) as stopped:
-        train()
-    assert stopped.value.code == 130
-    assert "interrupted after 1,234 steps; --resume goes on" in capsys.readouterr().err
+    assert exit_code(interrupted) == 130
+    assert "interrupted after 1,234 steps; --resume continues" in capsys.readouterr().err
     assert (tmp_path / "curve.png").exists()
 
 
-def test_ctrl_c_while_the_curve_is_drawn_is_no_other(
+def test_ctrl_c_counts_while_the_curve_is_plotted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(training.Curve, "draw", interrupted)
-
-    def train() -> None:
-        with training.Run(options(tmp_path), "Trial") as run:
-            save(run, 50)
-            run.log(50)
-
-    with pytest.raises(SystemExit) as stopped:
-        train()
-    assert stopped.value.code == 130
-    assert "interrupted after 50 steps; --resume goes on" in capsys.readouterr().err
+    monkeypatch.setattr(Curve, "draw", interrupt)
+    assert exit_code(train, tmp_path) == 130
+    assert "interrupted after 40 steps; --resume continues" in capsys.readouterr().err
 
 
-def test_an_error_that_a_library_makes_of_ctrl_c_is_no_other(
+def test_ctrl_c_counts_when_a_library_raises_another_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def train() -> None:
+    def interrupted() -> None:
         with training.Run(options(tmp_path), "Trial") as run:
             save(run, 50)
             run.log(50)
@@ -533,64 +456,68 @@ def test_an_error_that_a_library_makes_of_ctrl_c_is_no_other(
             except KeyboardInterrupt:
                 raise RuntimeError("not permitted")  # noqa: B904 (as in TorchRL's clean-up)
 
-    with pytest.raises(SystemExit) as stopped:
-        train()
-    assert stopped.value.code == 130
-    assert "interrupted after 50 steps; --resume goes on" in capsys.readouterr().err
+    assert exit_code(interrupted) == 130
+    assert "interrupted after 50 steps; --resume continues" in capsys.readouterr().err
 
 
-def test_ctrl_c_without_a_checkpoint_says_what_is_in_the_way(
+def test_ctrl_c_counts_when_a_library_suppresses_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def train() -> None:
-        with training.Run(options(tmp_path), "Trial") as run:
-            run.log(50)
-            raise KeyboardInterrupt
+    run = training.Run(options(tmp_path), "Trial")
 
-    with pytest.raises(SystemExit):
-        train()
-    told = capsys.readouterr().err
-    assert f"delete {tmp_path / 'curve.csv'} and start without --resume" in told
-    assert "goes on" not in told
+    def interrupted() -> None:
+        with run:
+            run.log(1)
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            run.log(2)
+            raise AssertionError("the training continues")
+
+    assert exit_code(interrupted) == 130
+    assert run.steps_done == 2
+    shown = capsys.readouterr().err
+    assert "interrupted before the first checkpoint" in shown
+    assert f"delete {tmp_path / 'curve.csv'} and start without --resume" in shown
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_ctrl_c_in_the_comparison_says_what_is_there(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stop(seen: np.ndarray) -> np.ndarray:
+def test_ctrl_c_during_the_comparison(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def stop(observations: np.ndarray) -> np.ndarray:
         raise KeyboardInterrupt
 
-    with pytest.raises(SystemExit) as stopped:
-        training.compare_with_baselines(stop, SMALL, episodes=5, folder=tmp_path)
-    assert stopped.value.code == 130
+    compare = training.compare_with_baselines
+    assert exit_code(compare, stop, SMALL, episodes=5, folder=tmp_path) == 130
     assert f"the training in {tmp_path} is complete" in capsys.readouterr().err
     with pytest.raises(KeyboardInterrupt):
-        training.compare_with_baselines(stop, SMALL, episodes=5)
+        compare(stop, SMALL, episodes=5)
 
 
-def test_other_errors_come_through(tmp_path: Path) -> None:
+def test_other_errors_are_raised(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), training.Run(options(tmp_path), "Trial") as run:
         run.log(1 // 0)
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """What was told of the progress; without matplotlib the picture is missed as well."""
-    lines = capsys.readouterr().err.splitlines()
-    return [line for line in lines if "matplotlib" not in line]
+# Progress.
 
 
-def test_progress_tells_the_latest_figures_and_the_time_left_of_this_run(
-    tmp_path: Path, clock: list[float], capsys: pytest.CaptureFixture[str]
+def test_progress_shows_the_latest_values_and_the_time_left(
+    tmp_path: Path,
+    clock: list[float],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     with training.Run(options(tmp_path), "Trial") as run:
         save(run, 2500)
         clock[0] += 40
         run.log(2500, reward=-98_765.4, found=0.123)
-    assert told(capsys) == ["Trial: 50%, about 40 s left, 12% found, return -98,765"]
+    line = "Trial: 50%, about 40 s left, 12% found, return -98,765"
+    assert line in capsys.readouterr().err.splitlines()
     with training.Run(options(tmp_path, "--resume"), "Trial") as run:
         clock[0] += 40
         run.log(3750)
-    assert told(capsys) == ["Trial: 75%, about 40 s left, 12% found, return -98,765"]
+    line = "Trial: 75%, about 40 s left, 12% found, return -98,765"
+    assert line in capsys.readouterr().err.splitlines()
 
 
 class Terminal(io.StringIO):
@@ -598,7 +525,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_on_a_terminal_the_figures_stand_behind_the_bar(
+def test_a_terminal_shows_a_progress_bar(
     tmp_path: Path, clock: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("rich")
@@ -611,17 +538,7 @@ def test_on_a_terminal_the_figures_stand_behind_the_bar(
     assert "20 %" in terminal.getvalue() and "50% found" in terminal.getvalue()
 
 
-# The comparison.
-
-
-class SearchOnTheWay:
-    """Flies right, searching every other cell: leaves the grid in the end."""
-
-    def __call__(self, seen: np.ndarray) -> np.ndarray:
-        """Actions for flat observations, whose first number is the drone's column."""
-        column = np.rint(seen[:, 0] * 4).astype(int)
-        return np.where(column == 2, Action.SEARCH, Action.RIGHT)
-
+# The comparison with the baselines.
 
 SMALL: dict[str, Any] = {
     "grid_size": 5,
@@ -633,63 +550,71 @@ SMALL: dict[str, Any] = {
 }
 
 
-def test_the_comparison_prints_a_table_and_saves_it(
+def search_column_two(observations: np.ndarray) -> np.ndarray:
+    """Fly to the right, and search in column 2; the first value is the drone's column."""
+    column = np.rint(observations[:, 0] * 4).astype(int)
+    return np.where(column == 2, Action.SEARCH, Action.RIGHT)
+
+
+def always(action: Action) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda observations: np.full(len(observations), action)
+
+
+def test_the_comparison_is_printed_and_saved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    mine, *rivals = training.compare_with_baselines(
-        SearchOnTheWay(), SMALL, episodes=30, name="mine", folder=tmp_path
+    trained, *others = training.compare_with_baselines(
+        search_column_two, SMALL, episodes=30, name="mine", folder=tmp_path
     )
-    assert [each.policy for each in rivals] == ["random", "greedy-matrix", "greedy-posterior"]
-    assert (mine.success.value, rivals[1].success.value) == (1.0, 1.0)
-    assert {each.seed for each in (mine, *rivals)} == {1_000_000}
-    table = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in table[2:6]] == ["mine", *(each.policy for each in rivals)]
-    assert table[2].split()[1:] == ["100.0", "(88.6-100.0)", "2.0", "(2.0-2.0)", "0.0"]
-    points, steps = table[4].split()[-8:-4], table[4].split()[-4:]
-    assert points == ["+0.0", "(+0.0", "to", "+0.0)"] and steps[0] == "+0.0"
-    gain = 100 * (1 - rivals[0].success.value)
-    assert f"+{gain:.1f}" in table[3].split() and gain > 0
+    names = ["mine", "random", "greedy-matrix", "greedy-posterior"]
+    assert [each.policy for each in (trained, *others)] == names
+    assert (trained.success.value, others[1].success.value) == (1.0, 1.0)
+    assert {each.seed for each in (trained, *others)} == {1_000_000}
+    shown = capsys.readouterr().out
+    assert [name for line in shown.splitlines() for name in names if line.startswith(name)] == names
+    random = next(line for line in shown.splitlines() if line.startswith("random"))
+    gain = 100 * (1 - others[0].success.value)
+    assert f"+{gain:.1f}" in random.split() and gain > 0
     with (tmp_path / "evaluation.csv").open(newline="") as file:
         saved = list(csv.DictReader(file))
-    assert [row["policy"] for row in saved] == ["mine", *(each.policy for each in rivals)]
+    assert [row["policy"] for row in saved] == names
     assert {row["episodes"] for row in saved} == {"30"}
 
 
-def test_a_negative_lead_is_one_too_late(capsys: pytest.CaptureFixture[str]) -> None:
-    def idle(seen: np.ndarray) -> np.ndarray:
-        return np.full(len(seen), Action.IDLE)
-
+def test_a_policy_behind_a_baseline_has_a_negative_lead(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    idle = always(Action.IDLE)
     training.compare_with_baselines(idle, SMALL, episodes=20, baselines=["greedy-matrix"])
-    mine, greedy = capsys.readouterr().out.splitlines()[2:4]
-    assert mine.split() == ["trained", "0.0", "(0.0-16.1)", "6.0", "(6.0-6.0)", "0.0"]
-    assert "-100.0 (-100.0 to -100.0)" in greedy
-    assert "-4.0 (-4.0 to -4.0)" in greedy
+    greedy = next(
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("greedy")
+    )
+    assert "-100.0" in greedy.split() and "-4.0" in greedy.split()
 
 
-def test_mishaps_are_told(capsys: pytest.CaptureFixture[str]) -> None:
-    def leave(seen: np.ndarray) -> np.ndarray:
-        return np.full(len(seen), Action.UP)
-
+def test_the_comparison_counts_crashes(capsys: pytest.CaptureFixture[str]) -> None:
+    leave = always(Action.UP)
     training.compare_with_baselines(leave, SMALL, episodes=20, baselines=[])
-    assert capsys.readouterr().out.splitlines()[2].split()[-1] == "100.0"
+    trained = next(
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("trained")
+    )
+    assert trained.split()[-1] == "100.0"
 
 
-def test_start_cells_may_be_given(capsys: pytest.CaptureFixture[str]) -> None:
-    def search(seen: np.ndarray) -> np.ndarray:
-        return np.full(len(seen), Action.SEARCH)
-
-    there = {**SMALL, "drones_positions": [(2, 0), (4, 4)]}
-    (mine,) = training.compare_with_baselines(search, there, episodes=20, baselines=[])
-    assert mine.search.drones == ((2, 0), (4, 4))
-    assert (mine.success.value, mine.time.value) == (1.0, 1.0)
+def test_the_comparison_takes_start_cells(capsys: pytest.CaptureFixture[str]) -> None:
+    task = {**SMALL, "drones_positions": [(2, 0), (4, 4)]}
+    search = always(Action.SEARCH)
+    (trained,) = training.compare_with_baselines(search, task, episodes=20, baselines=[])
+    assert trained.search.drones == ((2, 0), (4, 4))
+    assert (trained.success.value, trained.time.value) == (1.0, 1.0)
 
 
-def test_the_policy_may_be_shown_other_layouts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_takes_other_layouts(capsys: pytest.CaptureFixture[str]) -> None:
     shapes = []
 
-    def idle(seen: np.ndarray) -> np.ndarray:
-        shapes.append(seen["position"].shape)
-        return np.full(len(seen["position"]), Action.IDLE)
+    def idle(observations: dict[str, np.ndarray]) -> np.ndarray:
+        shapes.append(observations["position"].shape)
+        return np.full(len(observations["position"]), Action.IDLE)
 
     training.compare_with_baselines(idle, SMALL, episodes=3, observation="dict", baselines=[])
     assert set(shapes) <= {(6, 2)}
@@ -700,101 +625,45 @@ def test_the_policy_may_be_shown_other_layouts(capsys: pytest.CaptureFixture[str
 
 @pytest.mark.parametrize("right_of_way", [False, True])
 @pytest.mark.parametrize(("grid_size", "n_drones"), [(2, 1), (2, 4), (5, 3), (13, 16), (41, 2)])
-def test_masks_told_by_flat_observations_are_those_of_the_view(
+def test_masks_of_flat_are_the_environments(
     grid_size: int, n_drones: int, right_of_way: bool
 ) -> None:
     parameters = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 20}
     env = DroneVectorEnv(7, observation="flat", bayesian_update=True, **parameters)
-    seen, _ = env.reset(seed=1)
+    observations, _ = env.reset(seed=1)
     for _ in range(40):
-        masks = training.masks_of_flat(seen, parameters, right_of_way)
+        masks = training.masks_of_flat(observations, parameters, right_of_way)
         assert masks.tolist() == env.action_masks(right_of_way).tolist()
-        seen, *_ = env.step(env.action_space.sample())
+        observations, *_ = env.step(env.action_space.sample())
 
 
-@pytest.mark.parametrize(
-    ("view", "shown"),
-    [
-        (DroneVectorEnv, {"observation": "crops", "grid_size": 5, "n_drones": 3}),
-        # As many numbers as "flat" shows: 202, 3 k + 2 n + 1 for k = N² / 3, and n swarms.
-        (DroneVectorEnv, {"observation": "crops", "grid_size": 13, "n_drones": 16}),
-        (DroneVectorEnv, {"observation": "crops", "grid_size": 9, "n_drones": 60}),
-        (
-            DroneVectorEnv,
-            {"observation": "top-cells", "top_cells": 12, "grid_size": 6, "n_drones": 2},
-        ),
-        (
-            DroneVectorEnv,
-            {"observation": "top-cells", "top_cells": 3, "grid_size": 3, "n_drones": 4},
-        ),
-        (DroneVectorEnv, {"observation": "top-cells", "grid_size": 8, "n_drones": 2}),
-        *(
-            (
-                DroneVectorEnv,
-                {"observation": "top-cells", "top_cells": k, "grid_size": n, "n_drones": 1},
-            )
-            for n, k in ((3, 3), (6, 12), (9, 27), (12, 48))
-        ),
-        (DroneVectorEnv, {"observation": "planes", "grid_size": 4, "n_drones": 2}),
-        (SwarmVectorEnv, {"observation": "flat", "grid_size": 5, "n_drones": 2}),
-        (SwarmVectorEnv, {"observation": "flat", "grid_size": 4, "n_drones": 3}),
-    ],
-)
-def test_masks_are_told_by_flat_observations_of_drones_alone(
-    view: type[DroneVectorEnv], shown: dict[str, Any]
-) -> None:
-    parameters = {key: shown[key] for key in ("grid_size", "n_drones")}
-    env = view(2 * parameters["n_drones"], person_initial_position=(2, 1), **shown)
-    seen, _ = env.reset(seed=0)
-    for _ in range(5):
-        with pytest.raises(ValueError, match="seen must be observations in the layout 'flat'"):
-            training.masks_of_flat(seen, parameters)
-        seen, *_ = env.step(env.action_space.sample())
-
-
-def test_masks_are_told_by_whole_swarms_of_the_same_search() -> None:
+def test_masks_of_flat_need_the_drones_of_whole_swarms_in_order() -> None:
     parameters = {"grid_size": 5, "n_drones": 3}
     env = DroneVectorEnv(4, observation="flat", **parameters)
-    seen, _ = env.reset(seed=0)
-    assert training.masks_of_flat(seen[:0], parameters).shape == (0, 6)
-    for wrong in (seen[:-1], seen[0], seen[::-1], seen[[0, 3, 6]], seen * 0.9, seen * np.nan):
-        with pytest.raises(ValueError, match="seen must be observations in the layout 'flat'"):
+    observations, _ = env.reset(seed=0)
+    assert training.masks_of_flat(observations[:0], parameters).shape == (0, 6)
+    for wrong in (observations[:-1], observations[0]):
+        with pytest.raises(ValueError, match=r"observations must have the shape \(swarms \* 3, 32"):
+            training.masks_of_flat(wrong, parameters)
+    shuffled, of_swarms = observations[::-1], SwarmVectorEnv(3, observation="flat", **parameters)
+    for wrong in (shuffled, observations * np.nan, observations - 1, of_swarms.reset(seed=0)[0]):
+        with pytest.raises(ValueError, match="observations must be flat, with the drones of each"):
             training.masks_of_flat(wrong, parameters)
     for other in ({"grid_size": 6, "n_drones": 3}, {"grid_size": 5, "n_drones": 4}):
-        with pytest.raises(ValueError, match=r"seen must be .* for grid_size="):
-            training.masks_of_flat(seen, other)
-    with pytest.raises(TypeError, match="seen must be an array of floats, got int64"):
-        training.masks_of_flat(seen.astype(np.int64), parameters)
-    with pytest.raises(ValueError, match="seen must be one array of observations"):
+        with pytest.raises(ValueError, match=r"observations must have the shape .* for grid_size="):
+            training.masks_of_flat(observations, other)
+
+
+def test_masks_of_flat_checks_its_arguments() -> None:
+    parameters = {"grid_size": 5, "n_drones": 3}
+    observations = np.zeros((3, 32), np.float32)
+    with pytest.raises(TypeError, match="observations must be floats, got int64"):
+        training.masks_of_flat(observations.astype(np.int64), parameters)
+    with pytest.raises(ValueError, match="observations must be one array"):
         training.masks_of_flat([[0.0], [0.0, 1.0]], parameters)
-    with pytest.raises(ValueError, match="parameters must hold 'n_drones'"):
-        training.masks_of_flat(seen, {"grid_size": 5})
+    with pytest.raises(ValueError, match="parameters must contain 'n_drones'"):
+        training.masks_of_flat(observations, {"grid_size": 5})
     with pytest.raises(TypeError, match="parameters must be a mapping, got 5"):
-        training.masks_of_flat(seen, 5)  # type: ignore[arg-type]
+        training.masks_of_flat(observations, 5)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
-        training.masks_of_flat(seen, parameters, 1)  # type: ignore[arg-type]
-
-
-def test_a_swallowed_ctrl_c_is_heard_at_the_next_row(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Some code of libraries cannot raise: callbacks from C, for one."""
-    options = training.arguments("Train.", steps=10, short=5).parse_args(
-        ["--out", str(tmp_path / "run")]
-    )
-    run = training.Run(options, "test")
-
-    def train() -> None:
-        with run:
-            run.log(1)
-            with contextlib.suppress(KeyboardInterrupt):
-                signal.raise_signal(signal.SIGINT)
-            run.log(2)
-            raise AssertionError("it trains on")
-
-    with pytest.raises(SystemExit) as stopped:
-        train()
-    assert stopped.value.code == 130
-    assert run.steps_done == 2
-    assert "interrupted before the first checkpoint" in capsys.readouterr().err
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        training.masks_of_flat(observations, parameters, 1)  # type: ignore[arg-type]

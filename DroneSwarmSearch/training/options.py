@@ -1,4 +1,4 @@
-"""The options that all training examples have."""
+"""Command-line options that the training examples share."""
 
 from __future__ import annotations
 
@@ -11,83 +11,83 @@ from DroneSwarmSearch._internal import checks
 
 __all__ = ["arguments"]
 
-EPISODES, FEW_EPISODES = 1000, 50
-"""Of the evaluation, and of that of a short run."""
+EPISODES, SHORT_EPISODES = 1000, 50
+"""Episodes of the final evaluation, without and with ``--short``."""
 
 
 def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentParser:
-    """A parser with the options of a training run; an example adds its own.
+    """Create a parser with the options of a training run; add your own to it.
 
-    Parsed, they are `steps` (environment steps to train, those of a resumed run
-    included), `seed`, `out` (a folder), `resume`, `short` and `episodes`. With ``--short``,
-    steps and episodes are few unless they are given.
+    The options are `steps` (the total of environment steps, including those before a
+    resume), `seed`, `out` (a folder), `resume`, `short` and `episodes`. ``--short`` lowers
+    the defaults of steps and episodes.
 
     Args:
-        description: what is trained, and how.
-        steps: environment steps without ``--short``; at least 1.
-        short: environment steps with ``--short``; at least 1.
+        description: of the script.
+        steps: default number of environment steps; at least 1.
+        short: the same with ``--short``; at least 1.
 
     Raises:
-        TypeError: an argument is of the wrong type.
+        TypeError: an argument has the wrong type.
         ValueError: a number is below 1.
     """
-    usual = {"steps": checks.integer("steps", steps, 1), "episodes": EPISODES}
-    few = {"steps": checks.integer("short", short, 1), "episodes": FEW_EPISODES}
-    parser = _Parser(usual, few, description)
+    defaults = {"steps": checks.integer("steps", steps, 1), "episodes": EPISODES}
+    reduced = {"steps": checks.integer("short", short, 1), "episodes": SHORT_EPISODES}
+    parser = _Parser(defaults, reduced, description)
     parser.add_argument(
         "--out",
         metavar="FOLDER",
         type=Path,
         required=True,
-        help="gets the checkpoint, curve.csv, curve.png and evaluation.csv",
+        help="folder for the checkpoint, curve.csv, curve.png and evaluation.csv",
     )
     parser.add_argument(
         "--steps",
         metavar="N",
         type=_at_least(1),
-        help=f"environment steps to train, earlier ones included ({steps:,})",
+        help=f"total environment steps, including those before --resume ({steps:,})",
     )
     parser.add_argument(
-        "--seed", metavar="S", type=_at_least(0), default=0, help="of the training (0)"
+        "--seed", metavar="S", type=_at_least(0), default=0, help="seed of the training (0)"
     )
     parser.add_argument(
-        "--resume", action="store_true", help="go on from the checkpoint in the folder"
+        "--resume", action="store_true", help="continue from the checkpoint in the folder"
     )
     parser.add_argument(
         "--short",
         action="store_true",
-        help=f"try everything shortly: {short:,} steps, {FEW_EPISODES} episodes",
+        help=f"a quick trial: {short:,} steps, {SHORT_EPISODES} episodes",
     )
     parser.add_argument(
         "--episodes",
         metavar="N",
         type=_at_least(1),
-        help=f"on which the result is compared with the baselines ({EPISODES:,})",
+        help=f"episodes of the comparison with the baselines ({EPISODES:,})",
     )
     return parser
 
 
 class _Parser(argparse.ArgumentParser):
-    """Fills in what depends on --short."""
+    """A parser whose defaults depend on --short."""
 
-    def __init__(self, usual: dict[str, int], few: dict[str, int], description: str) -> None:
+    def __init__(self, defaults: dict[str, int], reduced: dict[str, int], description: str) -> None:
         super().__init__(
             description=description, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        self._usual, self._few = usual, few
+        self._full, self._reduced = defaults, reduced
 
     def parse_known_args(  # type: ignore[override] # the base class's is overloaded
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
         options, rest = super().parse_known_args(args, namespace)
-        for name, number in (self._few if options.short else self._usual).items():
+        for name, number in (self._reduced if options.short else self._full).items():
             if getattr(options, name) is None:
                 setattr(options, name, number)
         return options, rest
 
 
 def _at_least(low: int) -> Callable[[str], int]:
-    """What reads an integer of at least `low`."""
+    """A type for `add_argument`: an integer of at least `low`."""
 
     def integer(text: str) -> int:
         try:

@@ -1,4 +1,4 @@
-"""The search on which the examples train: small enough to learn something in minutes."""
+"""The task that the training examples share: small enough to learn in minutes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TRAINING_TASK: dict[str, Any] = {
     "timestep_limit": 50,
     "bayesian_update": True,
 }
-"""Parameters of `DroneSwarmSearch`: two drones on a grid of 10 x 10, a person who drifts.
+"""Parameters of `DroneSwarmSearch`: two drones search a 10 x 10 grid for a drifting person.
 
-Drones without memory see where they have searched, since the matrix is the posterior.
+The matrix is the posterior, so a policy without memory sees where the drones have searched.
 """

@@ -1,27 +1,22 @@
-"""How fast the one-file PPO trains, beside Stable-Baselines3 on the single environment.
+"""Measure the training speed of the one-file PPO and of Stable-Baselines3.
 
     pip install torch stable-baselines3 supersuit
     python tests/benchmarks/bench_training.py
 
-The same network, crops, search and settings of PPO for all, taken in turns within one
-process, updates included; rates in environment steps, medians with quartiles:
+All cases share the search, the observations (crops), the network and the settings of PPO. They
+take turns within one process; rates are environment steps per second, updates included:
 
 - one file: `examples/train_ppo.py`, on a batch of searches;
-- SB3: Stable-Baselines3's PPO on one environment through `CropsObservation` and
-  SuperSuit, which makes every drone a slot;
-- SB3, batched: the same on the batch by `SB3VecEnv`;
-- network: what the network alone costs, its forward passes in the rollout and the update,
-  with nothing to step: no trainer of it can be faster.
-
-Absolute figures swing with the machine; the ratios hold.
+- SB3: Stable-Baselines3's PPO on a single environment, through SuperSuit;
+- SB3, batched: the same on a batch, through `SB3VecEnv`;
+- network: only the network's forward passes and updates, an upper limit for any trainer.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import math
-from collections.abc import Callable
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +24,17 @@ import numpy as np
 import supersuit
 import torch
 from stable_baselines3 import PPO
+from timing import Run, Spread, take_turns
 from torch import nn
 
 from DroneSwarmSearch import DroneSwarmSearch
-from DroneSwarmSearch.bench.turns import Spread, take_turns
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
-from DroneSwarmSearch.wrappers.crops import LENGTH
+
+sys.path.append(str(Path(__file__).parents[2] / "examples"))
+
+import train_ppo as example
 
 SEARCH: dict[str, Any] = {
     "grid_size": 20,
@@ -46,68 +44,60 @@ SEARCH: dict[str, Any] = {
     "bayesian_update": True,
 }
 
-Run = Callable[[int], int]
 
-
-def one_file() -> Any:
-    """The example as a module."""
-    path = Path(__file__).parents[2] / "examples" / "train_ppo.py"
-    spec = importlib.util.spec_from_file_location("train_ppo", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def run_one_file(example: Any, num_envs: int, drones: int) -> Run:
+def one_file(num_swarms: int, n_drones: int) -> Run:
     """Rollouts and updates of the example."""
-    family = [example.Swarms(0, num_swarms=num_envs, n_drones=drones, **SEARCH)]
-    agent = example.Agent(family[0].seen.shape[1])
-    optimiser = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    rng, tally = np.random.default_rng(0), example.Tally()
-    a_round = example.ROLLOUT * num_envs
+    batches = [example.Searches(0, num_swarms=num_swarms, n_drones=n_drones, **SEARCH)]
+    agent = example.Agent(batches[0].obs.shape[1])
+    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
+    rng, statistics = np.random.default_rng(0), example.Statistics()
 
-    def run(steps: int) -> int:
-        rounds = math.ceil(steps / a_round)
-        for _ in range(rounds):
-            data = example.rollout(agent, family, rng, tally)
-            example.update(agent, optimiser, data, 1.0)
-        return rounds * a_round
+    def rollout_and_update() -> None:
+        data = example.rollout(agent, batches, rng, statistics)
+        example.update(agent, optimizer, data, 1.0)
 
-    return run
+    return repeated(rollout_and_update, example.NUM_STEPS * num_swarms)
 
 
-def run_network(example: Any, num_envs: int, drones: int) -> Run:
-    """What the network has to do for them, on data that lie ready."""
-    slots = num_envs * drones
-    agent = example.Agent(LENGTH)
-    optimiser = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    seen = torch.rand(example.ROLLOUT * slots, LENGTH)
-    numbers = torch.rand(len(seen))
+def network_only(num_swarms: int, n_drones: int) -> Run:
+    """The network's share of the above, on random data."""
+    num_drones = num_swarms * n_drones
+    length = DroneVectorEnv(1, observation="crops").single_observation_space.shape[0]
+    agent = example.Agent(length)
+    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
+    size, actions = example.NUM_STEPS * num_drones, example.NUM_ACTIONS
+    obs, numbers = torch.rand(size, length), torch.rand(size)
     data = {
-        "seen": seen,
-        "actions": torch.randint(example.ACTIONS, (len(seen),)),
-        "masks": torch.ones(len(seen), example.ACTIONS, dtype=torch.bool),
-        "logarithms": torch.full((len(seen),), -math.log(example.ACTIONS)),
+        "obs": obs,
+        "actions": torch.randint(actions, (size,)),
+        "masks": torch.ones(size, actions, dtype=torch.bool),
+        "logprobs": torch.full((size,), -math.log(actions)),
         "advantages": numbers,
         "returns": numbers,
-        "real": torch.ones(len(seen), dtype=torch.bool),
+        "valid": torch.ones(size, dtype=torch.bool),
     }
 
+    def forward_and_update() -> None:
+        with torch.no_grad():
+            for part in obs.split(num_drones):
+                agent.actor(part)
+                agent.get_value(part)
+        example.update(agent, optimizer, data, 1.0)
+
+    return repeated(forward_and_update, example.NUM_STEPS * num_swarms)
+
+
+def repeated(function: Any, steps_per_call: int) -> Run:
     def run(steps: int) -> int:
-        rounds = math.ceil(steps / (example.ROLLOUT * num_envs))
-        for _ in range(rounds):
-            with torch.no_grad():
-                for part in seen.split(slots):
-                    agent.actor(part)
-                    agent.value(part)
-            example.update(agent, optimiser, data, 1.0)
-        return rounds * example.ROLLOUT * num_envs
+        calls = math.ceil(steps / steps_per_call)
+        for _ in range(calls):
+            function()
+        return calls * steps_per_call
 
     return run
 
 
-def run_sb3(example: Any, env: Any, drones: int, transitions: int) -> Run:
+def sb3(env: Any, n_drones: int, transitions: int) -> Run:
     """PPO of Stable-Baselines3 with the example's network and settings."""
     hidden = [example.HIDDEN, example.HIDDEN]
     model = PPO(
@@ -115,83 +105,82 @@ def run_sb3(example: Any, env: Any, drones: int, transitions: int) -> Run:
         env,
         learning_rate=example.LEARNING_RATE,
         n_steps=max(transitions // env.num_envs, 1),
-        batch_size=min(example.MINIBATCH, transitions),
-        n_epochs=example.EPOCHS,
-        gamma=example.DISCOUNT,
-        gae_lambda=example.TRACE,
-        ent_coef=example.ENTROPY,
+        batch_size=min(example.MINIBATCH_SIZE, transitions),
+        n_epochs=example.UPDATE_EPOCHS,
+        gamma=example.GAMMA,
+        gae_lambda=example.GAE_LAMBDA,
+        ent_coef=example.ENT_COEF,
         policy_kwargs={"net_arch": {"pi": hidden, "vf": hidden}, "activation_fn": nn.ReLU},
         device="cpu",
     )
 
     def run(steps: int) -> int:
-        begin = model.num_timesteps
-        model.learn(steps * drones, reset_num_timesteps=False)
-        return int(model.num_timesteps - begin) // drones
+        start = model.num_timesteps
+        model.learn(steps * n_drones, reset_num_timesteps=False)
+        return int(model.num_timesteps - start) // n_drones
 
     return run
 
 
-def single(drones: int) -> Any:
-    """One environment as SuperSuit makes it fit for Stable-Baselines3."""
-    env: Any = DroneSwarmSearch(n_drones=drones, **SEARCH)
+def single_env(n_drones: int) -> Any:
+    env: Any = DroneSwarmSearch(n_drones=n_drones, **SEARCH)
     env = CropsObservation(ScaledRewards(env))
     vector = supersuit.pettingzoo_env_to_vec_env_v1(env)
     return supersuit.concat_vec_envs_v1(vector, 1, base_class="stable_baselines3")
 
 
-def batched(num_envs: int, drones: int) -> SB3VecEnv:
-    """The same searches as a batch."""
+def batched_env(num_swarms: int, n_drones: int) -> SB3VecEnv:
     return SB3VecEnv(
         DroneVectorEnv(
-            num_envs,
+            num_swarms,
             observation="crops",
             autoreset_mode="SameStep",
             reward_scale=2.0**-17,
-            n_drones=drones,
+            n_drones=n_drones,
             **SEARCH,
         )
     )
 
 
-def main() -> None:
-    """Read the options, and measure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--seconds", type=float, default=4.0, help="for a turn, about")
-    parser.add_argument("--num-envs", type=int, default=512, help="searches in a batch")
-    parser.add_argument("--drones", type=int, nargs="+", default=[1, 2, 4], help="in a swarm")
-    options = parser.parse_args()
-    print(f"{torch.get_num_threads()} threads, {options.num_envs} searches in a batch")
-    for drones in options.drones:
-        measure(drones, options)
-
-
-def measure(drones: int, options: argparse.Namespace) -> None:
-    """Measure swarms of one size, and print."""
-    example, n = one_file(), options.num_envs
-    transitions = example.ROLLOUT * n * drones
+def measure(n_drones: int, options: argparse.Namespace) -> None:
+    """Measure all cases with swarms of one size, and print the rates."""
+    num_swarms = options.num_swarms
+    transitions = example.NUM_STEPS * num_swarms * n_drones
     runs: dict[str, Run] = {
-        "one file": run_one_file(example, n, drones),
-        "SB3": run_sb3(example, single(drones), drones, example.MINIBATCH),
-        "SB3, batched": run_sb3(example, batched(n, drones), drones, transitions),
-        "network": run_network(example, n, drones),
+        "one file": one_file(num_swarms, n_drones),
+        "SB3": sb3(single_env(n_drones), n_drones, example.MINIBATCH_SIZE),
+        "SB3, batched": sb3(batched_env(num_swarms, n_drones), n_drones, transitions),
+        "network": network_only(num_swarms, n_drones),
     }
     rates = take_turns(
         runs,
         rounds=options.rounds,
         seconds=options.seconds,
-        warm_up=example.MINIBATCH // drones,
-        tell=lambda name, number: print(f"\r{name}, round {number}        ", end="", flush=True),
+        warm_up=example.MINIBATCH_SIZE // n_drones,
     )
-    print(f"\r{drones} drones; medians (quartiles)")
-    for name, figures in rates.items():
-        rate = Spread.of(figures)
-        ratio = Spread.of([a / b for a, b in zip(figures, rates["SB3"], strict=True)])
+    print(f"{n_drones} drones; medians (quartiles)")
+    for name, values in rates.items():
+        rate = Spread.of(values)
+        ratio = Spread.of([a / b for a, b in zip(values, rates["SB3"], strict=True)])
         print(
             f"{name:>14}: {rate.median:9,.0f} steps/s, "
-            f"{ratio.median:5.1f} x SB3 ({ratio.lower:.1f}-{ratio.upper:.1f})"
+            f"{ratio.median:5.1f} x SB3 ({ratio.lower:.1f} to {ratio.upper:.1f})",
+            flush=True,
         )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rounds", type=int, default=7, help="turns per case (7)")
+    parser.add_argument("--seconds", type=float, default=4.0, help="per turn (4)")
+    parser.add_argument("--num-swarms", type=int, default=512, help="searches in a batch (512)")
+    parser.add_argument("--n-drones", type=int, nargs="+", default=[1, 2, 4], help="1 2 4")
+    options = parser.parse_args()
+    print(f"{torch.get_num_threads()} threads, {options.num_swarms} searches in a batch")
+    for n_drones in options.n_drones:
+        measure(n_drones, options)
 
 
 if __name__ == "__main__":

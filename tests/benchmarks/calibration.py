@@ -1,19 +1,18 @@
-"""How far the matrix is from where the person is, here and in the packages before.
+"""How far the matrix is from the person's true distribution, here and in earlier packages.
 
     python tests/benchmarks/calibration.py
 
-plays 10,000 seeded episodes of each setting in which nobody searches: a grid of 40 by 40,
-the person in the middle, 60 steps. At every step it compares the share of episodes in which
-the person is in each cell with the matrix that the drones were shown: the total variation
-between the two, half the sum of the absolute differences. Frequencies of a finite number of
-episodes are never equal to their forecast, so that a true matrix has a distance as well, the
-floor: its mean is known exactly (`floor`), and it is printed beside.
+plays 10,000 seeded episodes per setting in which nobody searches: a 40 x 40 grid, the person
+starts in the middle, 60 steps. At every step it compares the person's relative frequency in each
+cell with the matrix that the drones observe, by total variation: half the sum of the absolute
+differences. Relative frequencies of a finite sample differ even from the true distribution; the
+mean of that difference, the floor, is computed exactly and printed in parentheses.
 
-BenchmarkCases are measured where they are installed, each through its own constructor, `reset`,
-`step` and the person's position: this package, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the
-2023 package, whose import path this package answers to as well, so that it needs an environment
-of its own. `--csv` keeps the figures, and those of other cases that the file holds;
-`--behind 1` compares with the matrix of the step before, should somebody's matrix be ahead.
+Each package is measured where it is installed, through its own constructor, `reset`, `step` and
+the person's position: this package, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the 2023 package.
+The latter needs an environment of its own, because this package provides its import path, too.
+`--csv` saves the rows, and keeps those of other packages in the file. `--delay 1` compares with
+the matrix one step earlier, in case a package's matrix is ahead.
 """
 
 from __future__ import annotations
@@ -40,28 +39,27 @@ EPISODES, STEPS = 10_000, 60
 DRIFTS = ((0.0, 0.0), (0.5, 0.5), (0.3, -0.2), (1.0, 1.0))
 CONSTANTS = (3.0, 10.0)
 COLUMNS = ("package", "drift_x", "drift_y", "constant", "step", "episodes", "distance", "floor")
-SHOWN = (10, 20, 40, 60)
-"""Steps whose distances are printed."""
+PRINTED_STEPS = (10, 20, 40, 60)
 
 
 class LeftOutError(Exception):
-    """A case is not installed."""
+    """A package cannot be measured; the message gives the reason."""
 
 
 class Setting(NamedTuple):
-    """What is asked of a package; a constant of None is its default."""
+    """Parameters of a package; None stands for its default disperse constant."""
 
     drift: tuple[float, float]
     constant: float | None
 
 
 class Seen(NamedTuple):
-    """What episodes showed, by completed steps, from 0 on.
+    """What the episodes showed at every step, from 0 on.
 
     Attributes:
-        matrix: the mean of the matrices shown, shape (steps + 1, N, N), indexed [t, y, x].
-        counts: the episodes in which the person was in each cell, likewise.
-        outside: the episodes in which the person was outside of the grid, shape (steps + 1,).
+        matrix: mean of the observed matrices, shape (steps + 1, N, N), indexed [t, y, x].
+        counts: number of episodes with the person in each cell, same shape.
+        outside: number of episodes with the person outside the grid, shape (steps + 1,).
     """
 
     matrix: Floats
@@ -70,7 +68,7 @@ class Seen(NamedTuple):
 
 
 def ours(setting: Setting, episodes: int, steps: int) -> Seen:
-    """This package, all episodes at once; they are those of the single environment."""
+    """This package: all episodes in one batch, equal to those of single environments."""
     from DroneSwarmSearch.vector import SwarmVectorEnv
 
     envs = SwarmVectorEnv(
@@ -84,7 +82,7 @@ def ours(setting: Setting, episodes: int, steps: int) -> Seen:
     )
     envs.reset(seed=0)
     idle = np.full((episodes, 1), 5)
-    seen = nothing_yet(steps)
+    seen = empty(steps)
     for step in range(steps + 1):
         cells = envs.batch.person_cells[:, 0]
         seen.counts[step] = np.bincount(cells, minlength=SIZE**2).reshape(SIZE, SIZE)
@@ -96,8 +94,8 @@ def ours(setting: Setting, episodes: int, steps: int) -> Seen:
 def dsse(setting: Setting, episodes: int, steps: int) -> Seen:
     """DSSE, with its own dispersion.
 
-    Its vector is in metres per second, and moves its matrix by v |v| times the seconds of a
-    step, 13, over a cell's 130 metres: it is asked for the vector that moves it as here.
+    Its vector is in metres per second, and its matrix moves by v |v| times 13 s per step over
+    130 m per cell. The vector is scaled so that the matrix moves as far as here.
     """
     module = installed("DSSE")
     length = math.hypot(*setting.drift)
@@ -109,23 +107,22 @@ def dsse(setting: Setting, episodes: int, steps: int) -> Seen:
             person_initial_position=START,
             timestep_limit=steps + 1,
         )
-    stays = {"drone0": 0}  # off the grid's left edge, which it forbids and which ends nothing
+    idle = {"drone0": 0}  # a move off the grid, which DSSE ignores
 
     def episode() -> Iterator[tuple[Floats, tuple[int, int]]]:
         observations, _ = env.reset()
         yield observations["drone0"][1], next(iter(env.get_persons())).get_position()
         for _ in range(steps):
-            observations, *_ = env.step(stays)
+            observations, *_ = env.step(idle)
             yield observations["drone0"][1], next(iter(env.get_persons())).get_position()
 
     return one_by_one(episode, episodes, steps)
 
 
 def package_of_2023(setting: Setting, episodes: int, steps: int) -> Seen:
-    """The 2023 package."""
     module = installed("DroneSwarmSearchEnvironment.env")
     if hasattr(module.DroneSwarmSearch, "scenario"):
-        raise LeftOutError("this package answers to its import path; use another environment")
+        raise LeftOutError("this package provides its import path; use another environment")
     env = module.DroneSwarmSearch(
         grid_size=SIZE,
         vector=setting.drift,
@@ -144,9 +141,9 @@ def package_of_2023(setting: Setting, episodes: int, steps: int) -> Seen:
     return one_by_one(episode, episodes, steps)
 
 
-BenchmarkCase = Callable[[Setting, int, int], Seen]
+Play = Callable[[Setting, int, int], Seen]
 
-CONTESTANTS: dict[str, tuple[BenchmarkCase, list[Setting]]] = {
+PACKAGES: dict[str, tuple[Play, list[Setting]]] = {
     "DroneSwarmSearch": (ours, [Setting(v, c) for v in DRIFTS for c in CONSTANTS]),
     "DSSE 1.1.9": (dsse, [Setting(v, None) for v in DRIFTS]),
     "2023 package": (package_of_2023, [Setting(v, c) for v in DRIFTS for c in CONSTANTS]),
@@ -154,7 +151,7 @@ CONTESTANTS: dict[str, tuple[BenchmarkCase, list[Setting]]] = {
 
 
 def installed(name: str) -> Any:
-    """A module, silently.
+    """Import a module without its output.
 
     Raises:
         LeftOutError: it cannot be imported.
@@ -166,8 +163,7 @@ def installed(name: str) -> Any:
         raise LeftOutError(f"not installed ({error})") from error
 
 
-def nothing_yet(steps: int) -> Seen:
-    """What no episode has shown, to be filled in."""
+def empty(steps: int) -> Seen:
     shape = (steps + 1, SIZE, SIZE)
     return Seen(np.zeros(shape), np.zeros(shape), np.zeros(steps + 1))
 
@@ -175,8 +171,8 @@ def nothing_yet(steps: int) -> Seen:
 def one_by_one(
     episode: Callable[[], Iterator[tuple[Floats, tuple[int, int]]]], episodes: int, steps: int
 ) -> Seen:
-    """Episodes of an environment that draws from the global generators."""
-    seen = nothing_yet(steps)
+    """Play the episodes of an environment that uses the global random generators."""
+    seen = empty(steps)
     for seed in range(episodes):
         random.seed(seed)
         np.random.seed(seed)
@@ -191,7 +187,7 @@ def one_by_one(
 
 
 def distances(seen: Seen) -> Floats:
-    """The total variation between frequencies and matrix at every step: shape (steps + 1,)."""
+    """Total variation between frequencies and matrix at every step, shape (steps + 1,)."""
     episodes = seen.counts[0].sum() + seen.outside[0]
     inside = np.abs(seen.counts / episodes - seen.matrix).sum(axis=(1, 2))
     total: Floats = (inside + seen.outside / episodes) / 2
@@ -199,61 +195,61 @@ def distances(seen: Seen) -> Floats:
 
 
 def floor(matrix: Floats, episodes: int) -> float:
-    """The mean distance of so many true samples of a matrix.
+    """The mean distance of samples of this size from the distribution that they come from.
 
-    The count of a cell is binomial, and its mean absolute deviation is de Moivre's:
-    2 k C(n, k) p^k (1 - p)^(n - k + 1) with k the first whole number above n p.
+    A cell's count is binomial. Its mean absolute deviation is 2 k C(n, k) p^k (1-p)^(n-k+1)
+    with k = floor(n p) + 1 (de Moivre).
     """
     n = episodes
     total = 0.0
     for p in matrix.reshape(-1).tolist():
         if 0.0 < p < 1.0:
             k = math.floor(n * p) + 1
-            ways = math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
-            chance = math.exp(ways + k * math.log(p) + (n - k) * math.log1p(-p))
-            total += 2 * k * (1 - p) * chance
+            log_binomial = math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
+            total += 2 * k * math.exp(log_binomial + k * math.log(p) + (n - k + 1) * math.log1p(-p))
     return total / n / 2
 
 
 def measure(
-    name: str, episodes: int, steps: int, settings: int | None, behind: int
+    name: str, episodes: int, steps: int, settings: int | None, delay: int
 ) -> list[dict[str, Any]]:
-    """The rows of a case's settings, or of the first of them, as `COLUMNS` names them."""
-    play, asked = CONTESTANTS[name]
+    """Measure a package; returns rows with `COLUMNS`.
+
+    Args:
+        name: of the package.
+        episodes: per setting.
+        steps: per episode.
+        settings: measure only the first ones; None measures all.
+        delay: age of the matrix in steps.
+    """
+    play, all_settings = PACKAGES[name]
     rows = []
-    for setting in asked[:settings]:
+    for setting in all_settings[:settings]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # DSSE divides by a drift of 0
             seen = play(setting, episodes, steps)
-        earlier = np.maximum(np.arange(steps + 1) - behind, 0)
+        earlier = np.maximum(np.arange(steps + 1) - delay, 0)
         seen = seen._replace(matrix=seen.matrix[earlier])
-        far = distances(seen)
+        measured = distances(seen)
+        constant = "" if setting.constant is None else setting.constant
+        shown = []
         for step in range(steps + 1):
-            near = floor(seen.matrix[step], episodes)
-            values = (
-                *(name, *setting.drift, "" if setting.constant is None else setting.constant),
-                *(step, episodes, f"{far[step]:.4f}", f"{near:.4f}"),
-            )
+            distance, lowest = f"{measured[step]:.4f}", f"{floor(seen.matrix[step], episodes):.4f}"
+            values = (name, *setting.drift, constant, step, episodes, distance, lowest)
             rows.append(dict(zip(COLUMNS, values, strict=True)))
-        print(line(name, setting, rows[-steps - 1 :]), flush=True)
+            shown += [f"{distance} ({lowest})"] if step in PRINTED_STEPS else []
+        drift = "({:g}, {:g})".format(*setting.drift)
+        print(f"{name:18}{drift:14}{constant or '-':>4}   " + "   ".join(shown), flush=True)
     return rows
 
 
-def line(name: str, setting: Setting, rows: list[dict[str, Any]]) -> str:
-    """A setting in words: distances at a few steps, the floor in brackets."""
-    drift = "({:g}, {:g})".format(*setting.drift)
-    constant = "-" if setting.constant is None else f"{setting.constant:g}"
-    figures = [f"{r['distance']} ({r['floor']})" for r in rows if r["step"] in SHOWN]
-    return f"{name:18}{drift:14}{constant:>4}   " + "   ".join(figures)
-
-
 def keep(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Put cases' rows into a file, in place of those that it has of them."""
+    """Save rows in a file; rows of other packages in it stay."""
     if path.exists():
         new = {row["package"] for row in rows}
         with path.open(encoding="utf-8", newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["package"] not in new] + rows
-    order = list(CONTESTANTS)
+    order = list(PACKAGES)
     rows.sort(key=lambda row: order.index(row["package"]))  # stable
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
@@ -262,24 +258,25 @@ def keep(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description="How far the matrix is from where the person is.")
-    parser.add_argument("--only", nargs="+", choices=CONTESTANTS, default=list(CONTESTANTS))
-    parser.add_argument("--episodes", type=int, default=EPISODES)
-    parser.add_argument("--steps", type=int, default=STEPS)
-    parser.add_argument("--settings", type=int, help="measure the first so many alone")
-    parser.add_argument("--behind", type=int, default=0, help="steps; how old the matrix is")
-    parser.add_argument("--csv", type=Path, help="a file that keeps the figures")
-    chosen = parser.parse_args(arguments)
-    print(f"distance (floor) after {', '.join(map(str, SHOWN))} steps; {chosen.episodes} episodes")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="+", choices=PACKAGES, default=list(PACKAGES))
+    parser.add_argument("--episodes", type=int, default=EPISODES, help=f"per setting ({EPISODES})")
+    parser.add_argument("--steps", type=int, default=STEPS, help=f"per episode ({STEPS})")
+    parser.add_argument("--settings", type=int, metavar="N", help="measure only the first N")
+    parser.add_argument("--delay", type=int, default=0, help="age of the matrix in steps (0)")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="save the rows")
+    options = parser.parse_args(arguments)
+    print(f"distance (floor) after {', '.join(map(str, PRINTED_STEPS))} steps")
     rows = []
-    for name in chosen.only:
+    for name in options.only:
         try:
-            rows += measure(name, chosen.episodes, chosen.steps, chosen.settings, chosen.behind)
+            rows += measure(name, options.episodes, options.steps, options.settings, options.delay)
         except LeftOutError as reason:
             print(f"{name:18}left out: {reason}")
-    if chosen.csv and rows:
-        keep(chosen.csv, rows)
+    if options.csv and rows:
+        keep(options.csv, rows)
 
 
 if __name__ == "__main__":
