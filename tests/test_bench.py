@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import DroneSwarmSearch
-from DroneSwarmSearch import __main__ as command
 from DroneSwarmSearch import bench, demo
+from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.bench import cases, memory, peers, turns
 from DroneSwarmSearch.bench.cases import Size
 from DroneSwarmSearch.bench.groups import COIN_GAME_RATIOS, GROUPS

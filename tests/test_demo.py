@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import __main__ as command_line
+from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch import demo
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering import video
