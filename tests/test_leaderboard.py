@@ -364,8 +364,9 @@ class TestCommand:
         capsys: pytest.CaptureFixture[str],
     ) -> None:
         monkeypatch.setitem(sys.modules, "matplotlib", None)
-        monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
-        monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)
+        for name in ("maps", "plots", "plot_style"):
+            monkeypatch.delitem(sys.modules, f"DroneSwarmSearch.evaluation.{name}", raising=False)
+            monkeypatch.delattr(f"DroneSwarmSearch.evaluation.{name}", raising=False)
         assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(tmp_path)]) == 0
         assert "pip install" in capsys.readouterr().err
         assert "![" not in (tmp_path / "leaderboard.md").read_text("utf-8")

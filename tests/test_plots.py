@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -22,7 +21,7 @@ Image = pytest.importorskip("PIL.Image")
 
 from matplotlib.colors import to_hex  # noqa: E402 (needs the package)
 
-from DroneSwarmSearch.evaluation import plots  # noqa: E402
+from DroneSwarmSearch.evaluation import maps, plot_style, plots  # noqa: E402
 
 
 def evaluation(
@@ -89,7 +88,7 @@ class TestCurves:
         assert len({to_hex(line.get_color()) for line in last.axes[0].lines}) == 3
 
     def test_all_looks_differ(self) -> None:
-        looks = [*plots.LOOKS.values(), *plots.OTHERS]
+        looks = [*plot_style.LOOKS.values(), *plot_style.OTHERS]
         assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 13
 
     def test_each_search_has_a_panel(self) -> None:
@@ -137,7 +136,7 @@ def test_rows_show_success_interval_and_bound() -> None:
 class TestEpisode:
     def test_it_shows_the_tracks_the_searches_and_the_persons(self) -> None:
         past = list(frames("greedy-posterior", "harbour", seed=2))
-        figure = plots.episode("greedy-posterior", "harbour", seed=2)
+        figure = maps.episode("greedy-posterior", "harbour", seed=2)
         last = past[-1][1]
         for axes, frame in zip(figure.axes[:2], past[-1], strict=True):
             assert np.array_equal(axes.images[0].get_array(), frame.matrix)
@@ -153,16 +152,16 @@ class TestEpisode:
         assert title in texts(figure)
 
     def test_it_shows_any_step(self) -> None:
-        figure = plots.episode("random", "pond", seed=1, step=5, name="chance")
+        figure = maps.episode("random", "pond", seed=1, step=5, name="chance")
         assert "chance searching pond, seed 1, step 5 of 40" in texts(figure)
         _, frame = list(frames("random", "pond", seed=1))[5]
         assert np.array_equal(figure.axes[1].images[0].get_array(), frame.matrix)
 
     def test_bad_input_is_refused(self) -> None:
         with pytest.raises(ValueError, match=r"step must be an integer of at least 0, got -1"):
-            plots.episode("random", "pond", step=-1)
+            maps.episode("random", "pond", step=-1)
         with pytest.raises(ValueError, match=r"search must be one of pond"):
-            plots.episode("random", "pnd")
+            maps.episode("random", "pnd")
 
 
 class TestReliability:
@@ -194,19 +193,21 @@ class TestFiles:
         def figure() -> Any:
             return plots.success_over_time([evaluation("planner", bound=0.9), evaluation("random")])
 
-        png, svg = plots.save(figure(), tmp_path / "new" / "curves")
+        png, svg = plot_style.save(figure(), tmp_path / "new" / "curves")
         assert (png.name, svg.name) == ("curves.png", "curves.svg")
         with Image.open(png) as picture:
             assert picture.size == (1002, 500)
-        for one, other in zip((png, svg), plots.save(figure(), tmp_path / "again"), strict=True):
+        for one, other in zip(
+            (png, svg), plot_style.save(figure(), tmp_path / "again"), strict=True
+        ):
             assert one.read_bytes() == other.read_bytes()
 
     def test_the_users_settings_have_no_effect_and_stay(self, tmp_path: Path) -> None:
         import matplotlib
 
-        plain = plots.save(plots.success_over_time([evaluation("planner")]), tmp_path / "a")
+        plain = plot_style.save(plots.success_over_time([evaluation("planner")]), tmp_path / "a")
         with matplotlib.rc_context({"font.size": 20, "lines.linewidth": 9}):
-            own = plots.save(plots.success_over_time([evaluation("planner")]), tmp_path / "b")
+            own = plot_style.save(plots.success_over_time([evaluation("planner")]), tmp_path / "b")
             assert matplotlib.rcParams["font.size"] == 20
         assert plain[1].read_bytes() == own[1].read_bytes()
 
@@ -214,17 +215,22 @@ class TestFiles:
         (tmp_path / "file").touch()
         figure = plots.success_over_time([evaluation("planner")])
         with pytest.raises(StorageError, match=r"curves\.png"):
-            plots.save(figure, tmp_path / "file" / "curves")
+            plot_style.save(figure, tmp_path / "file" / "curves")
 
     def test_pyplot_is_not_imported(self) -> None:
         code = (
-            "import sys; from DroneSwarmSearch.evaluation import plots;"
-            "plots.episode('random', 'pond'); sys.exit('matplotlib.pyplot' in sys.modules)"
+            "import sys; from DroneSwarmSearch.evaluation import maps;"
+            "maps.episode('random', 'pond'); sys.exit('matplotlib.pyplot' in sys.modules)"
         )
         assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
-    def test_without_matplotlib_there_is_a_hint(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setitem(sys.modules, "matplotlib", None)
-        monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots")
-        with pytest.raises(ImportError, match=r"DroneSwarmSearchEnvironment\[evaluation\]"):
-            importlib.import_module("DroneSwarmSearch.evaluation.plots")
+    @pytest.mark.parametrize("module", ["maps", "plots"])
+    def test_without_matplotlib_there_is_a_hint(self, module: str) -> None:
+        code = (
+            "import sys; sys.modules['matplotlib'] = None;"
+            f"import DroneSwarmSearch.evaluation.{module}"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        )
+        assert "DroneSwarmSearchEnvironment[evaluation]" in done.stderr.splitlines()[-1]

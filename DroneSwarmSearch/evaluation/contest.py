@@ -273,7 +273,7 @@ def _data(board: Leaderboard, command: str) -> dict[str, Any]:
 def _draw(board: Leaderboard, out: Path) -> list[Path]:
     """Draw the plots; without Matplotlib, print a hint and draw none."""
     try:
-        from DroneSwarmSearch.evaluation import plots
+        from DroneSwarmSearch.evaluation import maps, plot_style, plots
     except ImportError as error:
         print(error, file=sys.stderr)
         return []
@@ -287,10 +287,10 @@ def _draw(board: Leaderboard, out: Path) -> list[Path]:
         figures["one-search"] = plots.success_over_time(here)
     of_package = [name for name in ranked_by_theory(board.policies) if name in POLICIES]
     if of_package:
-        figures["episode"] = plots.episode(of_package[0], example, seed=board.evaluations[0].seed)
+        figures["episode"] = maps.episode(of_package[0], example, seed=board.evaluations[0].seed)
     if board.posterior is not None:
         prior = board.by_name[board.posterior.policy, board.posterior.search.name]
         tables = {"prior": prior.reliability, "posterior": board.posterior.reliability}
         if any(table.searches.any() for table in tables.values()):
             figures["reliability"] = plots.reliability(tables)
-    return [path for name in figures for path in plots.save(figures[name], out / name)]
+    return [path for name in figures for path in plot_style.save(figures[name], out / name)]
