@@ -47,7 +47,7 @@ for stand_in in (ArrayLike, NDArray):
     setattr(numpy.typing, stand_in.__name__, stand_in)
 
 import DroneSwarmSearch  # noqa: E402
-import DroneSwarmSearch.__main__  # noqa: E402
+import DroneSwarmSearch.cli  # noqa: E402
 
 project = "DroneSwarmSearch"
 author = "The DroneSwarmSearch developers"
@@ -252,7 +252,7 @@ class CommandHelp(Directive):
     def run(self) -> list[nodes.Node]:
         os.environ.update(COLUMNS="88", NO_COLOR="1")
         with contextlib.redirect_stdout(io.StringIO()) as told, contextlib.suppress(SystemExit):
-            DroneSwarmSearch.__main__.main([*self.arguments, "--help"])
+            DroneSwarmSearch.cli.main([*self.arguments, "--help"])
         return [nodes.literal_block(told.getvalue(), told.getvalue(), language="text")]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import DroneSwarmSearch, demo
-from DroneSwarmSearch import __main__ as command_line
+from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.film import SUFFIXES
 from DroneSwarmSearch.rendering.frame import Frame

@@ -1,4 +1,4 @@
-"""Evaluations: what is played, what policies are shown, what is noted, kept and written."""
+"""Evaluations: episodes, observations, results, stored entries and files."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from DroneSwarmSearch.evaluation import (
     Episodes,
     Evaluation,
     NamedSearch,
-    Reliability,
     StorageError,
-    Store,
     compare,
     evaluate,
-    files,
     run,
     save_csv,
     save_episodes,
     save_json,
     search,
+    store,
 )
-from DroneSwarmSearch.evaluation.episodes import play
+from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
@@ -47,7 +47,7 @@ DEFAULT_WEIGHTS = str(DEFAULT_WEIGHTS_PATH)
 
 
 def named(**changes: Any) -> NamedSearch:
-    """A small search in which much happens: finds, misses, collisions, drones that leave."""
+    """A small search with finds, misses, collisions and drones that leave the grid."""
     drones = changes.pop("drones", ((1, 1), (4, 5), (5, 0)))
     scenario = Scenario(
         **{
@@ -70,7 +70,7 @@ ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of
 
 
 def steer(x: int, y: int, matrix: Any) -> int:
-    """Climb to the likeliest cell around, and search there: drones that meet collide."""
+    """Climb to the likeliest cell nearby and search there; drones may collide."""
     ways = {
         int(Action.SEARCH): (x, y),
         int(Action.RIGHT): (x + 1, y),
@@ -111,14 +111,14 @@ def in_parallel(shown: Any) -> dict[str, int]:
 
 
 class Drawn:
-    """Acts at random, by the seeds of the episodes; notes what it is told and shown."""
+    """Acts at random, by the seeds of the episodes; records its seeds and observations."""
 
     def __init__(self) -> None:
-        self.told: list[Any] = []
+        self.seeds: list[Any] = []
         self.shown: list[Any] = []
 
     def reset(self, seed: Any = None, rows: Any = None) -> None:
-        self.told.append(seed)
+        self.seeds.append(seed)
         self.generators = [np.random.default_rng(each) for each in seed]
 
     def __call__(self, shown: Any) -> Any:
@@ -129,7 +129,7 @@ class Drawn:
 
 
 def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int) -> dict[str, Any]:
-    """What an evaluation notes, seen in a single environment."""
+    """What an evaluation records, played in a single environment."""
     parameters = {**each.parameters}
     drones = parameters.pop("drones_positions")
     env = DroneSwarmSearch(**parameters)
@@ -150,7 +150,7 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
     "changes", [{}, {"bayesian_update": True}, ALONE, {**ALONE, "bayesian_update": True}]
 )
 def test_episodes_are_those_of_the_single_environment(changes):
-    """Episode i, whichever portion it is in, is the environment's with seed + i."""
+    """Episode i equals the environment's with seed + i, in every portion."""
     each = named(**changes)
     got = evaluate(in_swarms, each, episodes=40, seed=7, progress=False).episodes
     seen = set()
@@ -184,16 +184,16 @@ def test_every_view_plays_the_same_episodes(bayesian_update):
     first = results[0].episodes.data
     for other in results[1:]:
         data = other.episodes.data
-        promised = data.pop("promised")
-        assert promised == pytest.approx(first["promised"])  # summed in another order
-        assert data == {key: value for key, value in first.items() if key != "promised"}
+        forecast = data.pop("forecast")
+        assert forecast == pytest.approx(first["forecast"])  # summed in another order
+        assert data == {key: value for key, value in first.items() if key != "forecast"}
     assert results[0].search.scenario.bayesian_update is bayesian_update
 
 
 @pytest.mark.parametrize("observation", ["dict", "flat", "planes"])
 @pytest.mark.parametrize("kind", [SwarmVectorEnv, DroneVectorEnv])
-def test_what_is_shown_is_what_the_vector_environments_show(kind, observation):
-    """As long as no episode is over, array by array; from then on the others' rows."""
+def test_policies_see_the_observations_of_the_vector_environments(kind, observation):
+    """All arrays, with the rows of the episodes that have not ended."""
     each, n = named(bayesian_update=True), 8
     env = kind(n, observation=observation, autoreset_mode="Disabled", **each.parameters)
     expected, _ = env.reset(seed=list(range(n)))
@@ -204,7 +204,7 @@ def test_what_is_shown_is_what_the_vector_environments_show(kind, observation):
 
     def policy(shown: Any) -> Any:
         nonlocal expected, under_way, checked, over_early
-        slots = (under_way[:, None] * per_swarm + np.arange(per_swarm)).reshape(-1)
+        indices = (under_way[:, None] * per_swarm + np.arange(per_swarm)).reshape(-1)
         if observation == "dict":
             shown = dict(shown)
             rows = shown.pop("row", None)
@@ -213,10 +213,10 @@ def test_what_is_shown_is_what_the_vector_environments_show(kind, observation):
             assert {*shown} == {*expected}
             for key, array in shown.items():
                 assert array.dtype == expected[key].dtype
-                np.testing.assert_array_equal(array, expected[key][slots])
+                np.testing.assert_array_equal(array, expected[key][indices])
         else:
             assert shown.dtype == expected.dtype
-            np.testing.assert_array_equal(shown, expected[slots])
+            np.testing.assert_array_equal(shown, expected[indices])
         checked += 1
         actions = rng.choice([1, 3, 4, 5], size=(n, 3), p=[0.03, 0.03, 0.54, 0.4])
         mine = actions[under_way]
@@ -236,7 +236,7 @@ def test_what_is_shown_is_what_the_vector_environments_show(kind, observation):
     assert over_early
 
 
-def test_the_parallel_view_is_the_environments():
+def test_the_parallel_view_shows_the_observations_of_the_environment():
     each = named(timestep_limit=4)
     env = DroneSwarmSearch(**{k: v for k, v in each.parameters.items() if k != "drones_positions"})
     expected, _ = env.reset(seed=3, drones_positions=each.drones)
@@ -259,7 +259,7 @@ def test_the_parallel_view_is_the_environments():
     assert not env.agents
 
 
-def test_policies_see_only_searches_under_way(monkeypatch):
+def test_policies_only_see_episodes_that_have_not_ended(monkeypatch):
     policy = Drawn()
     episodes = play(policy, named(), range(50))
     for step, shown in enumerate(policy.shown, 1):
@@ -268,13 +268,13 @@ def test_policies_see_only_searches_under_way(monkeypatch):
     assert len(policy.shown) == episodes.steps.max()
 
 
-def test_policies_are_told_the_seeds_when_a_portion_begins(monkeypatch, tmp_path):
+def test_reset_receives_the_seeds_of_each_portion(monkeypatch, tmp_path):
     monkeypatch.setattr(run, "PORTION", 4)
-    told = tmp_path / "told"
+    log = tmp_path / "log"
 
     class Listener:
         def reset(self, seed: Any = None, rows: Any = None) -> None:
-            with told.open("a") as file:
+            with log.open("a") as file:
                 print(seed, rows, file=file)
 
         def __call__(self, shown: Any) -> Any:
@@ -283,14 +283,14 @@ def test_policies_are_told_the_seeds_when_a_portion_begins(monkeypatch, tmp_path
             return dict.fromkeys(names, idle) if names else np.full((len(shown["row"]), 3), idle)
 
     evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
-    assert told.read_text().splitlines() == ["[10, 11, 12, 13] None", "[14, 15] None"]
-    told.unlink()
+    assert log.read_text().splitlines() == ["[10, 11, 12, 13] None", "[14, 15] None"]
+    log.unlink()
     evaluate(Listener(), named(), episodes=2, seed=10, view="parallel", progress=False)
-    assert told.read_text().splitlines() == ["10 None", "11 None"]
+    assert log.read_text().splitlines() == ["10 None", "11 None"]
 
 
-def test_every_portion_is_played_by_the_policy_as_it_was_given(monkeypatch):
-    """What a policy without `reset` remembers of a portion does not reach the next."""
+def test_every_portion_is_played_by_a_fresh_copy(monkeypatch):
+    """A policy without `reset` does not remember earlier portions."""
     monkeypatch.setattr(run, "PORTION", 5)
 
     class Remembers:
@@ -308,7 +308,7 @@ def test_every_portion_is_played_by_the_policy_as_it_was_given(monkeypatch):
     assert policy.calls == 0
 
 
-def test_a_policy_may_prepare_itself_once(monkeypatch):
+def test_prepare_is_called_once(monkeypatch):
     monkeypatch.setattr(run, "PORTION", 5)
 
     class Prepares:
@@ -340,16 +340,16 @@ def test_a_policy_that_cannot_be_copied_plays_itself():
 
 
 @pytest.mark.parametrize("policy", [in_swarms, "random", "greedy-posterior", "planner"])
-def test_portions_change_nothing(policy, monkeypatch):
-    """Neither do the memories that policies of the registry keep from one to the next."""
+def test_the_size_of_portions_has_no_effect(policy, monkeypatch):
+    """Nor do the caches of the package's policies."""
     whole = evaluate(policy, named(), episodes=25, progress=False).episodes.data
     monkeypatch.setattr(run, "PORTION", 4)
     parts = evaluate(policy, named(), episodes=25, progress=False).episodes.data
-    assert parts.pop("promised") == pytest.approx(whole.pop("promised"))
+    assert parts.pop("forecast") == pytest.approx(whole.pop("forecast"))
     assert parts == whole
 
 
-def test_a_class_is_made_for_the_search():
+def test_a_class_is_instantiated_for_the_search():
     class Mine:
         def __init__(self, scenario: Scenario) -> None:
             self.idle = scenario.n_drones * [int(Action.IDLE)]
@@ -359,16 +359,16 @@ def test_a_class_is_made_for_the_search():
 
     class Uncalled:
         def __init__(self, scenario: Scenario) -> None:
-            """Nothing can be done with it."""
+            """Not callable."""
 
     got = evaluate(Mine, named(), episodes=3, progress=False)
     assert got.policy == "Mine"
     assert got.endings[Ending.TIME_LIMIT] == 3
-    with pytest.raises(TypeError, match=r"a class whose objects can be called, got .*Uncalled"):
+    with pytest.raises(TypeError, match=r"a class of callable objects, got .*Uncalled"):
         evaluate(Uncalled, named(), episodes=3, progress=False)
 
 
-SHAPE = r"actions of shape \(2, 3\), one for each drone of each search shown"
+SHAPE = r"actions of shape \(2, 3\), one for each drone of each episode shown"
 
 
 @pytest.mark.parametrize(
@@ -395,7 +395,7 @@ SHAPE = r"actions of shape \(2, 3\), one for each drone of each search shown"
         ),
     ],
 )
-def test_what_a_policy_returns_is_checked(returned, view, error, message):
+def test_actions_are_validated(returned, view, error, message):
     with pytest.raises(error, match=message):
         evaluate(lambda shown: returned, named(), episodes=2, view=view, progress=False)
 
@@ -415,7 +415,7 @@ def test_what_a_policy_returns_is_checked(returned, view, error, message):
         ({"store": 3}, TypeError, "store must be a Store, a folder or None, got 3"),
         ({"name": 3}, TypeError, "name must be a string or None, got 3"),
         ({"search": "pnd"}, ValueError, "got 'pnd'; did you mean pond"),
-        ({"policy": 4}, TypeError, "policy must be a name .* or a callable .*, got 4"),
+        ({"policy": 4}, TypeError, "policy must be a policy's name or a callable .*, got 4"),
         ({"policy": "greedy-posteriro"}, ValueError, "did you mean greedy-posterior"),
         ({"policy": "nowhere:act"}, ValueError, "there is no 'nowhere'"),
         ({"policy": "nowhere.py:act"}, ValueError, "there is no 'nowhere.py'"),
@@ -517,7 +517,7 @@ def test_the_share_of_the_bound_is_that_at_the_limit():
 
 
 def test_a_posterior_is_calibrated_and_a_prior_is_not():
-    """One cell is searched over and over; the posterior is off by chance, as Poisson has it."""
+    """One cell is searched repeatedly; the posterior's error is that of Poisson counts."""
     each = named(
         person_initial_position=(2, 2),
         probability_of_detection=1,
@@ -534,14 +534,14 @@ def test_a_posterior_is_calibrated_and_a_prior_is_not():
         for flag in (False, True)
     )
     assert (posterior.searches >= 100).sum() >= 3
-    off = np.abs(posterior.found - posterior.promised) / np.sqrt(posterior.promised + 1)
+    off = np.abs(posterior.found - posterior.forecast) / np.sqrt(posterior.forecast + 1)
     assert off.max() < 4
-    assert prior.promised.sum() > 1.2 * prior.found.sum()
+    assert prior.forecast.sum() > 1.2 * prior.found.sum()
     assert prior.expected_error > 5 * posterior.expected_error
 
 
-def test_calibration_counts_every_search_and_every_find():
-    """Several persons of one forecast and one chance: the promise is exact, and sums over both."""
+def test_calibration_counts_all_searches_and_finds():
+    """Two equal persons: the forecast is exact, and their sum."""
     each = named(
         person_initial_position=[(2, 2), (2, 2)],
         probability_of_detection=0.5,
@@ -552,8 +552,8 @@ def test_calibration_counts_every_search_and_every_find():
     got = evaluate(in_swarms, each, episodes=600, progress=False)
     table = got.reliability
     assert table.found.sum() == (got.episodes.found_at > 0).sum()
-    assert table.searches[-1] >= 600  # the first search promises 1 = 2 persons x 0.5
-    assert (np.abs(table.found - table.promised) / np.sqrt(table.promised + 1)).max() < 4
+    assert table.searches[-1] >= 600  # the first forecast is 1 = 2 persons x 0.5
+    assert (np.abs(table.found - table.forecast) / np.sqrt(table.forecast + 1)).max() < 4
 
 
 def test_comparisons_are_paired():
@@ -563,12 +563,13 @@ def test_comparisons_are_paired():
     slow, fast = made(times + 5, limit=100), made(times, limit=100, policy="fast")
     got = compare(fast, slow)
     assert got.time == (-5.0, -5.0, -5.0)
-    assert got.success == (0.0, 0.0, 0.0)
+    assert got.success.value == 0.0
+    assert got.success.high == -got.success.low == pytest.approx(0.0095, abs=5e-5)
     assert got.policies == ("fast", "mine")
     back = compare(slow, fast)
     assert back.time.value == 5.0
     never = made(np.zeros((400, 2), int), limit=100)
-    assert compare(fast, never).success == (1.0, 1.0, 1.0)
+    assert compare(fast, never).success.value == 1.0
     some = made(np.where(np.arange(400)[:, None] % 4, times, 0), limit=100)
     won = compare(fast, some).success
     assert won.value == 0.25
@@ -596,7 +597,7 @@ def test_only_the_same_episodes_can_be_compared():
 
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> list[range]:
-    """The portions that are played, as they are; of at most 10 episodes."""
+    """Records the portions that are played, of at most 10 episodes."""
     portions: list[range] = []
     original = run.play
 
@@ -638,7 +639,7 @@ def test_more_episodes_add_to_those_kept(played, tmp_path):
         {"policy": in_drones, "view": "drone"},
     ],
 )
-def test_what_follows_from_something_else_is_not_taken(played, tmp_path, changes):
+def test_other_arguments_have_other_entries(played, tmp_path, changes):
     usual = {"policy": in_swarms, "search": named(), "episodes": 5, "store": tmp_path, "name": "x"}
     evaluate(**usual)
     evaluate(**{**usual, **changes})
@@ -646,18 +647,18 @@ def test_what_follows_from_something_else_is_not_taken(played, tmp_path, changes
 
 
 @pytest.mark.parametrize("what", ["version", "code"])
-def test_what_another_version_worked_out_is_not_taken(played, tmp_path, monkeypatch, what):
+def test_entries_of_another_version_are_not_found(played, tmp_path, monkeypatch, what):
     evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
     if what == "version":
         monkeypatch.setattr("DroneSwarmSearch.__version__", "0.0.0")
     else:
-        monkeypatch.setattr("DroneSwarmSearch.evaluation.files.code_fingerprint", lambda: "other")
+        monkeypatch.setattr("DroneSwarmSearch.evaluation.store.code_fingerprint", lambda: "other")
     evaluate(in_swarms, named(), episodes=5, store=tmp_path, name="x")
     assert len(played) == 2
 
 
 class Acts:
-    """Takes the same action always; of which there are several ways to be told."""
+    """Always takes the same action."""
 
     usual = 4
 
@@ -673,7 +674,7 @@ class Acts:
 
 
 class Pickled(Acts):
-    """Leaves its action out of what is pickled, and finds it elsewhere."""
+    """Leaves its action out of its pickle, and reads it from the class."""
 
     kept = 0
 
@@ -756,8 +757,8 @@ def by_code(action: int) -> Callable[[Any], Any]:
         lambda action: functools.lru_cache(acting)(action),
     ],
 )
-def test_a_policy_is_known_by_its_code_and_its_state(played, tmp_path, make, name):
-    """Neither a file nor a name says what a callable does."""
+def test_a_policy_is_identified_by_its_code_and_state(played, tmp_path, make, name):
+    """Neither a file nor a name identifies a callable."""
 
     def evaluated(action: int, store: Path | None) -> Any:
         each = evaluate(make(action), named(), episodes=5, store=store, name=name, progress=False)
@@ -770,7 +771,7 @@ def test_a_policy_is_known_by_its_code_and_its_state(played, tmp_path, make, nam
     assert len(played) == 2
 
 
-def test_what_a_policy_holds_may_stand_in_any_order_and_in_circles(played, tmp_path):
+def test_identity_allows_sets_in_any_order_and_cycles(played, tmp_path):
     for order in ("abc", "cab"):
         policy = Acts(words={*order}, pairs={(each, 1.5) for each in order})
         policy.more["itself"] = [policy, {policy}]
@@ -860,19 +861,20 @@ ATTRIBUTES = (
 EVALUATE_FILES = """
 import json, sys
 from pathlib import Path
-from DroneSwarmSearch.evaluation import Store, evaluate
+from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation.store import Store
 
 def main():
     home, attributes, workers = Path(sys.argv[1]), sys.argv[2].split(","), int(sys.argv[3])
-    told = {}
+    data = {}
     for attribute in attributes:
         for text in (f"{home}/mine.py:{attribute}", f"mine:{attribute}"):
             store = Store(home / "kept")
             before = len(store)
             got = evaluate(text, "pond", episodes=4, store=store, workers=workers)
-            told[text.rpartition("/")[2]] = [len(store) - before, got.data["endings"],
+            data[text.rpartition("/")[2]] = [len(store) - before, got.data["endings"],
                                              got.reliability.searches.sum().item()]
-    print(json.dumps(told))
+    print(json.dumps(data))
 
 if __name__ == "__main__":
     main()
@@ -880,7 +882,7 @@ if __name__ == "__main__":
 
 
 def in_files(home: Path, action: int) -> None:
-    """Write the policies; those that follow from other files take an action."""
+    """Write the policies and the files that determine their action."""
     (home / "parts").mkdir(exist_ok=True)
     for name, text in IN_FILES.items():
         (home / name).write_text(text.replace("{}", str(action)), "utf-8")
@@ -892,7 +894,7 @@ def in_files(home: Path, action: int) -> None:
 def evaluated_elsewhere(
     home: Path, hash_seed: str = "0", workers: int = 1, attributes: Sequence[str] = ATTRIBUTES
 ) -> dict[str, list[Any]]:
-    """For each policy: how many portions were added to the store, and figures."""
+    """For each policy, the number of portions added to the store, and results."""
     arguments = (str(home), ",".join(attributes), str(workers))
     done = subprocess.run(
         [sys.executable, str(home / "script.py"), *arguments],
@@ -903,16 +905,16 @@ def evaluated_elsewhere(
             **os.environ,
             "PYTHONHASHSEED": hash_seed,
             "PYTHONDONTWRITEBYTECODE": "1",  # files change within a second
-            "PYTHONPATH": os.pathsep.join([str(Path(files.__file__).parents[2]), *sys.path]),
+            "PYTHONPATH": os.pathsep.join([str(Path(store.__file__).parents[2]), *sys.path]),
         },
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    told: dict[str, list[Any]] = json.loads(done.stdout)
-    return told
+    data: dict[str, list[Any]] = json.loads(done.stdout)
+    return data
 
 
-def test_policies_in_files_are_found_again_by_other_processes_and_never_mistaken(tmp_path):
+def test_policies_in_files_are_identified_in_every_process(tmp_path):
     in_files(tmp_path, 4)
     first = evaluated_elsewhere(tmp_path, "0")
     assert all(added == 1 for added, *_ in first.values())
@@ -921,7 +923,7 @@ def test_policies_in_files_are_found_again_by_other_processes_and_never_mistaken
     shared = evaluated_elsewhere(tmp_path, "random", 2, ("stay", "Loads"))
     assert all(added == 0 for added, *_ in shared.values())
 
-    in_files(tmp_path, 5)  # mine.py is as it was
+    in_files(tmp_path, 5)  # mine.py does not change
     changed = evaluated_elsewhere(tmp_path)
     for text, (added, *figures) in changed.items():
         attribute = text.rpartition(":")[2]
@@ -948,7 +950,7 @@ def test_a_line_says_when_a_policy_is_not_stored(played, tmp_path, capsys, held,
 
 
 class Numbered:
-    """Copies of it differ, as those do that hold addresses."""
+    """Its copies differ, as if they held addresses."""
 
     copies = 0
 
@@ -972,9 +974,7 @@ def test_a_policy_whose_copies_differ_is_not_stored(tmp_path, capsys):
     assert "is not stored" in capsys.readouterr().err
 
 
-def test_an_entry_of_the_registry_that_was_replaced_is_another_policy(
-    played, tmp_path, monkeypatch
-):
+def test_a_replaced_policy_of_the_package_is_another_policy(played, tmp_path, monkeypatch):
     evaluate("random", named(), episodes=5, store=tmp_path)
     for action in (4, 5):
         monkeypatch.setitem(POLICIES, "random", by_class(action))
@@ -988,7 +988,7 @@ def test_an_entry_of_the_registry_that_was_replaced_is_another_policy(
 
 @pytest.fixture
 def kept(tmp_path: Path) -> tuple[Path, Callable[[], Evaluation]]:
-    """A stored portion, and what evaluates it again."""
+    """A stored portion, and a function that evaluates it again."""
 
     def again() -> Evaluation:
         return evaluate(in_swarms, named(), episodes=5, store=tmp_path / "kept", name="x")
@@ -998,7 +998,7 @@ def kept(tmp_path: Path) -> tuple[Path, Callable[[], Evaluation]]:
     return entry, again
 
 
-def test_no_flipped_bit_of_an_entry_is_believed(tmp_path):
+def test_flipped_bits_are_detected(tmp_path):
     store, key = Store(tmp_path), {"what": "trial", "numbers": [1, 2.5]}
     entry = evaluate(in_swarms, named(), episodes=3, progress=False).episodes.data
     store.save(key, entry)
@@ -1022,7 +1022,7 @@ VERSIONS = ("package", "suite", "numpy", "code")
 
 
 def changed(**figures: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    return lambda told: {**told, "entry": {**told["entry"], **figures}}
+    return lambda data: {**data, "entry": {**data["entry"], **figures}}
 
 
 @pytest.mark.parametrize(
@@ -1036,28 +1036,28 @@ def changed(**figures: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
         changed(found_at=[[1], [1], [1], [1], [1]]),
         changed(found_at=[[-1, 0]] * 5),
         changed(searches=[1]),
-        changed(promised=None),
-        lambda told: {**told, "entry": None},
-        lambda told: {**told, "entry": []},
-        lambda told: {"key": told["key"]},
-        lambda told: told["entry"],
-        lambda told: [told],
-        lambda told: None,
+        changed(forecast=None),
+        lambda data: {**data, "entry": None},
+        lambda data: {**data, "entry": []},
+        lambda data: {"key": data["key"]},
+        lambda data: data["entry"],
+        lambda data: [data],
+        lambda data: None,
     ],
 )
 @pytest.mark.parametrize("is_signed", [False, True])
-def test_an_entry_with_other_figures_is_played_again(played, kept, damage, is_signed):
-    """Even one with the hash of its content."""
+def test_an_inconsistent_entry_is_played_again(played, kept, damage, is_signed):
+    """Even with a correct hash."""
     entry, again = kept
     whole = entry.read_bytes()
-    told = json.loads(whole)
-    damaged = damage(told)
+    data = json.loads(whole)
+    damaged = damage(data)
     entry.write_text(json.dumps(damaged), "utf-8")
     if is_signed and isinstance(damaged, dict) and "entry" in damaged:
-        key = {name: value for name, value in told["key"].items() if name not in VERSIONS}
+        key = {name: value for name, value in data["key"].items() if name not in VERSIONS}
         Store(entry.parent).save(key, damaged["entry"])
     assert len(Store(entry.parent)) == 1
-    assert again().episodes.data == told["entry"]
+    assert again().episodes.data == data["entry"]
     assert len(played) == 2
     assert entry.read_bytes() == whole
 
@@ -1065,7 +1065,7 @@ def test_an_entry_with_other_figures_is_played_again(played, kept, damage, is_si
 @pytest.mark.parametrize(
     "damage", [b"", b"\xff\xfe", b"[" * 100_000, b"nan", b"9" * 10_000, b"[]", b'{"key": 1}']
 )
-def test_an_entry_of_anything_else_is_played_again(played, kept, damage):
+def test_an_entry_that_is_not_json_is_played_again(played, kept, damage):
     entry, again = kept
     whole = entry.read_bytes()
     entry.write_bytes(damage)
@@ -1074,7 +1074,7 @@ def test_an_entry_of_anything_else_is_played_again(played, kept, damage):
     assert entry.read_bytes() == whole
 
 
-def test_a_folder_in_the_place_of_an_entry_is_put_aside(played, kept):
+def test_a_folder_in_the_place_of_an_entry_is_renamed(played, kept):
     entry, again = kept
     whole = entry.read_bytes()
     entry.unlink()
@@ -1103,17 +1103,15 @@ def test_an_entry_that_cannot_be_read_is_played_again(played, kept, monkeypatch)
 
 
 @pytest.mark.parametrize("below", [".", "portions", "a/b"])
-def test_a_file_in_the_place_of_the_folder_is_told_before_anything_is_played(
-    played, tmp_path, below
-):
+def test_a_file_in_the_place_of_the_folder_is_reported_before_any_work(played, tmp_path, below):
     (tmp_path / "file").write_text("", "utf-8")
-    message = r"finished work needs a folder, and this is a file.*file"
+    message = r"results need a folder, but this is a file.*file"
     with pytest.raises(StorageError, match=message):
         evaluate(in_swarms, named(), episodes=5, store=tmp_path / "file" / below)
     assert not played
 
 
-def test_a_full_disk_is_told_and_what_was_written_stays(played, tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_and_entries_are_kept(played, tmp_path, monkeypatch):
     sync, calls = os.fsync, []
 
     def full(descriptor: int) -> None:
@@ -1124,7 +1122,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(played, tmp_path, monkey
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
-        with pytest.raises(StorageError, match=r"No space left.*written before is kept") as caught:
+        with pytest.raises(StorageError, match=r"No space left.*written before are kept") as caught:
             evaluate(in_swarms, named(), episodes=40, store=tmp_path, name="x")
     assert caught.value.errno == errno.ENOSPC
     assert str(tmp_path) in str(caught.value)
@@ -1134,7 +1132,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(played, tmp_path, monkey
     assert played[3:] == [range(20, 30), range(30, 40)]
 
 
-def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path, monkeypatch):
+def test_a_file_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "new" / "result.json"
     one = evaluate(in_swarms, named(), episodes=3)
     save_json(path, one)
@@ -1150,28 +1148,28 @@ def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path, monkeypatch):
     assert [each.name for each in path.parent.iterdir()] == ["result.json"]
 
 
-def test_a_folder_that_cannot_be_is_told(tmp_path):
+def test_a_folder_that_cannot_be_created_is_named(tmp_path):
     (tmp_path / "file").write_text("", "utf-8")
     with pytest.raises(StorageError, match="file"):
         save_json(tmp_path / "file" / "result.json", made([[1, 1]]))
 
 
-def test_json_tells_all_that_the_figures_follow_from(tmp_path):
+def test_json_has_everything_that_determines_the_results(tmp_path):
     got = evaluate(in_swarms, named(), episodes=20, seed=3, bayesian_update=True)
     got = got.with_bound(Limit(np.linspace(0, 1, 13)))
     save_json(tmp_path / "one.json", got)
-    told = json.loads((tmp_path / "one.json").read_text("utf-8"))
-    assert told == got.data
-    assert told["package"] == __version__
-    assert told["suite"] == "v1"
-    assert (told["policy"], told["search"]) == ("in_swarms", "small")
-    assert (told["episodes"], told["seed"]) == (20, 3)
-    assert told["parameters"]["bayesian_update"] is True
-    assert told["parameters"]["person_initial_position"] == [[2, 2], [3, 4]]
-    assert told["parameters"]["reward_scheme"] == dataclasses.asdict(RewardScheme())
-    assert told["success"] == got.success._asdict()
-    assert told["success_by_time"]["high"] == got.success_by_time.high.tolist()
-    assert told["bound"]["by_time"][-1] == 1.0
+    data = json.loads((tmp_path / "one.json").read_text("utf-8"))
+    assert data == got.data
+    assert data["package"] == __version__
+    assert data["suite"] == "v1"
+    assert (data["policy"], data["search"]) == ("in_swarms", "small")
+    assert (data["episodes"], data["seed"]) == (20, 3)
+    assert data["parameters"]["bayesian_update"] is True
+    assert data["parameters"]["person_initial_position"] == [[2, 2], [3, 4]]
+    assert data["parameters"]["reward_scheme"] == dataclasses.asdict(RewardScheme())
+    assert data["success"] == got.success._asdict()
+    assert data["success_by_time"]["high"] == got.success_by_time.high.tolist()
+    assert data["bound"]["by_time"][-1] == 1.0
     save_json(tmp_path / "two.json", [got, got])
     assert json.loads((tmp_path / "two.json").read_text("utf-8")) == [got.data, got.data]
 
@@ -1206,7 +1204,7 @@ def test_csv_has_a_row_for_each_episode_and_one_for_each_evaluation(tmp_path):
         save_csv(tmp_path / "none.csv", [])
 
 
-def test_a_cell_has_no_result_before_its_jobs_are_done():
+def test_a_task_has_no_result_before_its_jobs_are_done():
     cell = EvaluationTask(in_swarms, "pond", episodes=600)
     assert not cell.is_done
     with pytest.raises(RuntimeError, match="2 of 2 portions have not been played"):
@@ -1219,22 +1217,22 @@ def test_the_suite_can_be_evaluated_by_name():
     assert len(got.success_by_time.value) == 41
 
 
-def test_code_and_weights_are_hashed_and_nothing_else(
+def test_the_fingerprint_covers_the_code_that_matters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package = tmp_path / "package"
-    home = Path(files.__file__).parents[1]
+    home = Path(store.__file__).parents[1]
     shutil.copytree(home, package, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(files.DroneSwarmSearch, "__file__", str(package / "__init__.py"))
+    monkeypatch.setattr(store.DroneSwarmSearch, "__file__", str(package / "__init__.py"))
 
     def changed(name: str) -> bool:
-        before = files.code_fingerprint.__wrapped__()
+        before = store.code_fingerprint.__wrapped__()
         with (package / name).open("ab") as file:
             file.write(b"\n")
-        return bool(files.code_fingerprint.__wrapped__() != before)
+        return bool(store.code_fingerprint.__wrapped__() != before)
 
     assert changed("policies/ppo.npz")
     assert changed("rules.py")
-    assert changed("evaluation/episodes.py")
+    assert changed("evaluation/rollout.py")
     assert not changed("training/curve.py")
     assert not changed("evaluation/plots.py")

@@ -1,4 +1,4 @@
-"""The leaderboard: one command from policies and searches to tables, files and figures."""
+"""The leaderboard: summaries, comparisons, page, files and command."""
 
 from __future__ import annotations
 
@@ -15,17 +15,22 @@ import pytest
 from helpers import tables_of
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch import __main__ as command
-from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, Reliability, bounds, page, run
-from DroneSwarmSearch.evaluation.files import Store
-from DroneSwarmSearch.evaluation.leaderboard import (
-    THEORY,
-    Leaderboard,
-    PairwiseComparison,
+from DroneSwarmSearch import cli as command
+from DroneSwarmSearch.evaluation import (
+    SUITE,
+    Episodes,
+    Estimate,
+    Evaluation,
+    StorageError,
+    bounds,
+    contest,
     leaderboard,
-    main,
+    page,
+    run,
 )
-from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.evaluation.board import THEORY, Leaderboard, PairwiseComparison
+from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -43,7 +48,7 @@ def idle(observations):
 
 @pytest.fixture(autouse=True)
 def _quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bounds that take no time: everybody may be found from the tenth step on."""
+    """Replace the slow bounds: all persons may be found from step 10 on."""
 
     def quick(scenario: Scenario, drones: object, *, report: object) -> SuccessBound:
         by_time = (np.arange(scenario.timestep_limit + 1) >= 10) * 0.875
@@ -53,14 +58,14 @@ def _quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawing takes longer than all the rest."""
-    monkeypatch.setattr("DroneSwarmSearch.evaluation.leaderboard._draw", lambda board, out: [])
+def _no_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the plots, which take longest."""
+    monkeypatch.setattr(contest, "_draw", lambda board, out: [])
 
 
 @pytest.fixture
 def idler(tmp_path: Path) -> str:
-    """Where a policy of one's own is."""
+    """A policy in a file."""
     (tmp_path / "idler.py").write_text(IDLER, "utf-8")
     return f"{tmp_path / 'idler.py'}:idle"
 
@@ -68,7 +73,7 @@ def idler(tmp_path: Path) -> str:
 def made_up(
     policy: str, search: str, successes: int, *, step: int = 10, bound: float | None = None
 ) -> Evaluation:
-    """100 episodes, of which the first succeed, all in the same step."""
+    """100 episodes, of which the first succeed in one step."""
     where = SUITE[search]
     limit = where.scenario.timestep_limit
     found = np.zeros((100, len(where.scenario.person_initial_position)), np.int64)
@@ -82,37 +87,37 @@ def made_up(
 
 
 class TestFigures:
-    def test_searches_count_alike_and_times_are_shares_of_the_limit(self) -> None:
+    def test_searches_have_equal_weight_and_times_are_relative_to_the_limit(self) -> None:
         board = Leaderboard(
             (
                 made_up("planner", "pond", 80, step=10, bound=1.0),
                 made_up("planner", "night", 40, step=50, bound=0.5),
             )
         )
-        (standing,) = board.summaries
-        assert standing.success.value == pytest.approx((0.8 + 0.4) / 2)
+        (summary,) = board.summaries
+        assert summary.success.value == pytest.approx((0.8 + 0.4) / 2)
         times = (0.8 * 10 + 0.2 * 40) / 40, (0.4 * 50 + 0.6 * 200) / 200
-        assert standing.time.value == pytest.approx(sum(times) / 2)
-        assert standing.share_of_bound is not None
-        assert standing.share_of_bound.value == pytest.approx((0.8 / 1.0 + 0.4 / 0.5) / 2)
-        assert standing.success.low < standing.success.value < standing.success.high
+        assert summary.time.value == pytest.approx(sum(times) / 2)
+        assert summary.share_of_bound is not None
+        assert summary.share_of_bound.value == pytest.approx((0.8 / 1.0 + 0.4 / 0.5) / 2)
+        assert summary.success.low < summary.success.value < summary.success.high
 
     def test_differences_are_paired(self) -> None:
-        # Every episode that the second finds the first finds too: no chance in that.
+        # The first policy succeeds wherever the second does.
         board = Leaderboard(
             (made_up("planner", "pond", 52), made_up("greedy-posterior", "pond", 42))
         )
-        (rung,) = board.comparisons
-        assert (rung.ahead, rung.behind) == ("planner", "greedy-posterior")
-        assert rung.success.value == pytest.approx(0.1)
+        (pair,) = board.comparisons
+        assert (pair.first, pair.second) == ("planner", "greedy-posterior")
+        assert pair.success.value == pytest.approx(0.1)
         apart = board.summaries[0].success.high - board.summaries[0].success.low
-        assert rung.success.high - rung.success.low < 0.75 * apart
-        assert rung.verdict == "finds more, and sooner"
+        assert pair.success.high - pair.success.low < 0.75 * apart
+        assert pair.verdict == "finds more, faster"
 
-    def test_everybody_is_compared_with_the_next_rank_of_theory_that_is_there(self) -> None:
+    def test_policies_are_compared_with_the_next_group_of_theory(self) -> None:
         names = ["mine", "planner", "greedy-matrix", "sector-search", "random"]
         board = Leaderboard(tuple(made_up(name, "pond", 50) for name in names), ("mine",))
-        assert [(rung.ahead, rung.behind) for rung in board.comparisons] == [
+        assert [(pair.first, pair.second) for pair in board.comparisons] == [
             ("mine", "planner"),
             ("planner", "greedy-matrix"),
             ("planner", "sector-search"),
@@ -124,11 +129,11 @@ class TestFigures:
     @pytest.mark.parametrize(
         ("success", "time", "verdict"),
         [
-            ((0.1, 0.05, 0.2), (-0.1, -0.2, -0.05), "finds more, and sooner"),
+            ((0.1, 0.05, 0.2), (-0.1, -0.2, -0.05), "finds more, faster"),
             ((0.1, 0.05, 0.2), (0.0, -0.1, 0.1), "finds more"),
-            ((0.0, -0.1, 0.1), (-0.1, -0.2, -0.05), "finds as many, sooner"),
-            ((0.0, -0.1, 0.1), (0.1, 0.05, 0.2), "finds as many, later"),
-            ((0.0, -0.1, 0.1), (0.0, -0.1, 0.1), "not told apart"),
+            ((0.0, -0.1, 0.1), (-0.1, -0.2, -0.05), "finds as many, faster"),
+            ((0.0, -0.1, 0.1), (0.1, 0.05, 0.2), "finds as many, slower"),
+            ((0.0, -0.1, 0.1), (0.0, -0.1, 0.1), "no clear difference"),
             ((-0.1, -0.2, -0.05), (-0.1, -0.2, -0.05), "finds less"),
         ],
     )
@@ -137,17 +142,17 @@ class TestFigures:
     ) -> None:
         assert PairwiseComparison("a", "b", Estimate(*success), Estimate(*time)).verdict == verdict
 
-    def test_who_exceeds_the_bound_beyond_the_interval_is_named(self) -> None:
+    def test_policies_above_the_bound_are_named(self) -> None:
         within = made_up("planner", "pond", 80, bound=0.75)
-        beyond = made_up("random", "pond", 80, bound=0.5)
-        board = Leaderboard((within, beyond))
-        assert board.beyond == (beyond,)
+        above = made_up("random", "pond", 80, bound=0.5)
+        board = Leaderboard((within, above))
+        assert board.above_bound == (above,)
         text = " ".join(page.markdown(board, "command").split())
-        assert "Beyond the bound by more than their interval: random on pond." in text
+        assert "Intervals above the bound: random on pond." in text
 
 
 class TestPage:
-    def test_figures_stand_in_the_tables(self) -> None:
+    def test_tables_hold_the_results(self) -> None:
         board = Leaderboard(
             (
                 made_up("planner", "pond", 80, bound=0.9),
@@ -166,10 +171,11 @@ class TestPage:
         assert [row[0] for row in suite] == ["policy", "planner", "random"]
         assert suite[1][1].startswith("65.0 [")
         assert order[1][:2] == ["planner", "random"]
-        assert order[1][2].startswith("+30.0 [+")
-        assert order[1][3].startswith("\N{MINUS SIGN}")
+        assert order[1][2] == "finds more, faster"
+        assert order[1][3].startswith("+30.0 [+")
+        assert order[1][4].startswith("\N{MINUS SIGN}")
         assert limits[1] == ["pond", "90.0", "0.10", "exact"]
-        success = board.cells["planner", "pond"].success
+        success = board.by_name["planner", "pond"].success
         assert pond[1][1] == f"80.0 [{100 * success.low:.1f}, {100 * success.high:.1f}]"
         assert pond[1][3].startswith(f"{80 / 0.9:.1f} [")
         assert "```sh\npython -m something\n```" in text
@@ -177,7 +183,7 @@ class TestPage:
             assert f"### {search.name}\n" in text
             assert search.reason.split(",")[0] in text.replace("\n", " ")
 
-    def test_without_bounds_there_is_no_word_of_them(self) -> None:
+    def test_without_bounds_the_page_does_not_mention_them(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 20)))
         text = page.markdown(board, "command")
         assert "bound" not in text.replace("share of bound", "bound").lower()
@@ -190,16 +196,16 @@ class TestPage:
             bars = {tuple(m.start() for m in re.finditer(r"\|", line)) for line in lines}
             assert len(bars) == 1
 
-    def test_only_pictures_that_are_there_are_shown_each_with_words_for_the_blind(self) -> None:
+    def test_the_page_shows_existing_plots_with_alternative_texts(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80),))
         text = page.markdown(board, "command", {"success", "episode"})
         assert re.findall(r"!\[(.+)\]\((.+)\)", text) == [
-            (page.FIGURES[name], f"{name}.png") for name in ("success", "episode")
+            (page.PLOTS[name], f"{name}.png") for name in ("success", "episode")
         ]
 
 
 class TestRun:
-    def test_a_rerun_takes_everything_from_the_store(
+    def test_a_rerun_loads_everything_from_the_store(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         played: list[object] = []
@@ -224,7 +230,7 @@ class TestRun:
             return leaderboard(policies, ["pond", "fog"], episodes=20, store=store, progress=False)
 
         first = board("random")
-        # Two cells, and the one with the posterior.
+        # Two tasks, and the one with the posterior.
         assert (len(played), len(limited)) == (3, 2)
         again = board("random")
         assert (len(played), len(limited)) == (3, 2)
@@ -233,7 +239,7 @@ class TestRun:
         board("random", "sector-search")
         assert (len(played), len(limited)) == (5, 2)
 
-    def test_every_policy_meets_the_same_episodes_and_has_the_bound(self) -> None:
+    def test_every_policy_plays_the_same_episodes_and_has_the_bound(self) -> None:
         board = leaderboard(
             ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
         )
@@ -246,12 +252,12 @@ class TestRun:
         assert board.posterior is not None
         assert board.posterior.search.scenario.bayesian_update
 
-    def test_the_strongest_comes_first(self) -> None:
+    def test_policies_have_the_order_of_theory(self) -> None:
         ranked = [name for rank in THEORY for name in rank]
         contest = leaderboard(searches=["pond"], episodes=1, bounds=False, progress=False)
         assert list(contest.policies) == ranked
 
-    def test_a_policy_of_ones_own_may_be_shown_the_posterior(self) -> None:
+    def test_an_added_policy_can_see_the_posterior(self) -> None:
         def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
             return np.full(seen["positions"].shape[:2], int(Action.SEARCH))
 
@@ -263,13 +269,13 @@ class TestRun:
         assert shown == {"stay": True, "random": False}
 
     @pytest.mark.slow
-    @pytest.mark.usefixtures("_no_figures")
-    def test_workers_make_no_difference(self, tmp_path: Path) -> None:
+    @pytest.mark.usefixtures("_no_plots")
+    def test_workers_have_no_effect(self, tmp_path: Path) -> None:
         texts = []
         for workers in ("1", "2"):
             out = tmp_path / workers
             short = [*SHORT[:-1], workers, "--no-bound"]
-            assert main([*short, *FEW, "--out", str(out)]) == 0
+            assert command.main(["leaderboard", *short, *FEW, "--out", str(out)]) == 0
             texts.append((out / "leaderboard.csv").read_text("utf-8"))
         assert texts[0] == texts[1]
 
@@ -309,19 +315,19 @@ class TestCommand:
         pytest.importorskip("matplotlib")
         out = tmp_path / "out"
         assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(out)]) == 0
-        told = capsys.readouterr().out
+        output = capsys.readouterr().out
         text = (out / "leaderboard.md").read_text("utf-8")
         data = json.loads((out / "leaderboard.json").read_text("utf-8"))
         with (out / "leaderboard.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
 
-        cells = [(each["policy"], each["search"]) for each in data["evaluations"]]
-        assert cells == [
+        tasks = [(each["policy"], each["search"]) for each in data["evaluations"]]
+        assert tasks == [
             (policy, search)
             for search in ("pond", "harbour")
             for policy in ("greedy-matrix", "random")
         ]
-        assert [(row["policy"], row["search"]) for row in rows] == cells
+        assert [(row["policy"], row["search"]) for row in rows] == tasks
         (overview, *_) = tables_of(text)
         for row, each in zip(rows, data["evaluations"], strict=True):
             assert float(row["success"]) == each["success"]["value"]
@@ -329,24 +335,26 @@ class TestCommand:
             (line,) = [line for line in overview if line[0] == each["search"]]
             place = overview[0].index(each["policy"])
             assert line[place].strip("*") == shown
-            assert shown in told
+            assert shown in output
         assert data["command"] in text
         assert data["command"].startswith("python -m DroneSwarmSearch leaderboard --episodes 30")
-        for name in page.FIGURES:
+        for name in page.PLOTS:
             assert f"({name}.png)" in text
             assert (out / f"{name}.png").stat().st_size > 5_000
             assert (out / f"{name}.svg").stat().st_size > 5_000
         assert not list(out.glob(".*"))
 
-    @pytest.mark.usefixtures("_no_figures")
-    def test_a_policy_of_ones_own_gets_a_row(self, tmp_path: Path, idler: str) -> None:
+    @pytest.mark.usefixtures("_no_plots")
+    def test_an_added_policy_has_a_row(self, tmp_path: Path, idler: str) -> None:
         out = tmp_path / "out"
         arguments = ["--episodes", "5", "--searches", "pond", "--workers", "1", "--no-bound"]
-        assert main([*arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
+        assert (
+            command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
+        )
         overview, suite, order, *_ = tables_of((out / "leaderboard.md").read_text("utf-8"))
         assert overview[0] == ["search", idler, "greedy-matrix", "random"]
         assert overview[1][1] == "0.0"
-        assert suite[1][:2] == [idler, "0.0 [0.0, 0.0]"]
+        assert suite[1][:2] == [idler, "0.0 [0.0, 43.4]"]
         assert order[1][:2] == [idler, "greedy-matrix"]
 
     def test_without_matplotlib_there_are_tables_and_a_hint(
@@ -356,9 +364,10 @@ class TestCommand:
         capsys: pytest.CaptureFixture[str],
     ) -> None:
         monkeypatch.setitem(sys.modules, "matplotlib", None)
-        monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
-        monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)
-        assert main([*SHORT, *FEW, "--out", str(tmp_path)]) == 0
+        for name in ("maps", "plots", "plot_style"):
+            monkeypatch.delitem(sys.modules, f"DroneSwarmSearch.evaluation.{name}", raising=False)
+            monkeypatch.delattr(f"DroneSwarmSearch.evaluation.{name}", raising=False)
+        assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(tmp_path)]) == 0
         assert "pip install" in capsys.readouterr().err
         assert "![" not in (tmp_path / "leaderboard.md").read_text("utf-8")
         assert not list(tmp_path.glob("*.png"))
@@ -369,11 +378,11 @@ class TestCommand:
             (["--searches", "pnd"], "did you mean pond"),
             (["--policies", "planer"], "did you mean planner"),
             (["--episodes", "0"], "episodes must be an integer of at least 1, got 0"),
-            (["--workers", "0"], "workers must be an integer of at least 1, got 0"),
+            (["--workers", "0"], "--workers: must be an integer of at least 1, got '0'"),
             (["--add", "nowhere.py:policy"], "there is no 'nowhere.py'"),
         ],
     )
-    def test_what_cannot_be_is_told_before_anything_is_done(
+    def test_wrong_arguments_are_refused_before_any_work(
         self,
         arguments: list[str],
         words: str,
@@ -382,13 +391,13 @@ class TestCommand:
     ) -> None:
         out = tmp_path / "out"
         with pytest.raises(SystemExit) as stop:
-            main([*arguments, "--out", str(out)])
+            command.main(["leaderboard", *arguments, "--out", str(out)])
         assert stop.value.code == 2
         assert words in capsys.readouterr().err
         assert not out.exists()
 
-    @pytest.mark.usefixtures("_no_figures")
-    def test_an_interruption_keeps_what_is_finished(
+    @pytest.mark.usefixtures("_no_plots")
+    def test_an_interruption_keeps_finished_work(
         self,
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
@@ -405,28 +414,28 @@ class TestCommand:
 
         monkeypatch.setattr(run, "play", interrupted)
         arguments = [*SHORT, *FEW, "--no-bound", "--out", str(tmp_path)]
-        assert main(arguments) == 130
-        told = capsys.readouterr().err
-        assert "interrupted" in told
-        assert str(tmp_path / "portions") in told
+        assert command.main(["leaderboard", *arguments]) == 130
+        output = capsys.readouterr().err
+        assert "interrupted" in output
+        assert str(tmp_path / "portions") in output
         assert len(Store(tmp_path / "portions")) == 2
-        assert main(arguments) == 0
-        # Five cells in all, of which two were kept, and one was tried in vain.
+        assert command.main(["leaderboard", *arguments]) == 0
+        # Five tasks, of which two were stored; one was interrupted.
         assert played == 3 + 3
 
-    def test_a_full_disk_is_told(
+    def test_a_full_disk_is_reported(
         self,
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str],
     ) -> None:
         def full(self: Store, key: Mapping[str, Any], entry: object) -> None:
-            from DroneSwarmSearch.evaluation import StorageError
-
             raise StorageError(28, "No space left on device", str(self.directory))
 
         monkeypatch.setattr(Store, "save", full)
-        assert main([*SHORT, *FEW, "--no-bound", "--out", str(tmp_path)]) == 1
-        told = capsys.readouterr().err
-        assert "No space left on device" in told
-        assert "Traceback" not in told
+        assert (
+            command.main(["leaderboard", *SHORT, *FEW, "--no-bound", "--out", str(tmp_path)]) == 1
+        )
+        output = capsys.readouterr().err
+        assert "No space left on device" in output
+        assert "Traceback" not in output

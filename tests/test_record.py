@@ -1,4 +1,4 @@
-"""Films of one search: the two boards show one search, and the file is whole or not there."""
+"""Films of one episode, complete or not written."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import pytest
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import RewardScheme
-from DroneSwarmSearch import __main__ as command
+from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record
-from DroneSwarmSearch.evaluation.record import frames
+from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record, recording
+from DroneSwarmSearch.evaluation.recording import frames
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
@@ -36,7 +36,7 @@ from DroneSwarmSearch.rendering.side_by_side import SideBySide  # noqa: E402 (ne
 
 
 def small(**changed: Any) -> NamedSearch:
-    """A search that is over soon."""
+    """A short search."""
     parameters: dict[str, Any] = {
         "grid_size": 5,
         "n_drones": 2,
@@ -52,7 +52,7 @@ def small(**changed: Any) -> NamedSearch:
 
 
 def all_do(action: Action) -> Any:
-    """A policy whose drones always do the same."""
+    """A policy with one action."""
 
     def policy(observations: Mapping[str, Any]) -> dict[str, int]:
         return dict.fromkeys(observations, int(action))
@@ -61,7 +61,7 @@ def all_do(action: Action) -> Any:
 
 
 class Watcher:
-    """Idles, and keeps what it was shown and told."""
+    """Idles, and records its observations and seeds."""
 
     def __init__(self) -> None:
         self.shown: list[NDArray[np.float32]] = []
@@ -76,7 +76,7 @@ class Watcher:
 
 
 class TestFrames:
-    def test_both_boards_show_the_same_search_over_two_beliefs(self) -> None:
+    def test_both_halves_show_the_same_episode(self) -> None:
         search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
         pairs = list(frames("greedy-posterior", search, seed=4))
         for prior, posterior in pairs:
@@ -95,7 +95,7 @@ class TestFrames:
         assert any(after.searching[0] for _, after in pairs)
 
     @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
-    def test_it_is_the_episode_that_an_evaluation_plays_with_that_seed(self, policy: str) -> None:
+    def test_it_is_the_episode_that_evaluate_plays_with_the_seed(self, policy: str) -> None:
         search = small(timestep_limit=25)
         episodes = evaluate(policy, search, episodes=3, seed=5, progress=False).episodes
         for place, seed in enumerate((5, 6, 7)):
@@ -104,9 +104,7 @@ class TestFrames:
             assert any(last.found) == bool(episodes.found_at[place, 0])
 
     @pytest.mark.parametrize("updates", [False, True])
-    def test_a_policy_is_shown_what_the_search_shows_unless_asked_otherwise(
-        self, updates: bool
-    ) -> None:
+    def test_the_policy_sees_the_prior_or_the_posterior(self, updates: bool) -> None:
         for search, asked in ((small(bayesian_update=updates), None), (small(), updates)):
             watcher = Watcher()
             pairs = list(frames(watcher, search, seed=3, bayesian_update=asked))
@@ -115,9 +113,9 @@ class TestFrames:
             assert watcher.seeds == [3]
 
     def test_bad_input_is_refused(self) -> None:
-        with pytest.raises(ValueError, match=r"search must be one of the suite's, got 'pnd'"):
+        with pytest.raises(ValueError, match=r"got 'pnd'; did you mean pond?"):
             frames("random", "pnd")
-        with pytest.raises(ValueError, match=r"policy must be a name of the registry"):
+        with pytest.raises(ValueError, match=r"policy must be one of random"):
             frames("greedy", "pond")
         with pytest.raises(ValueError, match=r"seed must be an integer of at least 0, got -1"):
             frames("random", "pond", seed=-1)
@@ -140,7 +138,7 @@ class TestPicture:
         assert np.array_equal(right, halves(side_by_side.pixels(peak, peak))[1])
         assert not np.array_equal(left, right)
 
-    def test_a_long_title_is_made_to_fit(self) -> None:
+    def test_a_long_title_fits(self) -> None:
         title = "a_package_with_a_name.and_a_module_with_another:AndAPolicyThatIsNamedToo"
         side_by_side, shown = SideBySide(6, f"{title} searching long-watch, seed 123456"), frame(6)
         ended = replace(shown, ending=Ending.COLLISION)
@@ -162,31 +160,31 @@ class TestPicture:
             (Ending.LEFT_GRID, 5, "a drone left the grid in step 5"),
         ],
     )
-    def test_the_outcome_is_told(self, ending: Ending | None, step: int, words: str) -> None:
+    def test_the_outcome_is_shown(self, ending: Ending | None, step: int, words: str) -> None:
         assert outcome_in_brief(replace(frame(6), ending=ending, step=step)) == words
 
 
 class TestFilm:
     def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"
-        last = record.record(all_do(Action.IDLE), small(), path, name="lazy")
+        last = record(all_do(Action.IDLE), small(), path, name="lazy")
         assert (last.step, last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as film:
             # Pictures that are all alike are kept as one that stays longer.
             assert 1 < film.n_frames <= 9
-            assert film.width == record.GIF_WIDTH
+            assert film.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
 
     def test_a_video_holds_the_last_picture(self, tmp_path: Path) -> None:
         pytest.importorskip("imageio_ffmpeg")
         path = tmp_path / "film.mp4"
-        record.record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
+        record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
         with imageio.get_reader(path) as film:
-            assert film.count_frames() == 4 + round(2.0 * record.HOLD)
+            assert film.count_frames() == 4 + round(2.0 * recording.HOLD)
             assert film.get_meta_data()["fps"] == 2
             assert film.get_data(0).shape == SideBySide(5, "title").pixels(frame(5), frame(5)).shape
 
-    def test_what_was_there_before_stays_if_the_policy_fails(self, tmp_path: Path) -> None:
+    def test_an_existing_file_is_kept_if_the_policy_fails(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"
         path.write_bytes(b"before")
 
@@ -194,7 +192,7 @@ class TestFilm:
             raise RuntimeError("no idea")
 
         with pytest.raises(RuntimeError, match="no idea"):
-            record.record(failing, small(), path)
+            record(failing, small(), path)
         assert path.read_bytes() == b"before"
         assert list(tmp_path.iterdir()) == [path]
 
@@ -212,7 +210,7 @@ class TestFilm:
         arguments = {"path": "film.gif", **changed}
         path = tmp_path / arguments.pop("path")
         with pytest.raises(ValueError, match=words.replace("'film", ".*film")):
-            record.record("random", small(), path, **arguments)
+            record("random", small(), path, **arguments)
         assert not list(tmp_path.iterdir())
 
 
@@ -277,7 +275,7 @@ class TestWriting:
 
     @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError, StoppedError])
     @pytest.mark.parametrize("place", [0, 1, 29])
-    def test_an_error_leaves_the_film_that_was_there(
+    def test_an_error_keeps_the_existing_film(
         self, path: Path, error: type[BaseException], place: int
     ) -> None:
         def failing() -> Iterator[NDArray[np.uint8]]:
@@ -291,7 +289,7 @@ class TestWriting:
 
     @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
     @pytest.mark.parametrize("room", [0, 1000, 20_000])
-    def test_a_full_disk_leaves_the_film_that_was_there(self, path: Path, room: int) -> None:
+    def test_a_full_disk_keeps_the_existing_film(self, path: Path, room: int) -> None:
         code = (
             "import resource, sys\n"
             "from pathlib import Path\n"
@@ -304,9 +302,9 @@ class TestWriting:
             "except OSError as error:\n"
             "    print(error)\n"
         )
-        told = python(code, path, room)
-        assert "what was written before is kept" in told
-        assert str(path) in told
+        output = python(code, path, room)
+        assert "files written before are kept" in output
+        assert str(path) in output
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
 
@@ -441,27 +439,27 @@ def python(code: str, *arguments: object) -> str:
 
 
 class TestCommand:
-    def test_it_writes_the_film_and_tells_how_it_ended(
+    def test_it_writes_the_film_and_prints_the_outcome(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = tmp_path / "pond.gif"
         arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3"]
         assert command.main([*arguments, "--out", str(path)]) == 0
         *_, (_, last) = frames("greedy-posterior", "pond", seed=3)
-        told = f"{path}: greedy-posterior searching pond, {outcome_in_brief(last)}\n"
-        assert capsys.readouterr().out == told
+        output = f"{path}: greedy-posterior searching pond, {outcome_in_brief(last)}\n"
+        assert capsys.readouterr().out == output
         assert path.stat().st_size > 10_000
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["pnd", "--out", "a.gif"], "search must be one of the suite's, got 'pnd'"),
+            (["pnd", "--out", "a.gif"], "got 'pnd'; did you mean pond?"),
             (["pond", "--policy", "greed", "--out", "a.gif"], "did you mean greedy-"),
             (["pond", "--policy", "random", "--out", "a.png"], "must end in .gif or .mp4"),
             (["pond", "--policy", "random", "--fps", "99", "--out", "a.gif"], "fps must be"),
         ],
     )
-    def test_what_cannot_be_is_told_in_a_line(
+    def test_wrong_arguments_are_reported_in_a_line(
         self,
         arguments: list[str],
         words: str,
@@ -471,11 +469,11 @@ class TestCommand:
     ) -> None:
         monkeypatch.chdir(tmp_path)
         with pytest.raises(SystemExit) as stop:
-            record.main(arguments)
+            command.main(["record", *arguments])
         assert stop.value.code == 2
-        told = capsys.readouterr().err
-        assert words in told
-        assert "Traceback" not in told
+        output = capsys.readouterr().err
+        assert words in output
+        assert "Traceback" not in output
         assert not list(tmp_path.iterdir())
 
     def test_a_file_that_cannot_be_written_is_named(
@@ -485,7 +483,7 @@ class TestCommand:
         blocked.touch()
         path = blocked / "film.gif"
         with pytest.raises(SystemExit) as stop:
-            record.main(["pond", "--policy", "random", "--out", str(path)])
+            command.main(["record", "pond", "--policy", "random", "--out", str(path)])
         assert stop.value.code == 2
         assert f"cannot write {path}" in capsys.readouterr().err
 
@@ -497,12 +495,14 @@ class TestCommand:
     ) -> None:
         monkeypatch.setitem(sys.modules, "PIL", None)
         with pytest.raises(SystemExit) as stop:
-            record.main(["pond", "--policy", "random", "--out", str(tmp_path / "film.gif")])
+            command.main(
+                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "film.gif")]
+            )
         assert stop.value.code == 2
         assert 'needs the package PIL: pip install "DroneSwarm' in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
 
-    def test_a_missing_ffmpeg_is_told_in_a_line(
+    def test_a_missing_ffmpeg_is_reported_in_a_line(
         self,
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
@@ -511,11 +511,13 @@ class TestCommand:
         pytest.importorskip("imageio_ffmpeg")
         monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
         with pytest.raises(SystemExit) as stop:
-            record.main(["pond", "--policy", "random", "--out", str(tmp_path / "film.mp4")])
+            command.main(
+                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "film.mp4")]
+            )
         assert stop.value.code == 2
-        told = capsys.readouterr().err
-        assert "needs the program ffmpeg" in told
-        assert "Traceback" not in told
+        output = capsys.readouterr().err
+        assert "needs the program ffmpeg" in output
+        assert "Traceback" not in output
         assert not list(tmp_path.iterdir())
 
     def test_an_interruption_leaves_no_file(
@@ -527,9 +529,9 @@ class TestCommand:
         def interrupted(*_: object, **__: object) -> int:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(record, "write_film", interrupted)
+        monkeypatch.setattr(recording, "write_film", interrupted)
         out = str(tmp_path / "film.gif")
-        assert record.main(["pond", "--policy", "random", "--out", out]) == 130
+        assert command.main(["record", "pond", "--policy", "random", "--out", out]) == 130
         assert "interrupted" in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
 

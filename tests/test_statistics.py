@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from DroneSwarmSearch.evaluation.calibration import Reliability
 from DroneSwarmSearch.evaluation.statistics import (
-    CHANCE_EDGES,
     RESAMPLES,
     Estimate,
-    Reliability,
     bootstrap_mean,
-    chance_bins,
+    mean_of,
+    paired_difference,
     restricted_times,
     share_by_time,
     wilson,
@@ -46,14 +46,14 @@ def test_wilson_interval_solves_the_score_equation():
             assert abs(float(got.value) - end) / error == pytest.approx(1.959964, abs=1e-6)
 
 
-def test_wilson_is_exact_at_none_and_all_and_takes_arrays():
+def test_wilson_is_exact_at_0_and_1_and_takes_arrays():
     got = wilson(np.array([[0, 5], [2, 5]]), 5)
     assert got.low[0, 0] == 0.0
     assert got.high[0, 1] == got.high[1, 1] == 1.0
-    assert got.at((1, 0)) == Estimate(0.4, float(got.low[1, 0]), float(got.high[1, 0]))  # type: ignore[arg-type]
+    assert got.at((1, 0)) == Estimate(0.4, float(got.low[1, 0]), float(got.high[1, 0]))
 
 
-def test_wilson_mirrors():
+def test_wilson_is_symmetric():
     few, many = wilson(3, 40), wilson(37, 40)
     assert few.low == pytest.approx(1 - many.high, abs=1e-15)
     assert few.high == pytest.approx(1 - many.low, abs=1e-15)
@@ -68,7 +68,7 @@ def test_wilson_mirrors():
         (-1, 2, ValueError, "successes must be from 0 to trials, 2, got -1"),
     ],
 )
-def test_wilson_refuses_what_is_no_count(successes, trials, error, message):
+def test_wilson_refuses_wrong_counts(successes, trials, error, message):
     with pytest.raises(error, match=message):
         wilson(successes, trials)
 
@@ -107,14 +107,14 @@ def test_bootstrap_of_the_mouse_data():
     assert got.high == pytest.approx(86.86 + 1.96 * error, abs=0.25 * error)
 
 
-def test_bootstrap_is_the_same_every_time_and_for_no_spread_a_point():
+def test_bootstrap_is_reproducible():
     sample = np.arange(50) % 7
     assert bootstrap_mean(sample) == bootstrap_mean(sample.copy())
     assert bootstrap_mean([3.5, 3.5, 3.5]) == (3.5, 3.5, 3.5)
     assert bootstrap_mean([2]) == (2.0, 2.0, 2.0)
 
 
-def test_bootstrap_in_portions_draws_what_it_draws_at_once(monkeypatch):
+def test_bootstrap_does_not_depend_on_its_portions(monkeypatch):
     sample = np.arange(30.0) ** 2
     whole = bootstrap_mean(sample)
     monkeypatch.setattr("DroneSwarmSearch.evaluation.statistics._AT_ONCE", 30 * 7)
@@ -122,22 +122,94 @@ def test_bootstrap_in_portions_draws_what_it_draws_at_once(monkeypatch):
     assert bootstrap_mean(sample) == whole
 
 
-def test_bootstrap_of_several_samples_is_of_the_mean_of_their_means():
-    steady, spread = np.full(10, 2.0), np.tile([0.0, 10.0], 500)
-    alone, both = bootstrap_mean(spread), bootstrap_mean(spread, steady)
-    assert both.value == pytest.approx((5.0 + 2.0) / 2)
-    assert both.high - both.low == pytest.approx((alone.high - alone.low) / 2)
-    twice = bootstrap_mean(spread, spread[::-1])  # independent: errors add as squares
-    assert twice.high - twice.low == pytest.approx((alone.high - alone.low) / math.sqrt(2), rel=0.1)
+@pytest.mark.parametrize("sample", [[], [[1.0, 2.0]], 3.0])
+def test_bootstrap_refuses_other_shapes(sample):
+    with pytest.raises(ValueError, match=r"sample must have the shape \(n,\) with n >= 1, got"):
+        bootstrap_mean(sample)
 
 
-def test_bootstrap_refuses_other_shapes():
-    with pytest.raises(ValueError, match="samples must be at least one array, got none"):
-        bootstrap_mean()
-    with pytest.raises(ValueError, match=r"samples\[1\] must have the shape \(n,\).* got \(0,\)"):
-        bootstrap_mean([1.0], [])
-    with pytest.raises(ValueError, match=r"samples\[0\].* got \(1, 2\)"):
-        bootstrap_mean([[1.0, 2.0]])
+# Newcombe, Improved confidence intervals for the difference between binomial proportions based on
+# paired data, Statistics in Medicine 17:2635-2650, 1998, table III, method 10: the episodes in
+# which both succeed, only the first, only the second, and neither; and the interval.
+NEWCOMBE_PAIRED = [
+    ((36, 12, 2, 0), 0.0569, 0.3404),
+    ((20, 12, 2, 16), 0.0562, 0.3292),
+    ((18, 12, 2, 18), 0.0562, 0.3290),
+    ((36, 14, 0, 0), 0.1528, 0.4167),
+    ((35, 14, 0, 1), 0.1461, 0.4175),
+    ((18, 14, 0, 18), 0.1441, 0.3963),
+    ((2, 97, 1, 0), 0.8721, 0.9854),
+    ((1, 97, 1, 1), 0.8736, 0.9850),
+    ((0, 29, 1, 0), 0.6666, 0.9882),
+    ((2, 98, 0, 0), 0.9178, 0.9945),
+    ((1, 98, 0, 1), 0.9171, 0.9916),
+    ((0, 30, 0, 0), 0.8395, 1.0000),
+    ((54, 0, 0, 0), -0.0664, 0.0664),
+    ((53, 0, 0, 1), -0.0729, 0.0729),
+    ((30, 0, 0, 24), -0.0358, 0.0358),
+    ((29, 0, 0, 25), -0.0354, 0.0354),
+    ((28, 0, 0, 26), -0.0352, 0.0352),
+    ((27, 0, 0, 27), -0.0351, 0.0351),
+]
+
+
+def difference(both: int, first: int, second: int, neither: int) -> Estimate:
+    counts = (both, first, second, neither)
+    return paired_difference(
+        np.repeat([True, True, False, False], counts), np.repeat([True, False, True, False], counts)
+    )
+
+
+@pytest.mark.parametrize(("counts", "low", "high"), NEWCOMBE_PAIRED)
+def test_paired_intervals_are_the_published_ones(counts, low, high):
+    got = difference(*counts)
+    assert got.value == pytest.approx((counts[1] - counts[2]) / sum(counts))
+    assert got.low == pytest.approx(low, abs=1e-4)  # the paper has z = 1.96
+    assert got.high == pytest.approx(high, abs=1e-4)
+
+
+def test_paired_intervals_of_swapped_policies_are_mirrored():
+    one, other = difference(5, 3, 1, 4), difference(5, 1, 3, 4)
+    assert one == pytest.approx((-other.value, -other.high, -other.low))
+
+
+def test_paired_intervals_cover_the_true_difference():
+    """The exact coverage for 12 pairs, by enumeration of all tables."""
+    n = 12
+    tables = [
+        (a, b, c, n - a - b - c)
+        for a in range(n + 1)
+        for b in range(n + 1 - a)
+        for c in range(n + 1 - a - b)
+    ]
+    intervals = np.array([difference(*table) for table in tables])
+    ways = np.array([math.factorial(n) / math.prod(map(math.factorial, table)) for table in tables])
+    coverage = []
+    for true in (
+        *((0.25, 0.25, 0.25, 0.25), (0.5, 0.1, 0.1, 0.3), (0.6, 0.3, 0.05, 0.05)),
+        *((0.9, 0.05, 0.01, 0.04), (0.1, 0.02, 0.02, 0.86), (0.3, 0.4, 0.1, 0.2)),
+    ):
+        chances = ways * np.prod(np.power(true, tables), axis=1)
+        assert chances.sum() == pytest.approx(1.0)
+        actual = true[1] - true[2]
+        holds = (intervals[:, 1] <= actual) & (actual <= intervals[:, 2])
+        coverage.append(chances[holds].sum())
+    assert min(coverage) > 0.93
+    assert np.mean(coverage) > 0.95
+
+
+def test_paired_differences_refuse_other_shapes():
+    for first, second in (([], []), ([True], [True, False]), ([[True]], [[True]])):
+        with pytest.raises(ValueError, match=r"first and second must both have the shape \(n,\)"):
+            paired_difference(first, second)
+
+
+def test_the_mean_of_estimates_adds_their_errors_in_squares():
+    got = mean_of([Estimate(0.5, 0.2, 0.9), Estimate(0.7, 0.3, 1.0)])
+    assert got == pytest.approx((0.6, 0.6 - 0.25, 0.6 + 0.25))
+    assert mean_of([Estimate(0.5, 0.2, 0.9)]) == pytest.approx((0.5, 0.2, 0.9))
+    with pytest.raises(ValueError, match="estimates must be at least one, got none"):
+        mean_of([])
 
 
 def test_restricted_mean_time_is_the_area_under_the_share_not_found():
@@ -159,11 +231,11 @@ def test_share_by_time_counts_steps_completed():
     assert share_by_time([0, 0], 2).value.tolist() == [0, 0, 0]
 
 
-def test_bins_hold_their_lower_edge():
-    assert chance_bins(np.array([0.0, 0.000999, 0.001, 0.05, 0.4999, 0.5, 1.0, 2.5])).tolist() == [
-        *(0, 0, 1, 6, 8, 9, 9, 9)
-    ]
-    assert list(CHANCE_EDGES) == sorted({*CHANCE_EDGES})
+def test_bins_include_their_lower_edge():
+    table = Reliability.empty()
+    forecasts = np.array([0.0, 0.000999, 0.001, 0.05, 0.4999, 0.5, 1.0, 2.5])
+    table.count(forecasts, np.zeros(8, np.int64))
+    assert table.searches.tolist() == [2, 1, 0, 0, 0, 0, 1, 0, 1, 3]
 
 
 def test_reliability_by_hand():
@@ -171,14 +243,14 @@ def test_reliability_by_hand():
     table.count(np.array([0.5, 0.75, 0.25]), np.array([1, 0, 0]))
     table.count(np.array([0.25]), np.array([1]))
     assert table.searches.tolist() == [0, 0, 0, 0, 0, 0, 0, 0, 2, 2]
-    assert table.mean_promised[-2:].tolist() == [0.25, 0.625]
+    assert table.mean_forecast[-2:].tolist() == [0.25, 0.625]
     assert table.share_found[-2:].tolist() == [0.5, 0.5]
-    assert np.isnan(table.mean_promised[:-2]).all()
-    # Half the searches promise 1/4 too little, half 1/8 too much.
+    assert np.isnan(table.mean_forecast[:-2]).all()
+    # Half of the forecasts are 1/4 too low on average, the other half 1/8 too high.
     assert table.expected_error == pytest.approx((0.25 + 0.125) / 2)
 
 
-def test_reliability_adds_up():
+def test_tables_add_up():
     parts = []
     for k in range(3):
         parts.append(Reliability.empty())
@@ -186,5 +258,5 @@ def test_reliability_adds_up():
     whole = Reliability.total(parts)
     assert whole.searches.sum() == 33
     assert whole.found.sum() == sum(part.found.sum() for part in parts)
-    assert whole.promised.sum() == pytest.approx(33 / 2)
+    assert whole.forecast.sum() == pytest.approx(33 / 2)
     assert Reliability.total([]).expected_error == 0.0

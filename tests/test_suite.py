@@ -1,4 +1,4 @@
-"""The suite of searches: fixed for ever, every parameter of it."""
+"""The suite of searches, whose parameters never change."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from itertools import pairwise
 import pytest
 
 from DroneSwarmSearch import RewardScheme
-from DroneSwarmSearch.evaluation import SUITE, SUITE_VERSION, NamedSearch, search
-from DroneSwarmSearch.evaluation.suite import as_named
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, search
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import SearchBatch
 
@@ -29,8 +29,7 @@ FINGERPRINTS = {
     "fleet": "52100d1830b7034acc059951537b57159558714f1f6200b925647b5cee0058f2",
     "long-watch": "817b2fa103f6c0a62483e8a70604d8b8bd0d17e0631380d8060e3bd2f8c6a0f9",
 }
-"""If this differs from what the suite says, results are no longer comparable: the change
-belongs in a new version of the suite, beside this one."""
+"""If these change, results are no longer comparable: make a new version of the suite."""
 
 LEFT_TO_RIGHT = {"pond", "lagoon", "open-sea", "channel", "harbour", "wreck"}
 
@@ -52,13 +51,13 @@ def scenario(**changes: object) -> Scenario:
     )
 
 
-def test_the_suite_is_what_it_always_was():
+def test_the_suite_never_changes():
     assert SUITE_VERSION == "v1"
     assert {name: each.fingerprint for name, each in SUITE.items()} == FINGERPRINTS
     assert list(SUITE) == list(FINGERPRINTS)  # tables keep their order
 
 
-def test_a_fingerprint_tells_every_parameter():
+def test_every_parameter_changes_the_fingerprint():
     usual = search("two-rafts")
     changed = [
         dataclasses.replace(usual, scenario=dataclasses.replace(usual.scenario, **change))
@@ -80,7 +79,7 @@ def test_a_fingerprint_tells_every_parameter():
 
 
 @pytest.mark.parametrize("name", list(SUITE))
-def test_every_search_can_be_begun_and_says_why_it_is_there(name):
+def test_every_search_can_be_played_and_has_a_reason(name):
     each = search(name)
     assert re.fullmatch("[a-z]+(-[a-z]+)*", name)
     assert each.name == name
@@ -92,7 +91,7 @@ def test_every_search_can_be_begun_and_says_why_it_is_there(name):
     assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
 
 
-def test_drones_start_where_they_are_said_to():
+def test_drones_start_in_their_cells():
     for name, each in SUITE.items():
         n, last = each.scenario.n_drones, each.scenario.grid_size - 1
         if name in LEFT_TO_RIGHT:
@@ -113,9 +112,9 @@ def test_reasons_are_all_different():
     assert len({each.reason for each in SUITE.values()}) == len(SUITE)
 
 
-def test_an_unknown_name_brings_similar_ones_and_the_way_to_all():
+def test_an_unknown_name_suggests_similar_names():
     with pytest.raises(
-        ValueError, match=r"got 'lagun'; did you mean lagoon.*evaluate --list.*pond"
+        ValueError, match=r"pond, .*got 'lagun'; did you mean lagoon.*evaluate --list"
     ):
         search("lagun")
     with pytest.raises(ValueError, match="got 'Classic'; did you mean classic"):
@@ -126,7 +125,7 @@ def test_an_unknown_name_brings_similar_ones_and_the_way_to_all():
         search(3)  # type: ignore[arg-type]
 
 
-def test_the_posterior_is_the_one_thing_that_may_be_asked_for():
+def test_with_posterior_only_changes_what_drones_see():
     each = search("fog").with_posterior(True)
     assert each.scenario.bayesian_update
     assert each.with_posterior(False) == search("fog")
@@ -141,7 +140,7 @@ def test_searches_are_frozen():
         SUITE["pond"] = search("fog")  # type: ignore[index]
 
 
-def test_one_may_bring_a_scenario():
+def test_a_scenario_becomes_a_named_search():
     named = as_named(scenario())
     assert named.drones == ((0, 0), (1, 0))
     assert as_named(named) is named
@@ -163,6 +162,6 @@ def test_drones_that_do_not_fit_are_refused(drones, message):
         NamedSearch("mine", "Mine.", scenario(), drones)
 
 
-def test_a_search_wants_a_scenario():
+def test_a_search_needs_a_scenario():
     with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
         NamedSearch("mine", "Mine.", None)  # type: ignore[arg-type]

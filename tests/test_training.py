@@ -528,14 +528,13 @@ class Terminal(io.StringIO):
 def test_a_terminal_shows_a_progress_bar(
     tmp_path: Path, clock: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("rich")
     monkeypatch.setenv("COLUMNS", "120")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with training.Run(options(tmp_path), "Trial") as run:
         clock[0] += 10
         run.log(1000, found=0.5)
-    assert "20 %" in terminal.getvalue() and "50% found" in terminal.getvalue()
+    assert "20%" in terminal.getvalue() and "50% found" in terminal.getvalue()
 
 
 # The comparison with the baselines.

@@ -1,4 +1,4 @@
-"""Work done elsewhere: the same figures, and clear words when something goes wrong."""
+"""Workers: equal results, clear errors, no process left."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.evaluation import Store, WorkerCrashed, evaluate, run, search
-from DroneSwarmSearch.evaluation.workers import RAY_HINT, Job
+from DroneSwarmSearch.evaluation import WorkerCrashed, evaluate, run, search
+from DroneSwarmSearch.evaluation.store import Store
+from DroneSwarmSearch.evaluation.workers import JOBLIB_HINT, RAY_HINT, Job
 from DroneSwarmSearch.evaluation.workers import run as run_jobs
 
 PATIENCE = 60.0
@@ -55,7 +56,7 @@ def still(shown: Any) -> Any:
 
 
 class Dies:
-    """Ends the process that plays the portion with some seed, if a file says so."""
+    """Kills the process that plays a certain seed, if a file exists."""
 
     def __init__(self, seed: int, file: Path) -> None:
         self.seed, self.file = seed, file
@@ -71,7 +72,7 @@ class Dies:
 
 class Refuses:
     def __call__(self, shown: Any) -> Any:
-        raise LookupError("no chart of this sea")
+        raise LookupError("no chart")
 
 
 class Unsendable(Exception):  # noqa: N818
@@ -94,7 +95,7 @@ def _small_portions(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_small_portions")
-def test_figures_are_the_same_whatever_the_workers(tmp_path):
+def test_results_do_not_depend_on_the_workers(tmp_path):
     path = tmp_path / "fickle.py"
     path.write_text(FICKLE, "utf-8")
     small = runpy.run_path(str(path))["SEARCH"]
@@ -109,7 +110,7 @@ def test_figures_are_the_same_whatever_the_workers(tmp_path):
 
 
 @pytest.mark.usefixtures("_small_portions")
-def test_lambdas_and_closures_travel():
+def test_lambdas_and_closures_can_be_sent():
     action = int(Action.IDLE)
     got = evaluate(
         lambda shown: np.full(shown["positions"].shape[:2], action),
@@ -123,7 +124,7 @@ def test_lambdas_and_closures_travel():
 
 
 @pytest.mark.usefixtures("_small_portions")
-def test_a_crashed_worker_is_named_and_what_is_finished_is_kept(tmp_path):
+def test_a_crash_names_the_job_and_finished_work_is_kept(tmp_path):
     fuse = tmp_path / "fuse"
     fuse.touch()
     arguments: dict[str, Any] = {
@@ -135,7 +136,7 @@ def test_a_crashed_worker_is_named_and_what_is_finished_is_kept(tmp_path):
         "workers": 2,
         "progress": False,
     }
-    message = r"died \(exit code 3\) while it was doing episodes 40 to 59 of dies on pond$"
+    message = r"died \(EXIT\(3\)\) while it was running episodes 40 to 59 of dies on pond$"
     with pytest.raises(WorkerCrashed, match=message):
         evaluate(**arguments)
     kept = len(Store(tmp_path / "kept"))
@@ -149,29 +150,31 @@ def test_a_crashed_worker_is_named_and_what_is_finished_is_kept(tmp_path):
     assert got.episodes.data == evaluate(still, "pond", episodes=100).episodes.data
 
 
-def test_what_a_policy_raises_elsewhere_is_raised_here():
-    with pytest.raises(LookupError, match="no chart of this sea") as caught:
+def test_errors_in_workers_are_raised_in_the_caller():
+    with pytest.raises(LookupError, match="no chart") as caught:
         evaluate(Refuses(), "pond", episodes=2, workers=2, progress=False)
-    assert 'raise LookupError("no chart of this sea")' in str(caught.value.__cause__)
+    assert 'raise LookupError("no chart")' in str(caught.value.__cause__)
     with pytest.raises(RuntimeError, match=r"Unsendable\('1 and 2'\)"):
         run_jobs([Job("x", raises_unsendable)], workers=2)
 
 
-def test_what_cannot_be_sent_is_told():
+def test_a_policy_that_cannot_be_sent_is_reported():
     lock = threading.Lock()
 
     def policy(shown: Any) -> Any:
         with lock:
             return still(shown)
 
-    with pytest.raises(TypeError, match=r"the making of policy for pond cannot be sent.*lock"):
+    with pytest.raises(
+        TypeError, match=r"the construction of policy for pond cannot be sent.*lock"
+    ):
         evaluate(policy, "pond", episodes=2, workers=2, progress=False)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_jobs_may_be_followed_by_others(workers):
     done: list[Any] = []
-    told: list[float] = []
+    reports: list[float] = []
 
     def then(result: int) -> list[Job]:
         done.append(result)
@@ -179,22 +182,14 @@ def test_jobs_may_be_followed_by_others(workers):
             return []
         return [Job("more", add, (result, 2), 1.0, then), Job("last", add, (90, result), 1.0, then)]
 
-    run_jobs([Job("first", add, (1, 1), 2.0, then)], workers=workers, progress=told.append)
+    run_jobs([Job("first", add, (1, 1), 2.0, then)], workers=workers, progress=reports.append)
     assert sorted(done) == [2, 4, 92]
-    assert told == sorted(told)
-    assert told[0] in (1.0, 2.0)
-    assert told[-1] == 4.0
+    assert reports == sorted(reports)
+    assert reports[0] in (1.0, 2.0)
+    assert reports[-1] == 4.0
 
 
-def test_jobs_with_nothing_to_do_count_as_done():
-    told: list[float] = []
-    followers = [Job("", None, weight=2.0), Job("", add, (1, 1), 3.0)]
-    jobs = [Job("", None, weight=5.0), Job("", add, (1, 1), 1.0, lambda result: followers)]
-    run_jobs(jobs, progress=told.append)
-    assert told == [5.0, 5.5, 6.0, 8.0, 9.5, 11.0]
-
-
-def test_here_jobs_are_done_in_their_order_followers_first():
+def test_jobs_run_in_their_order_and_followers_first():
     done: list[int] = []
 
     def last(result: int) -> list[Job]:
@@ -226,7 +221,7 @@ class Slow:
 
     def __call__(self, shown):
         while self.waits:
-            time.sleep(0.05)  # a signal that comes just before a sleep is heard after it
+            time.sleep(0.05)  # short, since a signal just before a sleep waits for its end
         return np.full(shown["positions"].shape[:2], 4)
 
 def main():
@@ -239,7 +234,7 @@ GUARD = 'if __name__ == "__main__":\n    main()\n'
 
 
 def begun(home: Path, workers: int, text: str = SCRIPT + GUARD) -> subprocess.Popen[str]:
-    """A script that evaluates, in a process group of its own, as in a terminal."""
+    """Start a script that evaluates, in a new process group, as in a terminal."""
     (home / "script.py").write_text(text, "utf-8")
     return subprocess.Popen(
         [sys.executable, str(home / "script.py"), str(home), str(workers)],
@@ -251,7 +246,7 @@ def begun(home: Path, workers: int, text: str = SCRIPT + GUARD) -> subprocess.Po
 
 
 def until(happened: Callable[[], bool]) -> None:
-    """Wait for something that other processes do."""
+    """Wait for other processes."""
     end = time.monotonic() + PATIENCE
     while not happened():
         assert time.monotonic() < end
@@ -272,17 +267,17 @@ def lines_of(path: Path) -> list[str]:
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups")
-def test_ctrl_c_stops_at_once_and_a_rerun_goes_on(tmp_path, monkeypatch):
+def test_ctrl_c_stops_the_workers_and_a_rerun_resumes(tmp_path, monkeypatch):
     process = begun(tmp_path, 2)
     stuck = {"10", "15"}
     until(lambda: stuck <= {*lines_of(tmp_path / "played")} and len(Store(tmp_path / "kept")) == 2)
-    os.killpg(process.pid, signal.SIGINT)  # as the terminal does: workers hear it, too
-    _, told = process.communicate(timeout=PATIENCE)
+    os.killpg(process.pid, signal.SIGINT)  # to all processes, as a terminal does
+    _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode != 0
-    assert told.rstrip().endswith("KeyboardInterrupt")
-    assert told.count("Traceback") == 1
+    assert errors.rstrip().endswith("KeyboardInterrupt")
+    assert errors.count("Traceback") == 1
     assert len(Store(tmp_path / "kept")) == 2
-    until(lambda: not is_alive(process.pid))  # nobody is left behind
+    until(lambda: not is_alive(process.pid))  # no process is left
 
     (tmp_path / "played").unlink()
     (tmp_path / "free").touch()
@@ -292,11 +287,26 @@ def test_ctrl_c_stops_at_once_and_a_rerun_goes_on(tmp_path, monkeypatch):
     assert json.loads(printed) == evaluate(still, "pond", episodes=20).episodes.data
 
 
-def test_a_script_without_a_guard_is_told_to_have_one(tmp_path):
-    _, told = begun(tmp_path, 2, SCRIPT + "main()\n").communicate(timeout=PATIENCE)
-    last = told.splitlines()[-1]
-    assert "WorkerCrashed" in last
-    assert 'if __name__ == "__main__"' in last
+def test_a_script_needs_no_main_guard(tmp_path):
+    (tmp_path / "free").touch()
+    printed, errors = begun(tmp_path, 2, SCRIPT + "main()\n").communicate(timeout=PATIENCE)
+    assert errors == ""
+    assert len(json.loads(printed)["endings"]) == 20
+
+
+def test_the_workers_end_when_the_program_is_killed(tmp_path):
+    process = begun(tmp_path, 2)
+    until(lambda: {"10", "15"} <= {*lines_of(tmp_path / "played")})
+    process.kill()
+    process.communicate(timeout=PATIENCE)  # the pipes close when the workers end
+    until(lambda: not is_alive(process.pid))
+
+
+def test_without_joblib_there_is_a_hint(monkeypatch):
+    monkeypatch.setitem(sys.modules, "joblib.externals.loky", None)
+    with pytest.raises(ImportError) as caught:
+        evaluate(still, "pond", episodes=2, workers=2, progress=False)
+    assert str(caught.value) == JOBLIB_HINT
 
 
 # Ray.
@@ -330,7 +340,7 @@ ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
 assert ray.cluster_resources()["CPU"] == 2
 assert len([node for node in ray.nodes() if node["Alive"]]) == 2
 for name, kind, words in (
-    ("dies", WorkerCrashed, "while it was doing episodes 0 to 19 of"),
+    ("dies", WorkerCrashed, "while it was running episodes 0 to 19 of"),
     ("refuses", LookupError, "no chart"),
 ):
     try:
@@ -339,7 +349,7 @@ for name, kind, words in (
         assert words in str(error), error
     else:
         raise AssertionError(name)
-assert ray.is_initialized()  # begun outside, so not ended
+assert ray.is_initialized()  # started outside
 ray.shutdown()
 cluster.shutdown()
 print("the same")
@@ -352,13 +362,13 @@ def dies(shown):
     os._exit(3)
 
 def refuses(shown):
-    raise LookupError("no chart of this sea")
+    raise LookupError("no chart")
 """
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
-def test_figures_are_the_same_on_a_cluster_of_two_nodes(tmp_path):
+def test_results_are_the_same_on_a_cluster_of_two_nodes(tmp_path):
     """Two nodes of one processor each, on this machine."""
     (tmp_path / "fickle.py").write_text(FICKLE + DIES, "utf-8")
     (tmp_path / "cluster.py").write_text(CLUSTER, "utf-8")
@@ -374,8 +384,8 @@ def test_figures_are_the_same_on_a_cluster_of_two_nodes(tmp_path):
     assert done.stdout.splitlines()[-1] == "the same"
 
 
-def test_the_suite_travels_as_it_is():
-    """A search is sent with the work, so both sides mean the same."""
+def test_searches_can_be_pickled():
+    """Workers receive the search itself."""
     again = pickle.loads(pickle.dumps(search("wreck")))
     assert again == search("wreck")
     assert again.fingerprint == search("wreck").fingerprint

@@ -1,4 +1,4 @@
-"""Evaluation of policies: a fixed suite of searches, figures with intervals, stored results.
+"""Evaluate policies on a fixed suite of searches, with confidence intervals.
 
 from DroneSwarmSearch.evaluation import compare, evaluate
 
@@ -7,10 +7,12 @@ greedy = evaluate("greedy-posterior", "classic")
 print(mine.success, mine.time, compare(mine, greedy))
 """
 
-from DroneSwarmSearch.evaluation.files import StorageError, Store
+from DroneSwarmSearch._internal.files import StorageError
+from DroneSwarmSearch.evaluation.contest import leaderboard
+from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.results import (
     Comparison,
-    Episodes,
     Evaluation,
     compare,
     save_csv,
@@ -18,25 +20,23 @@ from DroneSwarmSearch.evaluation.results import (
     save_json,
 )
 from DroneSwarmSearch.evaluation.run import evaluate
-from DroneSwarmSearch.evaluation.statistics import Band, Estimate, Reliability
-from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
+from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
 from DroneSwarmSearch.evaluation.workers import WorkerCrashed
 
 __all__ = [
     "SUITE",
-    "SUITE_VERSION",
-    "Band",
     "Comparison",
     "Episodes",
     "Estimate",
     "Evaluation",
     "NamedSearch",
-    "Reliability",
     "StorageError",
-    "Store",
     "WorkerCrashed",
     "compare",
     "evaluate",
+    "leaderboard",
+    "record",
     "save_csv",
     "save_episodes",
     "save_json",

@@ -1,11 +1,11 @@
-"""What tells one policy from another: a hash of its state and of the code that it runs.
+"""A fingerprint of a policy: a hash of its state and of the code that it runs.
 
-A plain pickle does not serve. It refers to imported code by name alone, and its bytes differ
-from process to process: the order of sets follows PYTHONHASHSEED, classes defined in scripts
-carry random numbers, and equal strings count as shared or not by accident. So a policy is
-pickled here in a form that is never loaded: sets are sorted, values are never shared, and
-functions and classes are written out, with the globals they read, wherever they come from.
-Only installed packages, the standard library and this package are referred to by name.
+The bytes of a plain pickle cannot serve. They refer to imported code only by name, and they differ
+between processes: the order of sets follows PYTHONHASHSEED, classes of scripts contain random
+identifiers, and equal strings may or may not be shared. This module therefore pickles a policy in
+a form that is hashed and never loaded: sets are sorted, values are never shared, and functions and
+classes are written out with the globals that they read. Only installed packages, the standard
+library and this package are referred to by name and version.
 """
 
 from __future__ import annotations
@@ -35,43 +35,44 @@ __all__ = ["NotIdentifiedError", "fingerprint_of_copies"]
 _PACKAGES = ("DroneSwarmSearch", "DroneSwarmSearchEnvironment")
 """Their code is part of every key of the store."""
 
-_INSTALLED = {"site-packages", "dist-packages"}
-
 _PLAIN = (type(None), bool, int, float, complex, str, bytes)
 
 _VALUES = (*_PLAIN, tuple, frozenset, range, slice, types.CodeType, np.dtype, np.generic)
-"""Types of which equal objects are alike, whether they are one object or several."""
+"""Types whose equal objects are equivalent, whether they are shared or not."""
 
 _STATELESS = (
     *(type(threading.Lock()), type(threading.RLock())),
     *(weakref.ref, weakref.WeakKeyDictionary, weakref.WeakValueDictionary),
 )
-"""Locks, and what refers to objects that are held elsewhere: no action follows from them."""
+"""Locks and weak references, on which no action depends."""
 
 _CACHED = type(lru_cache(len))
 
-_NOT_BEHAVIOUR = {
+_SINGLETONS = (type(None), type(NotImplemented), type(...))
+"""Classes that pickle refers to by itself."""
+
+_WITHOUT_EFFECT = {
     *("__dict__", "__weakref__", "__doc__", "__module__", "__orig_bases__", "__parameters__"),
     *("__annotations__", "__annotate__", "__annotate_func__", "__annotations_cache__"),
     *("__slotnames__", "__static_attributes__", "__firstlineno__", "_abc_impl"),
 }
-"""Attributes of classes that change nothing of what they do, or follow from others."""
+"""Attributes of classes that do not change what they do, or follow from other attributes."""
 
 
 class NotIdentifiedError(Exception):
-    """Nothing tells this policy from others; the message says why."""
+    """A policy cannot be distinguished from others; the message says why."""
 
 
 def fingerprint_of_copies(packed: Any) -> str:
-    """A hash of a policy's state and of all the code that it runs.
+    """Hash a policy's state and all the code that it runs.
 
-    It is the same in every process with the same version of Python.
+    The hash is the same in every process with the same version of Python.
 
     Args:
-        packed: the policy, pickled; copies of it are what plays. Or itself, if it cannot be.
+        packed: the pickled policy, whose copies play; or the policy, if it cannot be pickled.
 
     Raises:
-        NotIdentifiedError: it could not be pickled, a part of it cannot be read, or its
+        NotIdentifiedError: the policy cannot be pickled, a part of it cannot be read, or its
             copies differ.
     """
     if not isinstance(packed, bytes):
@@ -86,28 +87,28 @@ def fingerprint_of_copies(packed: Any) -> str:
 
 
 def _fingerprint_of_copy(packed: bytes) -> str:
-    """A copy's fingerprint, taken at once: unpickling another changes the classes of this one."""
+    """Hash a new copy at once: unpickling another one changes the classes of this one."""
     try:
         return _Fingerprint().of(cloudpickle.loads(packed))
-    except Exception as error:  # whatever its parts raise
+    except Exception as error:  # the policy's parts may raise anything
         raise NotIdentifiedError(f"its state cannot be read ({error!r})") from error
 
 
-_Pickler: Any = pickle._Pickler  # the one in Python: its methods can be replaced
+_Pickler: Any = pickle._Pickler  # written in Python, so that its methods can be overridden
 
 
 class _Fingerprint(_Pickler):
-    """Hashes objects as it pickles them; what it writes cannot be loaded.
+    """Hashes objects as it pickles them.
 
-    Functions, classes and modules get numbers where they occur, and are written out one after
-    another at the end: they refer to each other in circles, and in chains of any length.
+    Functions, classes and modules refer to each other in cycles and long chains. They get numbers
+    where they occur, and are written out one after another at the end.
     """
 
     dispatch_table = cloudpickle.Pickler.dispatch_table
 
     def __init__(self, outer: _Fingerprint | None = None) -> None:
         self._hash = hashlib.sha256()
-        super().__init__(_Sink(self._hash), 4)
+        super().__init__(types.SimpleNamespace(write=self._hash.update), 4)
         self._numbers: dict[int, int] = {}
         self._queue: list[Any] = []
         if outer is not None:
@@ -115,9 +116,9 @@ class _Fingerprint(_Pickler):
             self._numbers = dict(outer._numbers)
 
     def of(self, obj: object) -> str:
-        """The hash of an object and of all that it refers to."""
+        """Hash an object and everything that it refers to."""
         self.dump(obj)
-        for each in self._queue:  # which grows
+        for each in self._queue:  # grows in the loop
             self.dump(self._parts(each))
         return self._hash.hexdigest()
 
@@ -126,7 +127,7 @@ class _Fingerprint(_Pickler):
             super().memoize(obj)
 
     def save_global(self, obj: Any, name: str | None = None) -> None:
-        """Refer to something by name; to code that may change by its file, too."""
+        """Write a name, and the hash of the code in which it is defined."""
         super().save_global(obj, name)
         module = sys.modules.get(str(getattr(obj, "__module__", None)))
         if module is not None:
@@ -138,7 +139,9 @@ class _Fingerprint(_Pickler):
             return NotImplemented
         if isinstance(obj, (set, frozenset)):
             return kind, (self._sorted(obj),), getattr(obj, "__dict__", None)
-        if isinstance(obj, types.FunctionType) or (isinstance(obj, type) and obj not in _SINGLE):
+        if isinstance(obj, types.FunctionType) or (
+            isinstance(obj, type) and obj not in _SINGLETONS
+        ):
             return NotImplemented if _is_library(obj) else self._number(obj)
         if isinstance(obj, types.ModuleType):
             if _is_library_module(obj.__name__):
@@ -156,25 +159,25 @@ class _Fingerprint(_Pickler):
         if torch is not None and isinstance(obj, torch.Tensor):
             values = obj.detach().cpu().contiguous().reshape(-1).view(torch.uint8)
             return kind, (str(obj.dtype), tuple(obj.shape), values.numpy().tobytes())
-        if kind not in self.dispatch_table and _pickles_itself(kind):
+        if kind not in self.dispatch_table and _has_own_pickling(kind):
             return self._reduced_and_whole(obj)
         return NotImplemented
 
     def _number(self, obj: Any) -> tuple[Any, ...]:
-        """Stands for a function, a class or a module that is written out later."""
+        """Number a function, a class or a module that is written out later."""
         if id(obj) not in self._numbers:
             self._numbers[id(obj)] = len(self._numbers)
             self._queue.append(obj)
         return int, (self._numbers[id(obj)],)
 
     def _sorted(self, elements: Iterable[Any]) -> list[str]:
-        """What stands for a set's elements, in an order that does not follow from hashes."""
+        """Represent a set's elements in an order that does not depend on their hashes."""
         return sorted(
             repr(each) if _is_plain(each) else _Fingerprint(self).of(each) for each in elements
         )
 
     def _reduced_and_whole(self, obj: Any) -> Any:
-        """An object with a pickling of its own, which may leave out what it reads elsewhere."""
+        """Write an object as it pickles itself, and its attributes, which it may leave out."""
         reduced = obj.__reduce_ex__(4)
         if isinstance(reduced, str):
             return reduced
@@ -184,14 +187,14 @@ class _Fingerprint(_Pickler):
         return function, arguments, whole
 
     def _parts(self, obj: Any) -> tuple[Any, ...]:
-        """All that a function, a class or a module does follows from."""
+        """Everything that determines what a function, a class or a module does."""
         if isinstance(obj, types.FunctionType):
             return (
                 *(obj.__qualname__, obj.__code__, obj.__defaults__, obj.__kwdefaults__),
                 *(obj.__closure__, obj.__dict__, list(_globals_of(obj))),
             )
         if isinstance(obj, type):
-            own = {name: obj.__dict__[name] for name in sorted({*vars(obj)} - _NOT_BEHAVIOUR)}
+            own = {name: obj.__dict__[name] for name in sorted({*vars(obj)} - _WITHOUT_EFFECT)}
             return obj.__qualname__, type(obj), obj.__bases__, own
         held = {
             name: value
@@ -201,26 +204,15 @@ class _Fingerprint(_Pickler):
         return obj.__name__, _code_of(obj), held
 
 
-class _Sink:
-    """Takes what is written into a hash."""
-
-    def __init__(self, digest: Any) -> None:
-        self.write = digest.update
-
-
-_SINGLE = (type(None), type(NotImplemented), type(...))
-"""Classes that pickle knows how to name."""
-
-
 def _is_plain(obj: Any) -> bool:
-    """Whether the `repr` says all."""
+    """Whether the `repr` determines the object."""
     if type(obj) is tuple:
         return all(map(_is_plain, obj))
     return type(obj) in _PLAIN or isinstance(obj, (np.number, np.bool_))
 
 
 def _parts_of_code(code: types.CodeType) -> tuple[Any, ...]:
-    """What code does; neither where it is, nor the numbers of its lines."""
+    """What code does, without its file and line numbers."""
     return (
         *(code.co_code, code.co_consts, code.co_names, code.co_varnames, code.co_freevars),
         *(code.co_cellvars, code.co_flags, code.co_argcount, code.co_posonlyargcount),
@@ -229,9 +221,9 @@ def _parts_of_code(code: types.CodeType) -> tuple[Any, ...]:
 
 
 def _globals_of(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
-    """The globals and modules that a function reads, those of functions inside it included."""
+    """The globals and modules that a function and its inner functions read."""
     codes = [function.__code__]
-    for code in codes:  # which grows
+    for code in codes:  # grows in the loop
         codes += [each for each in code.co_consts if isinstance(each, types.CodeType)]
     names = {name for code in codes for name in code.co_names}
     names |= {each for code in codes for each in code.co_consts if isinstance(each, str)}
@@ -257,12 +249,12 @@ def _imported(name: str, package: str | None) -> Any:
     try:
         name = importlib.util.resolve_name(name, package)
         return name if _is_library_module(name) else importlib.import_module(name)
-    except (Exception, SystemExit):  # the function may never get there, or be ready for it
+    except (Exception, SystemExit):  # the function may never import it
         return name
 
 
 def _read(value: Any, names: set[str], seen: set[types.ModuleType]) -> Any:
-    """A global's value; of a module, those of its attributes that the code may ask for."""
+    """A global's value; of a module, the attributes that the code may read."""
     if not isinstance(value, types.ModuleType) or _is_library_module(value.__name__):
         return value
     if value in seen:
@@ -273,8 +265,8 @@ def _read(value: Any, names: set[str], seen: set[types.ModuleType]) -> Any:
     return value.__name__, _code_of(value), read
 
 
-def _pickles_itself(kind: type) -> bool:
-    """Whether a class that is not installed says how its objects are pickled."""
+def _has_own_pickling(kind: type) -> bool:
+    """Whether a class outside of installed packages defines how its objects are pickled."""
     for name in ("__reduce_ex__", "__reduce__", "__getstate__"):
         owner = next((each for each in kind.__mro__ if name in vars(each)), object)
         if owner is not object and not _is_library(owner):
@@ -286,7 +278,7 @@ def _pickles_itself(kind: type) -> bool:
 
 
 def _is_library(obj: Any) -> bool:
-    """Whether a function or a class is found by its name in an installed module."""
+    """Whether a function or a class can be found by its name in an installed module."""
     name = getattr(obj, "__module__", None)
     if not isinstance(name, str) or not _is_library_module(name):
         return False
@@ -297,7 +289,7 @@ def _is_library(obj: Any) -> bool:
 
 
 def _is_library_module(name: str) -> bool:
-    """Whether a module is of the standard library, of this package, or installed."""
+    """Whether a module belongs to the standard library, to this package or to an installed one."""
     top = name.partition(".")[0]
     if top in _PACKAGES:
         return True
@@ -307,13 +299,13 @@ def _is_library_module(name: str) -> bool:
     if file is None or file in ("built-in", "frozen"):
         return file is not None
     path = Path(file).resolve()
-    if _INSTALLED & {*path.parts}:
+    if {"site-packages", "dist-packages"} & {*path.parts}:
         return top in _distributions()
     return any(path.is_relative_to(each) for each in _standard())
 
 
 def _code_of(module: types.ModuleType) -> str:
-    """A hash that changes with a module's code: of its package's files, or of its own."""
+    """A hash of a module's file, or of the installed package that it belongs to."""
     name, file = module.__name__, getattr(module, "__file__", None)
     if _is_library_module(name):
         return " ".join(sorted(_distributions().get(name.partition(".")[0], ())))
@@ -329,7 +321,7 @@ def _standard() -> tuple[Path, ...]:
 
 @cache
 def _distributions() -> dict[str, list[str]]:
-    """What brings each installed package: a hash of its files' names and hashes, and versions.
+    """The hashes of the versions and files of the distributions of each installed package.
 
     `importlib.metadata.packages_distributions` misses many of them in Python 3.10.
     """

@@ -1,120 +1,114 @@
-"""The leaderboard as a page: Markdown that reads well as it is, on GitHub and in the docs."""
+"""The page of a leaderboard, in Markdown."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
 import DroneSwarmSearch
+from DroneSwarmSearch.evaluation.board import Leaderboard
 from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
+from DroneSwarmSearch.evaluation.tables import markdown_table
 
-if TYPE_CHECKING:
-    from DroneSwarmSearch.evaluation.leaderboard import Leaderboard
-
-__all__ = ["FIGURES", "Table", "markdown", "overview", "suite_table"]
+__all__ = ["PLOTS", "Table", "markdown", "overview", "suite_table"]
 
 Table = list[list[str]]
 """Rows of cells; the first row is the heading."""
 
+WIDTH = 98
+"""Characters in a line of text."""
 
-FIGURES = {
-    "success": "For every search a row with the share of episodes in which each policy found "
-    "everybody by the limit, with intervals, and the bound as a black bar.",
-    "curves": "For every search a panel with the share of episodes in which everybody was found, "
-    "step by step, a curve for each policy, and the bound as a dashed line above them.",
-    "one-search": "The curves of one search, each named at its end.",
+PLOTS = {
+    "success": "For every search, a row with the success of each policy, its interval, and the "
+    "bound as a black bar.",
+    "curves": "For every search, a panel with the success of each policy over time, and the bound "
+    "as a dashed line above the curves.",
+    "one-search": "The success of each policy over time on one search.",
     "episode": "Two maps of one episode, the prior and the posterior, with the drones' tracks.",
-    "reliability": "What the matrix promised against what searches found, for the prior and "
-    "the posterior: the posterior's points lie on the diagonal.",
+    "reliability": "A reliability diagram of the prior and the posterior: the points of the "
+    "posterior lie on the diagonal.",
 }
-"""The pictures, by file name without suffix, and what they show those who cannot see them."""
+"""The plots by file name without suffix, with their text alternatives."""
 
 
-def markdown(board: Leaderboard, command: str, figures: Collection[str] = ()) -> str:
-    """The leaderboard as a page.
+def markdown(board: Leaderboard, command: str, plots: Collection[str] = ()) -> str:
+    """Return the page of a leaderboard.
 
     Args:
-        board: the figures.
-        command: what made it.
-        figures: names of the pictures' files without suffix, of `FIGURES`, that lie beside
-            the page.
+        board: the results.
+        command: the command that made them.
+        plots: the names in `PLOTS` whose files are in the folder of the page.
     """
+    return "\n".join(_lines(board, command, plots)).rstrip() + "\n"
+
+
+def _lines(board: Leaderboard, command: str, plots: Collection[str]) -> Iterator[str]:
     first = board.evaluations[0]
-    count, episodes = len(board.searches), len(first.episodes)
-    lines = [
-        "# Leaderboard",
-        "",
-        *_paragraph(
-            f"{_number(len(board.policies), 'policy', 'policies')} on "
-            f"{_number(count, 'search', 'searches')} of suite {SUITE_VERSION}, "
-            f"{episodes:,} episodes each with the seeds {first.seed:,} to "
-            f"{first.seed + episodes - 1:,}: every policy meets the same seas. Made with "
-            f"DroneSwarmSearch {DroneSwarmSearch.__version__} and NumPy {np.__version__} by"
-        ),
-        "",
-        "```sh",
-        command,
-        "```",
-        "",
-        "## Found by the limit",
-        "",
-        *_paragraph(
-            "The share of episodes, in percent, in which everybody was found by the limit; the "
-            "best of each search in bold."
-        ),
-        "",
-        *_table_lines(overview(board)),
-        "",
-        *_picture("success", figures),
-        "## All searches together",
-        "",
-        *_paragraph(
-            "Means over the searches, each counting alike, with 95 % bootstrap intervals. Time "
-            "is the restricted mean time to find, as a share of the search's limit: less is "
-            "better."
-        ),
-        "",
-        *_table_lines(suite_table(board)),
-        "",
-        *_order(board),
-        *_bounds(board),
-        "## Success over time",
-        "",
-        *_picture("curves", figures),
-        *_picture("one-search", figures),
-        "## Search by search",
-        "",
-        *(line for search in board.searches for line in _section(board, search)),
-        *_pictures_of_one(board, figures),
-        *_how_to_read(board),
-    ]
-    return "\n".join(lines).rstrip() + "\n"
+    episodes = len(first.episodes)
+    yield from ("# Leaderboard", "")
+    yield from _paragraph(
+        f"{_count(len(board.policies), 'policy', 'policies')} on "
+        f"{_count(len(board.searches), 'search', 'searches')} of suite {SUITE_VERSION}, "
+        f"{episodes:,} episodes each with the seeds {first.seed:,} to "
+        f"{first.seed + episodes - 1:,}. All policies face the same random draws. Made with "
+        f"DroneSwarmSearch {DroneSwarmSearch.__version__} and NumPy {np.__version__} by"
+    )
+    yield from ("```sh", command, "```", "", "## Success", "")
+    yield from _paragraph(
+        "The share of episodes, in percent, in which every person was found by the time limit; "
+        "the best of each search in bold."
+    )
+    yield from (*markdown_table(overview(board)), "", *_plot("success", plots))
+    yield from ("## All searches together", "")
+    yield from _paragraph(
+        "Means over the searches with equal weights, with 95 % confidence intervals. Time is the "
+        "restricted mean time to find divided by the time limit: less is better."
+    )
+    yield from (*markdown_table(suite_table(board)), "")
+    yield from _comparisons(board)
+    yield from _bounds(board)
+    yield from ("## Success over time", "", *_plot("curves", plots), *_plot("one-search", plots))
+    yield from ("## Search by search", "")
+    for search in board.searches:
+        yield from _search(board, search)
+    if "episode" in plots:
+        yield from ("## One episode", "", *_plot("episode", plots))
+    if "reliability" in plots and board.posterior is not None:
+        yield from ("## Calibration", "")
+        yield from _paragraph(
+            f"The searches of {board.posterior.policy} on {board.posterior.search.name} by their "
+            "forecast probability of success (POS). The posterior is calibrated. The prior "
+            "ignores earlier searches: its forecasts are too high where drones search again, and "
+            "too low elsewhere."
+        )
+        yield from _plot("reliability", plots)
+    yield from _how_to_read(board)
 
 
 def overview(board: Leaderboard, best: str = "**{}**") -> Table:
-    """A row for each search, a column for each policy: success in percent.
+    """A table of success in percent: a row for each search, a column for each policy.
 
     Args:
-        board: the figures.
-        best: how the best of each search are written.
+        board: the results.
+        best: the format for the best policy of each search.
     """
-    bounded = board.bound_of(board.searches[0].name) is not None
-    rows = [["search", *board.policies, *(["bound"] if bounded else [])]]
+    rows = [["search", *board.policies, *(["bound"] if board.has_bounds else [])]]
     for search in board.searches:
-        told = [_points(board.cells[name, search.name].success.value) for name in board.policies]
-        most = max(told, key=float)
-        row = [search.name, *(best.format(each) if each == most else each for each in told)]
+        shares = [
+            _percent(board.by_name[name, search.name].success.value) for name in board.policies
+        ]
+        most = max(shares, key=float)
+        row = [search.name, *(best.format(each) if each == most else each for each in shares)]
         bound = board.bound_of(search.name)
-        rows.append(row + ([_points(float(bound.by_time[-1]))] if bound is not None else []))
+        rows.append(row + ([] if bound is None else [_percent(float(bound.by_time[-1]))]))
     return rows
 
 
 def suite_table(board: Leaderboard) -> Table:
-    """A row for each policy: its figures on all searches together, in percent."""
+    """A table of the summaries in percent: a row for each policy."""
     bounded = all(each.share_of_bound is not None for each in board.summaries)
     rows = [["policy", "found, %", "time, % of limit", *(["share of bound, %"] if bounded else [])]]
     for each in board.summaries:
@@ -125,175 +119,121 @@ def suite_table(board: Leaderboard) -> Table:
     return rows
 
 
-def _order(board: Leaderboard) -> list[str]:
-    """Whether the policies stand in the order that theory predicts."""
+def _comparisons(board: Leaderboard) -> Iterator[str]:
+    """Whether the policies are in the order that theory predicts."""
     if not board.comparisons:
-        return []
-    rows = [["policy", "against", "found, points", "time, points", "the first"]]
-    for rung in board.comparisons:
-        row = [rung.ahead, rung.behind]
-        row += [_interval(rung.success, 100, signed=True), _interval(rung.time, 100, signed=True)]
-        rows.append([*row, rung.verdict])
-    return [
-        "## In the order of search theory",
-        "",
-        *_paragraph(
-            "Search theory predicts: planner before greedy-posterior, this before greedy-matrix "
-            "and the patterns, and all of them before random. Of trained networks it says "
-            "nothing, but whoever knows the posterior should be ahead of those who do not. "
-            "Differences on the same seas, first less second, in percentage points, with paired "
-            "95 % bootstrap intervals; below 0 in time, the first is faster."
-        ),
-        "",
-        *_table_lines(rows),
-        "",
-    ]
+        return
+    rows = [["first", "second", "the first", "found, points", "time, points"]]
+    for each in board.comparisons:
+        row = [each.first, each.second, each.verdict]
+        row += [_interval(each.success, 100, signed=True), _interval(each.time, 100, signed=True)]
+        rows.append(row)
+    yield from ("## The order of search theory", "")
+    yield from _paragraph(
+        "Search theory predicts that planner is better than greedy-posterior, which is better than "
+        "greedy-matrix and the patterns, which are better than random. It does not rank trained "
+        "networks, but a policy with the posterior should be better than one without. Differences "
+        "in the same episodes, first minus second, in percentage points, with 95 % confidence "
+        "intervals. A negative difference in time means that the first policy is faster."
+    )
+    yield from (*markdown_table(rows, words=3), "")
 
 
-def _bounds(board: Leaderboard) -> list[str]:
-    """What the bounds are, and whether they hold."""
-    found = {search.name: board.bound_of(search.name) for search in board.searches}
+def _bounds(board: Leaderboard) -> Iterator[str]:
+    """The bounds, and whether any policy exceeds them."""
+    if not board.has_bounds:
+        return
     rows = [["search", "bound, %", "duality gap, points", "confidence, %"]]
-    for name, bound in found.items():
-        if bound is not None:
-            sure = "exact" if bound.confidence >= 1.0 else f"{100 * bound.confidence:.4g}"
-            rows.append([name, _points(float(bound.by_time[-1])), f"{100 * bound.gap:.2f}", sure])
-    if len(rows) == 1:
-        return []
-    beyond = [f"{each.policy} on {each.search.name}" for each in board.beyond]
-    holds = "No policy exceeds the bound of any search beyond its interval."
-    if beyond:
-        holds = f"Beyond the bound by more than their interval: {', '.join(beyond)}."
-    return [
-        "## The bounds",
-        "",
-        *_paragraph(
-            "No policy whatever, learned or not, can find everybody more often than this. The "
-            f"bound contains the duality gap of its relaxation and the sampling error. {holds}"
-        ),
-        "",
-        *_table_lines(rows),
-        "",
-    ]
+    for search in board.searches:
+        bound = board.bound_of(search.name)
+        assert bound is not None
+        sure = "exact" if bound.confidence >= 1.0 else f"{100 * bound.confidence:.4g}"
+        value = _percent(float(bound.by_time[-1]))
+        rows.append([search.name, value, f"{100 * bound.gap:.2f}", sure])
+    above = [f"{each.policy} on {each.search.name}" for each in board.above_bound]
+    holds = "No policy's interval lies above the bound of any search."
+    if above:
+        holds = f"Intervals above the bound: {', '.join(above)}."
+    yield from ("## Bounds", "")
+    yield from _paragraph(
+        "No policy, learned or not, can succeed more often than this. The bound includes the "
+        f"duality gap of its relaxation and the sampling error. {holds}"
+    )
+    yield from (*markdown_table(rows), "")
 
 
-def _section(board: Leaderboard, search: NamedSearch) -> Iterator[str]:
-    """One search: why it is there, and everybody's figures."""
+def _search(board: Leaderboard, search: NamedSearch) -> Iterator[str]:
+    """One search: its reason, its parameters and the results of all policies."""
     scenario = search.scenario
     size = scenario.grid_size
-    chances = ", ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
-    yield from (f"### {search.name}", "")
-    yield from _paragraph(search.reason)
-    facts = [
+    detection = ", ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
+    parameters = [
         f"{size} × {size} cells",  # noqa: RUF001
-        _number(scenario.n_drones, "drone", "drones"),
-        _number(len(scenario.person_initial_position), "person", "persons"),
+        _count(scenario.n_drones, "drone", "drones"),
+        _count(len(scenario.person_initial_position), "person", "persons"),
         f"drift ({scenario.vector[0]:g}, {scenario.vector[1]:g})",
         f"disperse constant {scenario.disperse_constant:g}",
-        f"probability of detection {chances}",
+        f"probability of detection {detection}",
         f"limit {scenario.timestep_limit:,} steps",
     ]
-    yield from ("", *_paragraph(f"{'; '.join(facts)}."), "")
-    rows = [["policy", "found, %", "time to find, steps", "share of bound, %"]]
-    for policy in board.policies:
-        each = board.cells[policy, search.name]
+    yield from (f"### {search.name}", "", *_paragraph(search.reason))
+    yield from _paragraph(f"{'; '.join(parameters)}.")
+    evaluations = [board.by_name[policy, search.name] for policy in board.policies]
+    bounded = evaluations[0].share_of_bound is not None
+    rows = [["policy", "found, %", "time to find, steps", *(["share of bound, %"] * bounded)]]
+    for each in evaluations:
+        row = [each.policy, _interval(each.success, 100), _interval(each.time, 1)]
         share = each.share_of_bound
-        row = [policy, _interval(each.success, 100), _interval(each.time, 1)]
-        rows.append([*row, "" if share is None else _interval(share, 100)])
-    if not any(row[-1] for row in rows[1:]):
-        rows = [row[:-1] for row in rows]
-    yield from (*_table_lines(rows), "")
+        rows.append(row if share is None else [*row, _interval(share, 100)])
+    yield from (*markdown_table(rows), "")
 
 
-def _pictures_of_one(board: Leaderboard, figures: Collection[str]) -> list[str]:
-    """One episode, and the calibration of the matrix, if they were drawn."""
-    lines: list[str] = []
-    if "episode" in figures:
-        lines += ["## One episode", "", *_picture("episode", figures)]
-    if "reliability" in figures:
-        shown = board.posterior
-        assert shown is not None
-        lines += [
-            "## What the matrix promises",
-            "",
-            *_paragraph(
-                f"Searches of {shown.policy} on {shown.search.name}, by the chance that the matrix "
-                "shown gave them. A posterior keeps its promises. A prior, which does not know "
-                "of the searches made, promises too much where drones search again, and too "
-                "little elsewhere."
-            ),
-            "",
-            *_picture("reliability", figures),
-        ]
-    return lines
-
-
-def _how_to_read(board: Leaderboard) -> list[str]:
-    bound = (
-        "**share of bound**: found, divided by the bound. The bound allows more than any flight "
-        "can do, so that even the best policy may stay below 100 %."
-    )
-    lines = ["## How to read it", ""]
-    for entry in (
-        "**found**: the share of episodes in which everybody was found by the limit. Search by "
-        "search with Wilson's score interval (1927), over all searches with a bootstrap "
-        "interval (Efron, 1979), each search resampled by itself. All intervals are of 95 %.",
-        "**time to find**: the mean of the step by which everybody was found, the limit standing "
-        "for those not found (restricted mean survival time; Royston and Parmar, 2013). It "
-        "tells policies apart that find as many, but sooner or later.",
-        *([bound] if board.bound_of(board.searches[0].name) is not None else []),
-        "**paired intervals**: the same episode of two policies has the same sea, so differences "
-        "are taken episode by episode; they are surer than two intervals side by side suggest.",
-        "Rows of one's own: `python -m DroneSwarmSearch leaderboard --add module:callable`.",
-    ):
-        wrapped = textwrap.wrap(entry, 96)
-        lines += [f"- {wrapped[0]}", *(f"  {line}" for line in wrapped[1:])]
-    return lines
-
-
-def _table_lines(rows: Table) -> list[str]:
-    """A table in Markdown, aligned as plain text: names to the left, figures to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    left = [_is_text([row[place] for row in rows[1:]]) for place in range(len(widths))]
-
-    def line(cells: Sequence[str]) -> str:
-        padded = (
-            f"{cell:<{width}}" if to_left else f"{cell:>{width}}"
-            for cell, width, to_left in zip(cells, widths, left, strict=True)
+def _how_to_read(board: Leaderboard) -> Iterator[str]:
+    yield from ("## How to read it", "")
+    entries = [
+        "**found**: the share of episodes in which every person was found by the time limit, with "
+        "Wilson's score interval (1927).",
+        "**time to find**: the mean of the step in which the last person was found, with the time "
+        "limit for failures (restricted mean survival time; Royston and Parmar, 2013), with a "
+        "bootstrap interval (Efron, 1979). It distinguishes policies that find equally often.",
+        "**differences**: taken episode by episode, with Newcombe's interval for paired shares "
+        "(1998) and a bootstrap interval for times. They are more precise than the two intervals "
+        "side by side suggest.",
+        "**all searches together**: the intervals of the searches, combined by the square root of "
+        "the sum of squares (MOVER; Zou and Donner, 2008).",
+        "Add your own policy: `python -m DroneSwarmSearch leaderboard --add module:callable`.",
+    ]
+    if board.has_bounds:
+        share = (
+            "**share of bound**: found, divided by the bound. The bound is that of a relaxed "
+            "problem, so even an optimal policy may stay below 100 %."
         )
-        return f"| {' | '.join(padded)} |"
-
-    rule = "|".join(
-        f" {'-' * width} " if to_left else f" {'-' * (width - 1)}: "
-        for width, to_left in zip(widths, left, strict=True)
-    )
-    return [line(rows[0]), f"|{rule}|", *map(line, rows[1:])]
-
-
-def _is_text(column: Iterable[str]) -> bool:
-    return not any(cell.lstrip("*+-\N{MINUS SIGN}")[:1].isdigit() for cell in column)
+        entries.insert(2, share)
+    for entry in entries:
+        first, *others = textwrap.wrap(entry, WIDTH - 2)
+        yield from (f"- {first}", *(f"  {line}" for line in others))
 
 
 def _paragraph(text: str) -> list[str]:
-    return textwrap.wrap(text, 98)
+    return [*textwrap.wrap(text, WIDTH), ""]
 
 
-def _picture(name: str, figures: Collection[str]) -> list[str]:
-    return [f"![{FIGURES[name]}]({name}.png)", ""] if name in figures else []
+def _plot(name: str, plots: Collection[str]) -> list[str]:
+    return [f"![{PLOTS[name]}]({name}.png)", ""] if name in plots else []
 
 
-def _number(count: int, one: str, several: str) -> str:
+def _count(count: int, one: str, several: str) -> str:
     return f"{count:,} {one if count == 1 else several}"
 
 
-def _points(share: float) -> str:
+def _percent(share: float) -> str:
     return f"{100 * share:.1f}"
 
 
-def _interval(figure: Estimate, factor: float, *, signed: bool = False) -> str:
-    """A figure and its interval, with one decimal."""
+def _interval(estimate: Estimate, factor: float, *, signed: bool = False) -> str:
+    """A value and its interval, with one decimal."""
     form = "+.1f" if signed else ".1f"
     value, low, high = (
-        format(each + 0.0, form).replace("-", "\N{MINUS SIGN}") for each in figure.scaled(factor)
+        format(each + 0.0, form).replace("-", "\N{MINUS SIGN}") for each in estimate.scaled(factor)
     )
     return f"{value} [{low}, {high}]"

@@ -1,4 +1,4 @@
-"""What is evaluated: a policy of the registry, or a callable of the user's own."""
+"""The policy to be evaluated: one of this package, or a callable of the user."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class PolicySpec:
     """A policy to be evaluated. Make one with `PolicySpec.of`.
 
     Attributes:
-        name: what it is called in tables and files.
-        identity: what tells it from other policies before it is made, for the store.
-        is_known: whether nothing else is needed to tell it from every other policy: it comes
-            with the package, and so do its weights.
-        policy: what `policies.make` takes; a class, of which an object is made for each
-            search from its `Scenario`; or a callable from observations to actions.
+        name: for tables and files.
+        identity: identifies the policy in the store, as far as it is known before the policy
+            is made.
+        is_known: whether `identity` suffices: the policy and its weights belong to the package.
+        policy: a name or a file for `policies.make`; a class, which is instantiated with the
+            `Scenario` of each search; or a callable from observations to actions.
     """
 
     name: str
@@ -43,38 +43,38 @@ class PolicySpec:
     policy: str | Callable[..., Any]
 
     def __post_init__(self) -> None:
-        # A path in another encoding than the terminal's is no text that can be written.
+        # A path may hold bytes that no text can.
         text = self.name.encode(errors="backslashreplace").decode()
         object.__setattr__(self, "name", text)
 
     @property
     def is_batch_policy(self) -> bool:
-        """Whether it takes the forms of observations that `policies.BatchPolicy` takes, only."""
+        """Whether it only takes the observations that `policies.BatchPolicy` takes."""
         kind: Any = self.policy
         if isinstance(kind, str):
             kind = PPOPolicy if kind.endswith(".npz") else policies.POLICIES[kind]
         return issubclass(kind if inspect.isclass(kind) else type(kind), policies.BatchPolicy)
 
     @property
-    def is_ours(self) -> bool:
-        """Whether its class is of the package, so that what it remembers changes no action."""
+    def is_reusable(self) -> bool:
+        """Whether a copy may play several portions, since its memory changes no action."""
         return self.is_known or (isinstance(self.policy, str) and self.policy.endswith(".npz"))
 
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
-        """A spec from whatever stands for one.
+        """Make a spec from anything that stands for a policy.
 
         Args:
-            policy: a name of the registry (`policies.POLICIES`); a file of weights,
-                "….npz" (`policies.make`); "module:attribute" or "file.py:attribute",
-                where such a callable or class is found; one of these after "name=";
-                a callable or class; or a `PolicySpec`.
-            name: what it shall be called. Results stored under another name are not found.
+            policy: the name of a policy of this package (`policies.POLICIES`); a file of
+                weights, "weights.npz"; "module:attribute" or "file.py:attribute" for a
+                callable or a class; one of these after "name="; a callable or a class; or a
+                `PolicySpec`.
+            name: the policy's name in results.
 
         Raises:
             TypeError: it is none of these.
-            ValueError: there is no such policy, module, file or attribute, or the file holds
-                no weights.
+            ValueError: the policy, module, file or attribute does not exist, or the file
+                does not hold weights.
         """
         if name is not None and not isinstance(name, str):
             raise TypeError(f"name must be a string or None, got {name!r}")
@@ -89,22 +89,18 @@ class PolicySpec:
             return _loaded(policy, name)
         if isinstance(policy, str):
             if policy not in policies.POLICIES:
-                raise ValueError(_no_such(policy))
-            return _registered(policy, name)
+                raise ValueError(_unknown(policy))
+            return _of_package(policy, name)
         if not callable(policy):
             raise TypeError(
-                "policy must be a name of the registry or a callable from observations to "
-                f"actions, got {policy!r}"
+                "policy must be a policy's name or a callable from observations to actions, "
+                f"got {policy!r}"
             )
-        called = getattr(policy, "__name__", type(policy).__name__)
-        return cls(name or str(called), f"callable:{name or ''}", False, policy)
+        own_name = getattr(policy, "__name__", type(policy).__name__)
+        return cls(name or str(own_name), f"callable:{name or ''}", False, policy)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
-        """The policy for a search.
-
-        Args:
-            scenario: the search's parameters.
-        """
+        """Make the policy for a search with the given scenario."""
         made: Callable[..., Any]
         if isinstance(self.policy, str):
             made = policies.make(self.policy, scenario)
@@ -114,32 +110,32 @@ class PolicySpec:
         kind: Any = self.policy
         made = kind(scenario)
         if not callable(made):
-            raise TypeError(f"policy must be a class whose objects can be called, got {kind!r}")
+            raise TypeError(f"policy must be a class of callable objects, got {kind!r}")
         return made
 
 
 _NAMED = re.compile(r"([\w-]+)=")
 
 
-def _no_such(name: str) -> str:
+def _unknown(name: str) -> str:
     near = difflib.get_close_matches(name.lower(), policies.POLICIES, cutoff=0.5)
-    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
     return (
-        f"policy must be a name of the registry ({', '.join(policies.POLICIES)}), "
-        f"'weights.npz', 'module:attribute' or 'file.py:attribute', got {name!r}{meant}"
+        f"policy must be one of {', '.join(policies.POLICIES)}, 'weights.npz', "
+        f"'module:attribute' or 'file.py:attribute', got {name!r}{hint}"
     )
 
 
-def _registered(policy: str, name: str | None) -> PolicySpec:
-    """The spec of a name of the registry, whose entries users may replace."""
+def _of_package(policy: str, name: str | None) -> PolicySpec:
+    """The spec of a name in `policies.POLICIES`, whose entries users may replace."""
     made_by = policies.POLICIES[policy]
     kind = f"{made_by.__module__}.{getattr(made_by, '__qualname__', '')}"
-    ours = inspect.isclass(made_by) and kind.startswith(f"{policies.__name__}.")
-    return PolicySpec(name or policy, f"registry:{policy}:{kind}", ours, policy)
+    is_known = inspect.isclass(made_by) and kind.startswith(f"{policies.__name__}.")
+    return PolicySpec(name or policy, f"registry:{policy}:{kind}", is_known, policy)
 
 
 def _loaded(text: str, name: str | None) -> PolicySpec:
-    """The spec that "module:attribute" or "file.py:attribute" stands for."""
+    """The spec of "module:attribute" or "file.py:attribute"."""
     where, _, attribute = text.rpartition(":")
     try:
         if where.endswith(".py"):
@@ -148,7 +144,7 @@ def _loaded(text: str, name: str | None) -> PolicySpec:
             module, identity = _module(text, where)
     except SystemExit as stop:
         raise ValueError(
-            f"policy must name code that can be imported, but {where} ends the program when it is "
+            f"policy must name code that can be imported, but importing {where} ends the program "
             f"(SystemExit: {stop.code!r})"
         ) from stop
     found: Any = module
@@ -160,21 +156,21 @@ def _loaded(text: str, name: str | None) -> PolicySpec:
 
 
 def _module(text: str, name: str) -> tuple[ModuleType, str]:
-    """A module by its name, and a hash of its source."""
+    """Import a module; returns it with a hash of its source."""
     try:
         module = importlib.import_module(name)
     except (ModuleNotFoundError, TypeError, ValueError) as error:
         if isinstance(error, ModuleNotFoundError) and not f"{name}.".startswith(f"{error.name}."):
-            raise  # the module is there; one that it imports is not
+            raise  # the module exists, but one that it imports does not
         raise ValueError(
             f"policy must name a module, but there is no {name!r} (in {text!r})"
-        ) from (error)
+        ) from error
     source = getattr(module, "__file__", None)
     return module, _hash(Path(source)) if source else name
 
 
 def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
-    """A module from a file, and a hash of the file."""
+    """Execute a file as a module; returns it with a hash of the file."""
     digest = _hash(_existing(text, path))
     name = f"_policy_{path.stem}_{digest[:16]}"
     spec = importlib.util.spec_from_file_location(name, path)
@@ -185,11 +181,11 @@ def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
     if sys.path[:1] != [folder]:
         sys.path.insert(0, folder)  # as when Python runs the file
     try:
-        spec.loader.exec_module(module)  # again each time: it may read other files
+        spec.loader.exec_module(module)  # each time: files that it reads may have changed
     except BaseException:
         del sys.modules[name]
         raise
-    # Workers have no such module: what is in it travels with the policy.
+    # Workers cannot import this module, so its content is pickled with the policy.
     cloudpickle.register_pickle_by_value(module)
     return module, digest
 

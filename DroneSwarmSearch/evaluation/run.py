@@ -1,8 +1,8 @@
-"""Evaluation: a policy plays the episodes of a search, in portions, here or on workers.
+"""Evaluate a policy on a search, in portions of episodes that can be stored.
 
-Portions have a fixed size and each is played by a copy of the policy as it was made, so
-that the figures are the same to the last bit, whatever the workers and whatever was found
-in a store. A policy that cannot be copied by pickling plays itself, without workers alone.
+The size of a portion is fixed, and each portion is played by a fresh copy of the policy. The
+results are therefore identical for any number of workers and after any interruption. A policy
+that cannot be pickled plays all portions itself, in this process.
 """
 
 from __future__ import annotations
@@ -17,25 +17,26 @@ import cloudpickle
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation import workers as work
-from DroneSwarmSearch.evaluation.episodes import checked_view, play
-from DroneSwarmSearch.evaluation.files import Store
+from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.results import Bound, Episodes, Evaluation, checked_bound
+from DroneSwarmSearch.evaluation.results import Bound, Evaluation, checked_bound
+from DroneSwarmSearch.evaluation.rollout import checked_view, play
+from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 
 __all__ = ["PORTION", "EvaluationTask", "evaluate"]
 
 PORTION = 500
-"""Episodes played together, and kept together in a store."""
+"""Episodes that are played and stored together."""
 
 _EPISODE_BYTES = 32
-"""What is kept of an episode at least: four numbers."""
+"""The memory of an episode's results, at least: four numbers."""
 
 Made = bytes | Callable[..., Any]
-"""A policy, pickled; itself only where it cannot be."""
+"""A pickled policy, or the policy itself if it cannot be pickled."""
 
 
 def evaluate(
@@ -56,48 +57,48 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate a policy on a search.
 
-    Episode i has the seed `seed + i`, so every policy meets the same seas. The policy plays
-    in portions of 500 episodes, each with a copy of it as it was given. Of its methods,
-    if it has them, `prepare(drones)` is told the drones' start cells once, before it is
-    copied, and `reset(seed=..., rows=None)` the seeds when a portion begins.
+    Episode i has the seed `seed + i`, so all policies face the same random draws. The policy
+    plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
+    optional methods of the policy are called: `prepare(drones)` with the drones' start cells,
+    once and before it is copied, and `reset(seed=..., rows=None)` with the seeds of each
+    portion.
 
     Args:
-        policy: a name of the registry; "module:attribute" or "file.py:attribute"; or a
-            callable from observations to actions. A class is called with the search's
-            `Scenario` first.
-        search: a name of the suite, a `NamedSearch`, or a `Scenario`.
-        episodes: how many; at least 1.
-        seed: of the first; at least 0.
-        bayesian_update: whether the matrix shown is the posterior, or the drift alone;
-            None: as the search has it.
-        view: what the policy is shown, and what it returns. "swarm": all searches under way
-            as `SwarmVectorEnv` shows them, and in the dict layout their numbers as "row";
-            actions of shape (E, n_drones). "drone": their drones as `DroneVectorEnv` shows
-            them; actions of shape (E * n_drones,). "parallel": one search at a time as
-            `DroneSwarmSearch` shows it; a dict of actions.
-        observation: the layout of the first two, a name of `layouts.LAYOUTS`.
-        workers: processes to play in.
-        ray: play on Ray instead: "local", or a cluster's address.
-        store: where finished portions are kept and looked for; a `Store` or its folder.
-            Portions are found again by the policy's code and state, as it is made for the
-            search and prepared. Where these cannot be told, nothing is stored, and a line on
-            stderr says why.
-        name: what the policy is called; without it, what it calls itself. Portions stored
-            under another name are not found.
-        bound: what no policy can exceed on the search, see `planning.success_bound`.
-        progress: show a progress bar if it takes more than two seconds.
+        policy: the name of a policy of this package; "weights.npz"; "module:attribute" or
+            "file.py:attribute"; or a callable from observations to actions. A class is
+            instantiated with the search's `Scenario`.
+        search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
+        episodes: the number of episodes, at least 1.
+        seed: of the first episode, at least 0.
+        bayesian_update: whether the policy sees the posterior, or the prior that only follows
+            the drift; None: as the search says.
+        view: what the policy sees and returns. "swarm": the observations of `SwarmVectorEnv`
+            for the E episodes that have not ended, in the dict layout with their indices as
+            "row"; actions of shape (E, n_drones). "drone": the observations of
+            `DroneVectorEnv`; actions of shape (E * n_drones,). "parallel": the observations
+            of `DroneSwarmSearch`, one episode at a time; a dict of actions.
+        observation: the layout for "swarm" and "drone": "dict", "flat", "planes", "top-cells"
+            or "crops".
+        workers: the number of processes; more than 1 needs joblib.
+        ray: run on Ray instead: "local", "auto" or the address of a cluster.
+        store: a folder, in which finished portions are stored and looked up. A portion is
+            identified by the policy's code and state. If these cannot be determined, nothing
+            is stored, and a line on stderr says why.
+        name: the policy's name in results. Portions stored under another name are not found.
+        bound: the upper bound for the search, from `planning.success_bound`.
+        progress: show a progress bar after two seconds.
 
     Returns:
-        The episodes, with figures and intervals.
+        The episodes, with estimates and intervals.
 
     Raises:
-        TypeError: an argument is of the wrong type, or what the policy returns.
-        ValueError: an argument is out of its limits, or what the policy returns.
-        ImportError: `ray` is given and Ray is not installed.
-        StorageError: the store cannot be written; what was finished before is kept.
-        WorkerCrashed: a worker ended in mid-work; what was finished before is kept.
+        TypeError: an argument, or what the policy returns, is of the wrong type.
+        ValueError: an argument, or what the policy returns, is out of range.
+        ImportError: joblib or Ray is needed and not installed.
+        StorageError: the store cannot be written; finished portions are kept.
+        WorkerCrashed: a worker process died; finished portions are kept.
     """
-    cell = EvaluationTask(
+    task = EvaluationTask(
         policy,
         search,
         episodes=episodes,
@@ -108,29 +109,28 @@ def evaluate(
         store=store,
         name=name,
     )
-    checked_bound(bound, cell.search)
-    with Progress(f"{cell.spec.name} on {cell.search.name}", episodes, progress) as bar:
-        work.run(cell.jobs(), workers=workers, ray=ray, progress=bar)
-    return cell.evaluation().with_bound(bound)
+    checked_bound(bound, task.search)
+    jobs = task.jobs()
+    with Progress(f"{task.spec.name} on {task.search.name}", task.weight, progress) as bar:
+        work.run(jobs, workers=workers, ray=ray, progress=bar)
+    return task.evaluation().with_bound(bound)
 
 
 class EvaluationTask:
-    """A policy on a search, to be evaluated: the jobs to do, and then the result.
+    """A policy to be evaluated on a search: first the jobs, then the result.
 
-    Jobs of many cells can be run together, to keep all workers busy to the end:
+    The jobs of many tasks can run together, which keeps all workers busy:
 
-        workers.run([job for cell in cells for job in cell.jobs()], workers=2)
-
-    Their weights are episodes.
+        workers.run([job for task in tasks for job in task.jobs()], workers=2)
 
     Args:
-        policy, search, episodes, seed, bayesian_update, view, observation, store, name: as
-            for `evaluate`.
+        policy, search, episodes, seed, bayesian_update, view, observation, store, name: see
+            `evaluate`.
 
     Attributes:
         spec: the policy.
-        search: the search, with `bayesian_update` as it is to be.
-        episodes: how many.
+        search: the search, with `bayesian_update` as it is evaluated.
+        weight: the number of episodes left to play, which are the unit of the jobs' weights.
     """
 
     def __init__(
@@ -149,54 +149,44 @@ class EvaluationTask:
         self.search: NamedSearch = as_named(search)
         if bayesian_update is not None:
             self.search = self.search.with_posterior(bayesian_update)
-        self.episodes = checks.integer("episodes", episodes, 1)
-        checks.fits("their figures", _EPISODE_BYTES * self.episodes, episodes=self.episodes)
+        self.weight = checks.integer("episodes", episodes, 1)
+        checks.fits("their results", _EPISODE_BYTES * self.weight, episodes=self.weight)
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
         self.spec = PolicySpec.of(policy, name)
         if self.spec.is_batch_policy:
-            _check_form(self.spec.name, self._view, self._observation)
-        if store is None or isinstance(store, Store):
-            self._store = store
-        elif isinstance(store, (str, Path)):
-            self._store = Store(store)
-        else:
-            raise TypeError(f"store must be a Store, a folder or None, got {store!r}")
+            _check_view_of_package_policy(self.spec.name, self._view, self._observation)
+        self._store = as_store(store)
         self._identity = self.spec.identity
-        last = self._seed + self.episodes
+        last = self._seed + self.weight
         self._portions = [
             range(first, min(first + PORTION, last)) for first in range(self._seed, last, PORTION)
         ]
         self._done: dict[range, Episodes] = {}
 
     def jobs(self) -> list[Job]:
-        """What is left to do; portions that the store has are taken from it.
+        """Return the jobs that are left; stored portions are loaded.
 
-        What they are found by is known of the package's own policies beforehand. Any other
-        policy is made for it, here and before any portion is played: playing may change what
-        classes and modules hold.
+        The package's own policies are identified without being made. Any other policy is made
+        here to identify it, before a portion is played: playing may change the attributes of
+        its classes and modules.
         """
         made = None
         if self._store is not None and not self.spec.is_known:
-            made = self._identified(self._store)
+            made = self._make_and_identify(self._store)
         missing = [portion for portion in self._portions if not self._load(portion)]
-        stored = Job("", None, weight=sum(map(len, self._portions)) - sum(map(len, missing)))
+        self.weight = sum(map(len, missing))
         if not missing:
-            return [stored]
+            return []
         if made is not None:
-            return [stored, *self._jobs_of_portions(missing, made)]
-        make = Job(
-            self._making,
-            _made,
-            (self.spec, self.search),
-            then=partial(self._jobs_of_portions, missing),
-        )
-        return [stored, make]
+            return list(self._portion_jobs(missing, made))
+        then = partial(self._portion_jobs, missing)
+        return [Job(self._making, _make, (self.spec, self.search), then=then)]
 
-    def _identified(self, store: Store) -> Made:
-        """The policy, made; from now on its portions are found by its fingerprint."""
+    def _make_and_identify(self, store: Store) -> Made:
+        """Make the policy, and add a hash of its code and state to its identity."""
         with work.no_exit(self._making):
-            made = _made(self.spec, self.search, lambda share: None)
+            made = _make(self.spec, self.search, lambda share: None)
         try:
             self._identity = f"{self.spec.identity}:{fingerprint_of_copies(made)}"
         except NotIdentifiedError as error:
@@ -210,7 +200,7 @@ class EvaluationTask:
 
     @property
     def _making(self) -> str:
-        return f"the making of {self.spec.name} for {self.search.name}"
+        return f"the construction of {self.spec.name} for {self.search.name}"
 
     @property
     def is_done(self) -> bool:
@@ -218,7 +208,7 @@ class EvaluationTask:
         return len(self._done) == len(self._portions)
 
     def evaluation(self) -> Evaluation:
-        """The result, once all jobs are done.
+        """Return the result, once all jobs are done.
 
         Raises:
             RuntimeError: they are not.
@@ -235,26 +225,28 @@ class EvaluationTask:
             Episodes.joined([self._done[portion] for portion in self._portions]),
         )
 
-    def _jobs_of_portions(self, portions: list[range], policy: Made) -> Iterator[Job]:
-        is_ours = self.spec.is_ours
+    def _portion_jobs(self, portions: list[range], policy: Made) -> Iterator[Job]:
         for portion in portions:
             yield Job(
                 f"episodes {portion.start} to {portion.stop - 1} of {self.spec.name} on "
                 f"{self.search.name}",
-                _played,
-                (policy, self.search, portion, self._view, self._observation, is_ours),
+                _play,
+                (
+                    *(policy, self.search, portion, self._view, self._observation),
+                    self.spec.is_reusable,
+                ),
                 weight=len(portion),
-                then=partial(self._take_in, portion),
+                then=partial(self._finish, portion),
             )
 
-    def _take_in(self, portion: range, episodes: Episodes) -> Iterable[Job]:
+    def _finish(self, portion: range, episodes: Episodes) -> Iterable[Job]:
         self._done[portion] = episodes
         if self._store is not None:
             self._store.save(self._key(portion), episodes.data)
         return ()
 
     def _load(self, portion: range) -> bool:
-        """Take a portion from the store, if it is there."""
+        """Load a portion from the store, if it has it."""
         data = None if self._store is None else self._store.load(self._key(portion))
         if data is None:
             return False
@@ -269,7 +261,7 @@ class EvaluationTask:
         return portion in self._done
 
     def _key(self, portion: range) -> dict[str, Any]:
-        """All that a portion's episodes follow from."""
+        """Everything that determines a portion's episodes."""
         return {
             "what": "episodes",
             "policy": self._identity,
@@ -280,8 +272,8 @@ class EvaluationTask:
         }
 
 
-def _check_form(name: str, view: str, observation: str) -> None:
-    """Refuse to show a policy of the package what it does not take."""
+def _check_view_of_package_policy(name: str, view: str, observation: str) -> None:
+    """Refuse a view or a layout that the package's policies cannot read."""
     if view == "drone":
         raise ValueError(
             f"view must be 'swarm' or 'parallel' for {name}, which steers whole swarms, got 'drone'"
@@ -293,46 +285,43 @@ def _check_form(name: str, view: str, observation: str) -> None:
         )
 
 
-# What is done by jobs.
+# The jobs.
 
 
-def _made(spec: PolicySpec, search: NamedSearch, report: Report) -> Made:
-    """A policy for a search, prepared for it if it can be."""
+def _make(spec: PolicySpec, search: NamedSearch, report: Report) -> Made:
+    """Make a policy for a search, and call its `prepare`."""
     policy = spec.make(search.scenario)
     prepare = getattr(policy, "prepare", None)
     if prepare is not None:
         prepare(search.drones)
     try:
         packed: bytes = cloudpickle.dumps(policy)
-    except Exception:  # whatever its parts raise; nothing is sent anywhere without workers
+    except Exception:  # its parts may raise anything
         return policy
     return packed
 
 
-def _played(
+def _play(
     policy: Made,
     search: NamedSearch,
     seeds: range,
     view: str,
     observation: str,
-    is_ours: bool,
+    is_reusable: bool,
     report: Report,
 ) -> Episodes:
-    """A portion of episodes."""
+    """Play a portion of episodes."""
     if not isinstance(policy, bytes):
         player = policy
-    elif is_ours:
-        player = _last_unpacked(policy)
+    elif is_reusable:
+        player = _last_unpickled(policy)
     else:
         player = cloudpickle.loads(policy)
     return play(player, search, seeds, view, observation, report)
 
 
 @lru_cache(maxsize=1)
-def _last_unpacked(policy: bytes) -> Callable[..., Any]:
-    """A policy of the registry, the same one as in the portion before.
-
-    What it remembers of earlier episodes changes none of its actions, but spares it work.
-    """
-    unpacked: Callable[..., Any] = cloudpickle.loads(policy)
-    return unpacked
+def _last_unpickled(policy: bytes) -> Callable[..., Any]:
+    """The same copy as in the portion before, whose caches save work."""
+    unpickled: Callable[..., Any] = cloudpickle.loads(policy)
+    return unpickled

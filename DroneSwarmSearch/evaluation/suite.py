@@ -1,8 +1,8 @@
-"""The suite: named searches, fixed for ever, on which policies are compared.
+"""The suite: named searches on which policies are compared.
 
-The searches are data, in `suite_v1.json`, each with the reason for it. Results are
-comparable as long as every parameter stays what it is: a change of any makes another
-version of the suite, in a file of its own.
+The searches are data, in `suite_v1.json`, each with the reason for it. They never change, so
+that results stay comparable; other parameters make another version of the suite, in a file of
+its own.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from DroneSwarmSearch.scenario import Cell, Scenario
 __all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
 
 LISTING = "python -m DroneSwarmSearch evaluate --list"
-"""The command that shows the searches there are."""
+"""The command that lists the searches."""
 
 
 @dataclass(frozen=True)
 class NamedSearch:
-    """A search to be evaluated on, with its name and the reason for it.
+    """A search for evaluations: a scenario with start cells, a name and a reason.
 
     Attributes:
-        name: what it is called in tables and files.
-        reason: what it is there for, in a sentence or two.
+        name: for tables and files.
+        reason: what the search tests, in a sentence or two.
         scenario: its parameters.
-        drones: the drones' start cells (x, y), one for each drone, no two alike; or empty
-            for the usual places, from left to right from (0, 0), row by row.
+        drones: the start cell (x, y) of each drone, all different; empty for the default
+            cells, from (0, 0) to the right, row by row.
 
     Raises:
         TypeError: an attribute is of the wrong type.
@@ -58,56 +58,56 @@ class NamedSearch:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters under the names that `SearchBatch` has for them."""
+        """The parameters as keyword arguments of `SearchBatch`."""
         return {"scenario": self.scenario, "drones_positions": np.array(self.drones)}
 
     @property
     def data(self) -> dict[str, Any]:
-        """The parameters as plain data, for files; neither name nor reason."""
+        """The parameters as plain data for files, without name and reason."""
         return {
             **self.scenario.to_dict(),
-            # One form for one search: a number may stand for all persons.
+            # Equal searches have equal data, also if one number stands for all persons.
             "probability_of_detection": list(self.scenario.detections),
             "drones_positions": [list(cell) for cell in self.drones],
         }
 
     @property
     def fingerprint(self) -> str:
-        """A word of 64 hexadecimal digits that changes if any parameter does."""
+        """A hash of all parameters, 64 hexadecimal digits."""
         text = json.dumps(self.data, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
-        """The same search, showing the drones the posterior (True) or the drift alone."""
+        """The same search, in which drones see the posterior (True) or the prior."""
         flag = checks.boolean("bayesian_update", bayesian_update)
         return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
 
 
 def search(name: str) -> NamedSearch:
-    """A search of the suite by its name.
+    """Return a search of the suite by its name.
 
     Raises:
-        TypeError: the name is no string.
-        ValueError: there is no such search; the message names those with a similar name.
+        TypeError: the name is not a string.
+        ValueError: the suite has no such search; the message lists similar names.
     """
     if not isinstance(name, str):
         raise TypeError(f"search must be the name of a search, got {name!r}")
     if name not in SUITE:
         near = difflib.get_close_matches(name.lower(), SUITE, cutoff=0.5)
-        meant = f"; did you mean {' or '.join(near)}?" if near else ""
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise ValueError(
-            f"search must be one of the suite's, got {name!r}{meant} (`{LISTING}` shows all of "
-            f"them: {', '.join(SUITE)})"
+            f"search must be one of {', '.join(SUITE)}, got {name!r}{hint} "
+            f"(`{LISTING}` describes them)"
         )
     return SUITE[name]
 
 
 def as_named(value: object) -> NamedSearch:
-    """A search from whatever stands for one: a name, a `NamedSearch` or a `Scenario`.
+    """Return a `NamedSearch` from a name, a `NamedSearch` or a `Scenario`.
 
     Raises:
-        TypeError: it is none of these.
-        ValueError: there is no search of that name.
+        TypeError: the value is something else.
+        ValueError: the suite has no search of that name.
     """
     if isinstance(value, NamedSearch):
         return value
@@ -121,9 +121,9 @@ def as_named(value: object) -> NamedSearch:
 
 
 def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
-    told = json.loads(path.read_text("utf-8"))
-    named = [_named(**entry) for entry in told["searches"]]
-    return told["version"], MappingProxyType({each.name: each for each in named})
+    data = json.loads(path.read_text("utf-8"))
+    named = [_named(**entry) for entry in data["searches"]]
+    return data["version"], MappingProxyType({each.name: each for each in named})
 
 
 def _named(
@@ -134,4 +134,4 @@ def _named(
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))
-"""The version of the suite, a string, and its searches by name, in their order."""
+"""The version of the suite, a string, and its searches by name."""

@@ -1,27 +1,26 @@
-"""TabulatedForecasts for the terminal: drawn with rich where it is installed, else plain text."""
+"""Tables of figures, as plain text for the terminal and as Markdown."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
-__all__ = ["figure", "percent", "print_table", "signed"]
+__all__ = ["figure", "markdown_table", "percent", "print_table", "signed"]
 
 
 def percent(estimate: Estimate | None) -> str:
-    """A share with its interval, in percent; "-" for none."""
+    """A share with its interval, in percent; "-" for None."""
     return "-" if estimate is None else figure(estimate.scaled(100.0))
 
 
 def figure(estimate: Estimate) -> str:
-    """A figure of at least 0 with its interval."""
+    """A value of at least 0 with its interval."""
     return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
 
 
 def signed(estimate: Estimate) -> str:
-    """A difference with its interval, each with its sign."""
+    """A difference with its interval, all with their signs."""
     value, low, high = (round(number, 1) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
     return f"{value:+.1f} ({low:+.1f} to {high:+.1f})"
 
@@ -32,36 +31,31 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: in
     Args:
         headers: of the columns.
         rows: the cells of each row.
-        words: so many columns, the first, are words; the others are numbers.
+        words: the number of columns, from the left, that hold words. Words are aligned to
+            the left, numbers to the right.
     """
-    if sys.stdout.isatty() and _print_rich(headers, rows, words):
-        return
-    lines = [list(headers), *map(list, rows)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    lines.insert(1, ["-" * width for width in widths])
-    for line in lines:
-        cells = [
-            cell.ljust(width) if place < words else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+    heading, *others = _aligned([headers, *rows], words)
+    for line in (heading, ["-" * len(cell) for cell in heading], *others):
+        print("  ".join(line).rstrip())
+
+
+def markdown_table(rows: Sequence[Sequence[str]], words: int = 1) -> list[str]:
+    """The lines of a table in Markdown; the first row is the heading."""
+    heading, *others = _aligned(rows, words)
+    rule = [
+        "-" * len(cell) if column < words else "-" * (len(cell) - 1) + ":"
+        for column, cell in enumerate(heading)
+    ]
+    return [f"| {' | '.join(line)} |" for line in (heading, rule, *others)]
+
+
+def _aligned(rows: Sequence[Sequence[str]], words: int) -> list[list[str]]:
+    """The rows with their cells padded to the widths of the columns."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        [
+            cell.ljust(width) if column < words else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
-        print("  ".join(cells).rstrip())
-
-
-def _print_rich(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int) -> bool:
-    """Print it with rich; False where rich is missing."""
-    try:
-        from rich.box import SIMPLE_HEAD
-        from rich.console import Console
-        from rich.table import Table
-    except ImportError:
-        return False
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=0)
-    for place, header in enumerate(headers):
-        if place < words:
-            table.add_column(header, no_wrap=True)
-        else:
-            table.add_column(header, justify="right", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    Console(markup=False, highlight=False).print(table)
-    return True
+        for row in rows
+    ]

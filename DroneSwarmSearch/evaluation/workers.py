@@ -1,62 +1,77 @@
-"""Jobs run here, in processes on this machine, or as tasks of a Ray cluster.
+"""Run jobs in this process, in processes on this machine, or as tasks on Ray.
 
-Wherever a job runs it does the same; results are taken in where `run` was called. So what
-is made of them depends on the jobs alone, not on the workers.
+Jobs return the same results wherever they run, and `run` handles the results in the calling
+process. The figures therefore depend on the jobs alone.
+
+Processes are those of loky, the pool of joblib, with an executor of one process for each
+worker. `joblib.Parallel` itself does not report progress within a job, cannot add jobs that
+follow from a result, and does not say which job a dead worker was running. A pipe ends the
+workers if the calling process is killed, which loky's would survive. On Ray, jobs are plain
+tasks: the backend `ray.util.joblib` returns results only when all jobs are done, so an
+interrupted evaluation would lose its finished work.
 """
 
 from __future__ import annotations
 
 import contextlib
 import importlib
-import multiprocessing
-import multiprocessing.connection
+import multiprocessing.resource_tracker
+import os
+import re
 import signal
+import threading
 import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent import futures
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
+from functools import partial
 from typing import Any
 
 import cloudpickle
 
 from DroneSwarmSearch._internal import checks
 
-__all__ = ["Job", "WorkerCrashed", "no_exit", "run"]
+__all__ = ["Job", "Report", "WorkerCrashed", "no_exit", "run"]
 
 REPORT_EVERY = 0.2
-"""Seconds between what a worker tells of its progress, at least."""
+"""Seconds between the progress reports of a worker."""
 
+JOBLIB_HINT = (
+    "workers > 1 needs the package joblib: pip install 'DroneSwarmSearchEnvironment[evaluation]'"
+)
 RAY_HINT = "ray needs the package Ray: pip install 'DroneSwarmSearchEnvironment[ray]'"
 
 Report = Callable[[float], None]
 
 
-class WorkerCrashed(RuntimeError):  # noqa: N818 (it is what happened)
-    """A worker ended before its job did."""
+class WorkerCrashed(RuntimeError):  # noqa: N818 (not the caller's error)
+    """A worker process died before it finished its job."""
 
 
 @dataclass(eq=False)
 class Job:
-    """A piece of work that can be done anywhere.
+    """A piece of work that can run in any process.
 
     Attributes:
-        label: what it is, for messages: "portion 2 of 4 of planner on classic".
-        function: called with the arguments and, as `report`, a function to be told now
-            and then which share is done. It and they are pickled if the job is done
-            elsewhere. None: there is nothing left to do.
+        label: a description for messages: "episodes 0 to 499 of planner on classic".
+        function: called with `arguments` and with `report`, a function that takes the share
+            done. Function and arguments are pickled if the job runs elsewhere.
         arguments: see `function`.
-        weight: how much work it is, in the unit that progress is told in.
-        then: takes in the result, where `run` was called; returns jobs that follow.
+        weight: the amount of work, in the unit of the progress.
+        then: called with the result in the process that called `run`; returns further jobs.
     """
 
     label: str
-    function: Callable[..., Any] | None
+    function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
     weight: float = 0.0
     then: Callable[[Any], Iterable[Job]] = lambda result: ()
+
+
+Finished = Generator[tuple[Job, Any], None, None]
 
 
 def run(
@@ -66,49 +81,52 @@ def run(
     ray: str | None = None,
     progress: Report = lambda done: None,
 ) -> None:
-    """Do jobs in their order, those that follow from one as soon as it is done.
+    """Run jobs in their order; jobs that follow from a result come next.
+
+    If a job fails, or upon Ctrl-C, the running jobs are stopped. The results of finished
+    jobs have been handled by then.
 
     Args:
-        jobs: what is to be done.
-        workers: processes; with 1 all is done in this one.
-        ray: do it on Ray instead: "local" for this machine, or a cluster's address ("auto":
-            the one that this machine belongs to).
-        progress: told now and then the weight of all that is done.
+        jobs: the jobs.
+        workers: the number of processes; 1 runs everything in this process.
+        ray: run on Ray: "local" for this machine, "auto" or the address of a cluster.
+        progress: called with the weight of all work done.
 
     Raises:
         TypeError: an argument is of the wrong type.
         ValueError: `workers` is less than 1.
-        ImportError: `ray` is given and Ray is not installed.
-        WorkerCrashed: a worker ended before its job did.
-        Exception: whatever a job raises. In each of these cases, and upon Ctrl-C, the other
-            jobs are stopped; those that are done have been taken in.
+        ImportError: joblib or Ray is needed and not installed.
+        WorkerCrashed: a worker died.
+        Exception: any exception that a job raises.
     """
     count = checks.integer("workers", workers, 1)
     if ray is not None and not isinstance(ray, str):
         raise TypeError(f"ray must be 'local', an address or None, got {ray!r}")
-    told = _Told(progress)
-    waiting = deque(_left(jobs, told))
+    waiting = deque(jobs)
+    done = _Done(progress)
+    if not waiting:
+        return
     if ray is not None:
         finished = _on_ray(waiting, ray)
     elif count > 1:
-        finished = _in_processes(waiting, count, told)
+        finished = _in_processes(waiting, count, done.report)
     else:
-        finished = _here(waiting, told)
+        finished = _here(waiting, done.report)
     with contextlib.closing(finished):
         for job, result in finished:
-            told.finished(job)
-            waiting.extendleft(reversed(_left(job.then(result), told)))
+            done.finish(job)
+            waiting.extendleft(reversed([*job.then(result)]))
 
 
 @contextlib.contextmanager
 def no_exit(label: str) -> Iterator[None]:
-    """Turn SystemExit into an error: it would end the program as if all were done.
+    """Turn SystemExit into an error, since it would end the program as if it had succeeded.
 
     Args:
-        label: what is being done.
+        label: the work, for the message.
 
     Raises:
-        RuntimeError: what is done raised SystemExit.
+        RuntimeError: the work raised SystemExit.
     """
     try:
         yield
@@ -118,144 +136,122 @@ def no_exit(label: str) -> Iterator[None]:
         ) from stop
 
 
-def _left(jobs: Iterable[Job], told: _Told) -> list[Job]:
-    """Those of some jobs with something to do; the others are told to be done."""
-    wanted = list(jobs)
-    for job in wanted:
-        if job.function is None:
-            told.finished(job)
-    return [job for job in wanted if job.function is not None]
-
-
-class _Told:
-    """Adds up what jobs tell of their progress."""
+class _Done:
+    """Adds up the progress of all jobs."""
 
     def __init__(self, progress: Report) -> None:
         self._progress = progress
-        self._done = 0.0
-        self._under_way: dict[Job, float] = {}
+        self._finished = 0.0
+        self._running: dict[Job, float] = {}
 
-    def __call__(self, job: Job, share: float) -> None:
-        self._under_way[job] = share * job.weight
-        self._progress(self._done + sum(self._under_way.values()))
+    def report(self, job: Job, share: float) -> None:
+        self._running[job] = share * job.weight
+        self._progress(self._finished + sum(self._running.values()))
 
-    def finished(self, job: Job) -> None:
-        self._under_way.pop(job, None)
-        self._done += job.weight
-        self._progress(self._done + sum(self._under_way.values()))
-
-
-# Each of these takes jobs from a queue that may grow whenever it has given out a result.
-
-Finished = Generator[tuple[Job, Any], None, None]
+    def finish(self, job: Job) -> None:
+        self._running.pop(job, None)
+        self._finished += job.weight
+        self._progress(self._finished + sum(self._running.values()))
 
 
-def _here(waiting: deque[Job], told: _Told) -> Finished:
+# Where jobs run. Each function takes jobs from a queue, which may grow after every result.
+
+
+def _here(waiting: deque[Job], report: Callable[[Job, float], None]) -> Finished:
+    """Run the jobs one after another in this process."""
     while waiting:
         job = waiting.popleft()
-        assert job.function is not None
         with no_exit(job.label):
-            result = job.function(*job.arguments, report=lambda share, job=job: told(job, share))
+            result = job.function(*job.arguments, report=partial(report, job))
         yield job, result
 
 
-# Processes on this machine.
+def _in_processes(
+    waiting: deque[Job], count: int, report: Callable[[Job, float], None]
+) -> Finished:
+    """Run the jobs in processes, each of which belongs to an executor of its own.
 
-
-class _Worker:
-    """A process that does one job after another."""
-
-    def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self.connection, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_work, args=(theirs,), daemon=True)
-        self.job: Job | None = None
-        self.ready = False
-        with _interrupts_held():
-            self.process.start()
-        theirs.close()
-
-    def begin(self, job: Job) -> None:
-        """Give it a job."""
-        self.job = job
-        try:
-            self.connection.send_bytes(_packed(job))
-        except BrokenPipeError:
-            raise self.crashed() from None
-
-    def crashed(self) -> WorkerCrashed:
-        """Why it does not answer any more."""
-        assert self.job is not None
-        self.process.join()
-        hint = ""
-        if not self.ready:
-            hint = (
-                ". It did not even begin: a script that uses workers must keep what it does "
-                'under `if __name__ == "__main__":`, since workers import it'
-            )
-        return _crashed(self.job, f"exit code {self.process.exitcode}", hint)
-
-
-def _in_processes(waiting: deque[Job], count: int, told: _Told) -> Finished:
-    workers: list[_Worker] = []
+    If a process dies, only the job of its executor fails, so the error can name it.
+    """
     try:
-        while True:
-            idle = [worker for worker in workers if worker.job is None]
-            while waiting and (idle or len(workers) < count):
-                if not idle:
-                    idle.append(_Worker())
-                    workers.append(idle[-1])
-                idle.pop().begin(waiting.popleft())
-            busy = {worker.connection: worker for worker in workers if worker.job is not None}
-            if not busy:
-                break
-            for connection in multiprocessing.connection.wait(list(busy)):
-                worker = busy[connection]  # type: ignore[index]
-                job = worker.job
-                assert job is not None
+        loky: Any = importlib.import_module("joblib.externals.loky")
+    except ImportError as error:
+        raise ImportError(JOBLIB_HINT) from error
+    multiprocessing.resource_tracker.ensure_running()  # see _without_interrupts
+    context = loky.backend.get_context("loky")
+    reports, (lifeline, our_end) = context.SimpleQueue(), context.Pipe(duplex=False)
+    executors = [
+        loky.ProcessPoolExecutor(
+            1, context=context, initializer=_start_process, initargs=(reports, lifeline)
+        )
+        for _ in range(count)
+    ]
+    idle, running = executors[::-1], dict[Any, tuple[Job, Any]]()
+    try:
+        while waiting or running:
+            while waiting and idle:
+                job, executor = waiting.popleft(), idle.pop()
+                packed = _packed(job)
+                with _without_interrupts():
+                    future = executor.submit(_perform_in_process, id(job), packed)
+                running[future] = job, executor
+            done, _ = futures.wait(running, REPORT_EVERY, futures.FIRST_COMPLETED)
+            jobs = {id(job): job for job, _ in running.values()}
+            while not reports.empty():
+                key, share = reports.get()
+                if key in jobs:
+                    report(jobs[key], share)
+            for future in done:
+                job, executor = running.pop(future)
+                idle.append(executor)
                 try:
-                    answer = cloudpickle.loads(worker.connection.recv_bytes())
-                except (EOFError, ConnectionResetError):
-                    raise worker.crashed() from None
-                worker.ready = True
-                if answer[0] == "share":
-                    told(job, answer[1])
-                elif answer[0] != "ready":
-                    worker.job = None
-                    yield job, _result(answer)
+                    answer = future.result()
+                except BrokenProcessPool as error:
+                    codes = ", ".join(re.findall(r"\w+\(-?\d+\)", str(error))) or str(error)
+                    raise _crashed(job, codes) from None
+                yield job, _result(answer)
     finally:
-        for worker in workers:
-            worker.connection.close()
-            worker.process.terminate()
-        for worker in workers:
-            worker.process.join(2.0)
-            if worker.process.is_alive():
-                worker.process.kill()
-                worker.process.join()
-            worker.process.close()
+        for executor in executors:
+            executor.shutdown(kill_workers=True)
+        our_end.close()
 
 
-def _work(connection: Connection) -> None:
-    """What a process does: jobs, until nobody is there any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asked for the work will stop it
-    told = 0.0
-
-    def report(share: float) -> None:
-        nonlocal told
-        now = time.monotonic()
-        if now - told >= REPORT_EVERY:
-            told = now
-            connection.send_bytes(cloudpickle.dumps(("share", share)))
-
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        connection.send_bytes(cloudpickle.dumps(("ready",)))
-        while True:
-            connection.send_bytes(_perform(connection.recv_bytes(), report))
+def _on_ray(waiting: deque[Job], address: str) -> Finished:
+    """Run the jobs as Ray tasks, which Ray distributes over its processors."""
+    try:
+        ray: Any = importlib.import_module("ray")
+    except ImportError as error:
+        raise ImportError(RAY_HINT) from error
+    is_ours = not ray.is_initialized()
+    if is_ours:
+        ray.init(address=address, log_to_driver=False, logging_level="error")
+    perform = ray.remote(num_cpus=1, max_retries=0)(_perform)
+    running: dict[Any, Job] = {}
+    try:
+        while waiting or running:
+            while waiting:
+                job = waiting.popleft()
+                running[perform.remote(_packed(job))] = job
+            (task,), _ = ray.wait(list(running), num_returns=1)
+            job = running.pop(task)
+            try:
+                answer = ray.get(task)
+            except ray.exceptions.RayError as error:
+                raise _crashed(job, str(error).splitlines()[0]) from error
+            yield job, _result(answer)
+    finally:
+        for task in running:
+            ray.cancel(task, force=True)
+        if is_ours:
+            ray.shutdown()
 
 
 @contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Keep Ctrl-C back; processes begun meanwhile do not hear it, from their first moment."""
+def _without_interrupts() -> Iterator[None]:
+    """Block Ctrl-C while a process starts; the process inherits this from its first moment.
+
+    Until Python 3.12, starting the resource tracker unblocks signals, so it must run before.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -266,46 +262,37 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-# Tasks of a Ray cluster.
+# In a worker.
+
+_reports: Any = None
+"""The queue for progress reports, in a worker process."""
 
 
-def _on_ray(waiting: deque[Job], address: str) -> Finished:
-    try:
-        ray: Any = importlib.import_module("ray")
-    except ImportError as error:
-        raise ImportError(RAY_HINT) from error
-    begun = not ray.is_initialized()
-    if begun:
-        ray.init(address=address, log_to_driver=False, logging_level="error")
-    perform = ray.remote(num_cpus=1, max_retries=0)(_perform)
-    under_way: dict[Any, Job] = {}
-    try:
-        while waiting or under_way:
-            while waiting:
-                job = waiting.popleft()
-                under_way[perform.remote(_packed(job))] = job
-            done, _ = ray.wait(list(under_way), num_returns=1)
-            job = under_way.pop(done[0])
-            try:
-                answer = cloudpickle.loads(ray.get(done[0]))
-            except ray.exceptions.RayError as error:
-                raise _crashed(job, str(error).splitlines()[0], "") from error
-            yield job, _result(answer)
-    finally:
-        for task in under_way:
-            ray.cancel(task, force=True)
-        if begun:
-            ray.shutdown()
+def _start_process(reports: Any, lifeline: Any) -> None:
+    global _reports
+    _reports = reports
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the calling process stops the workers
+    threading.Thread(target=_exit_with_caller, args=(lifeline,), daemon=True).start()
 
 
-# What goes to a worker and comes back.
+def _exit_with_caller(lifeline: Any) -> None:
+    """End the worker if the calling process is killed, which closes its end of the pipe."""
+    with contextlib.suppress(EOFError, OSError):
+        lifeline.recv()
+    os._exit(1)
 
 
-class _Remote(Exception):  # noqa: N818 (shown as the cause of another exception)
-    """Where in a worker an exception was raised."""
+def _perform_in_process(key: int, packed: bytes) -> bytes:
+    last = 0.0
 
-    def __str__(self) -> str:
-        return f"\n\n{self.args[0]}"
+    def report(share: float) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= REPORT_EVERY:
+            last = now
+            _reports.put((key, share))
+
+    return _perform(packed, report)
 
 
 def _packed(job: Job) -> bytes:
@@ -313,34 +300,42 @@ def _packed(job: Job) -> bytes:
         packed: bytes = cloudpickle.dumps((job.label, job.function, job.arguments))
     except Exception as error:
         raise TypeError(
-            f"{job.label} cannot be sent to a worker ({error}); without workers it can be done"
+            f"{job.label} cannot be sent to a worker ({error}); use workers=1"
         ) from error
     return packed
 
 
 def _perform(packed: bytes, report: Report = lambda share: None) -> bytes:
-    """Do a packed job; returns its result or its exception, packed."""
+    """Run a pickled job; return its result, or its exception and traceback, pickled."""
     try:
         label, function, arguments = cloudpickle.loads(packed)
         with no_exit(label):
             result = function(*arguments, report=report)
-        answer: bytes = cloudpickle.dumps(("result", result))
+        answer: bytes = cloudpickle.dumps((result, None, ""))
     except Exception as error:
         text = traceback.format_exc()
         try:
-            answer = cloudpickle.dumps(("error", error, text))
+            answer = cloudpickle.dumps((None, error, text))
             cloudpickle.loads(answer)
-        except Exception:  # some exceptions cannot travel
-            answer = cloudpickle.dumps(("error", RuntimeError(repr(error)), text))
+        except Exception:  # not every exception can be pickled
+            answer = cloudpickle.dumps((None, RuntimeError(repr(error)), text))
     return answer
 
 
-def _result(answer: tuple[Any, ...]) -> Any:
-    """What a worker's answer tells; raises the exception if it is one."""
-    if answer[0] == "error":
-        raise answer[1] from _Remote(answer[2])
-    return answer[1]
+class _RemoteTraceback(Exception):  # noqa: N818 (the cause of another exception)
+    """The traceback of an exception that was raised in a worker."""
+
+    def __str__(self) -> str:
+        return f"\n\n{self.args[0]}"
 
 
-def _crashed(job: Job, why: str, hint: str) -> WorkerCrashed:
-    return WorkerCrashed(f"a worker process died ({why}) while it was doing {job.label}{hint}")
+def _result(answer: bytes) -> Any:
+    """The result in a worker's answer; raises its exception."""
+    result, error, text = cloudpickle.loads(answer)
+    if error is not None:
+        raise error from _RemoteTraceback(text)
+    return result
+
+
+def _crashed(job: Job, reason: str) -> WorkerCrashed:
+    return WorkerCrashed(f"a worker process died ({reason}) while it was running {job.label}")

@@ -82,7 +82,7 @@ def write_film(
             or the pictures are missing or differ in shape.
     """
     # `evaluation` has a command that makes films.
-    from DroneSwarmSearch.evaluation.files import replacing
+    from DroneSwarmSearch._internal.files import replacing
 
     if not isinstance(path, Path):
         raise TypeError(f"path must be a pathlib.Path, got {path!r}")

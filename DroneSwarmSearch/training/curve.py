@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.evaluation.files import write_bytes, write_text
+from DroneSwarmSearch._internal.files import write_bytes, write_text
 
 __all__ = ["COLUMNS", "Curve", "moving_mean"]
 

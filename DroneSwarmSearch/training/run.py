@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.evaluation.files import replacing
+from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.training.curve import COLUMNS, Curve
 

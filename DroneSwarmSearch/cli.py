@@ -1,0 +1,280 @@
+"""The command line: `python -m DroneSwarmSearch` and `droneswarmsearch`."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import importlib.util
+import io
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from DroneSwarmSearch import demo
+from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+
+__all__ = ["main"]
+
+PROGRAM = "python -m DroneSwarmSearch"
+
+COMMANDS = {
+    "play": "watch a search in a window or in the terminal; the default",
+    "evaluate": "evaluate a policy on searches of the suite",
+    "leaderboard": "compare all policies on the suite: tables, plots, files",
+    "bound": "compute upper bounds on the success of any policy",
+    "record": "film a search: the prior and the posterior",
+}
+
+EVALUATE = """\
+Evaluate a policy on searches of the suite. Success is the share of episodes in which every
+person is found by the time limit; time is the restricted mean time to find (failures count
+with the limit); return is the mean return of the team. All have 95 % intervals. For the same
+seed, all policies face the same random draws.
+"""
+
+EVALUATE_EXAMPLES = """\
+examples:
+  python -m DroneSwarmSearch evaluate --list
+  python -m DroneSwarmSearch evaluate greedy-posterior classic open-sea --bound
+  python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
+  python -m DroneSwarmSearch evaluate my_network.py:policy classic --posterior
+  python -m DroneSwarmSearch evaluate my_network.py:policy classic --view drone --observation flat
+
+Your own policy is a callable from observations to actions, or a class that is instantiated with
+the search's Scenario. It sees what --view and --observation say: "swarm" and "drone" are the
+observations of SwarmVectorEnv and DroneVectorEnv, "parallel" has PettingZoo's form. The file or
+module is executed, with everything it imports: only name code that you trust.
+
+With --out, finished work is kept in DIR/portions, and the same command resumes after an
+interruption. Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
+"""
+
+LEADERBOARD = """\
+Evaluate every policy on every search of the suite, in the same episodes, and write tables and
+plots to DIR (default: leaderboard).
+"""
+
+LEADERBOARD_EXAMPLES = """\
+examples:
+  python -m DroneSwarmSearch leaderboard
+  python -m DroneSwarmSearch leaderboard --episodes 200 --searches pond fog --workers 2
+  python -m DroneSwarmSearch leaderboard --add my_policies.py:MyPolicy --out mine
+
+Finished work is kept in DIR/portions, and the same command resumes after an interruption.
+Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
+"""
+
+BOUND = """\
+Compute a certified upper bound on the probability that any policy finds every person, within
+the time limit and within each earlier step.
+"""
+
+BOUND_EXAMPLES = """\
+examples:
+  python -m DroneSwarmSearch bound pond lagoon
+  python -m DroneSwarmSearch bound all --workers 2 --json > bounds.json
+"""
+
+RECORD = """\
+Film one search of the suite: the prior on the left, the posterior on the right, with the same
+drones and persons.
+"""
+
+RECORD_EXAMPLES = """\
+examples:
+  python -m DroneSwarmSearch record classic --policy greedy-posterior --out classic.gif
+  python -m DroneSwarmSearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
+
+The film shows the episode that `evaluate` plays with the same seed. The left half shows the
+prior, which only follows the drift; the right half shows the exact posterior given the searches
+made. Colours range from 0 to the likeliest cell of each half.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Args:
+        argv: the arguments; None for those of the process.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        SystemExit: help was requested (code 0), or an argument is wrong (code 2).
+    """
+    if argv is None:
+        argv = sys.argv[1:]
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            # An ASCII terminal shows "?" for missing characters, instead of failing.
+            sys.stdout.reconfigure(errors="replace")
+    command, *rest = argv or ("play",)
+    if command == "play":
+        return demo.main(rest)
+    if command.startswith("-") and command not in ("-h", "--help"):
+        return demo.main(argv)
+    parser = _parser()
+    if not command.startswith("-") and command not in COMMANDS:
+        near = difflib.get_close_matches(command, COMMANDS)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        print(f"no such command: {command!r}{hint}\n", file=sys.stderr)
+        parser.print_help(sys.stderr)
+        return 2
+    options = parser.parse_args(argv)
+    options.argv = argv
+    from DroneSwarmSearch.evaluation import commands  # here, so that `play` starts faster
+
+    code: int = getattr(commands, command)(options.parser, options)
+    return code
+
+
+def _format(prog: str) -> argparse.HelpFormatter:
+    return argparse.RawDescriptionHelpFormatter(prog, max_help_position=28)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        formatter_class=_format,
+        usage=f"{PROGRAM} [play] [options]\n       {PROGRAM} COMMAND [arguments]",
+        epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
+    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
+
+    def add(name: str, description: str, examples: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(
+            name,
+            help=COMMANDS[name],
+            description=description,
+            epilog=examples,
+            formatter_class=_format,
+        )
+        command.set_defaults(parser=command)
+        return command
+
+    commands.add_parser("play", help=COMMANDS["play"], add_help=False)
+    _add_evaluate(add("evaluate", EVALUATE, EVALUATE_EXAMPLES))
+    _add_leaderboard(add("leaderboard", LEADERBOARD, LEADERBOARD_EXAMPLES))
+    bound = add("bound", BOUND, BOUND_EXAMPLES)
+    bound.add_argument("searches", metavar="SEARCH", nargs="+", help="of the suite, or all")
+    _add_work(bound)
+    bound.add_argument("--json", action="store_true", help="print all values as JSON")
+    _add_record(add("record", RECORD, RECORD_EXAMPLES))
+    return parser
+
+
+def _add_evaluate(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "policy",
+        metavar="POLICY",
+        nargs="?",
+        help="a policy of this package, or your own: weights.npz of examples/train_ppo.py, "
+        "module:attribute or file.py:attribute, whose code is executed; each also after name=",
+    )
+    parser.add_argument("searches", metavar="SEARCH", nargs="*", help="of the suite, or all")
+    parser.add_argument("--list", action="store_true", help="list the policies and the searches")
+    parser.add_argument(
+        "--posterior", action="store_true", help="show the policy the posterior, not the prior"
+    )
+    parser.add_argument(
+        "--bound", action="store_true", help="also show the upper bound, and the share reached"
+    )
+    _add_episodes(parser)
+    _add_work(parser)
+    output = parser.add_mutually_exclusive_group()
+    output.add_argument("--json", action="store_true", help="print all estimates as JSON")
+    output.add_argument("--csv", action="store_true", help="print the main estimates as CSV")
+
+
+def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--searches", metavar="NAME", nargs="+", help="of the suite (default: all)")
+    parser.add_argument(
+        "--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)} (default: all)"
+    )
+    parser.add_argument(
+        "--add",
+        metavar="POLICY",
+        action="append",
+        default=[],
+        help="your own policy: weights.npz of examples/train_ppo.py, module:attribute or "
+        "file.py:attribute, whose code is executed; each also after name=; may be repeated",
+    )
+    parser.add_argument(
+        "--posterior", action="store_true", help="show your own policies the posterior"
+    )
+    parser.add_argument(
+        "--no-bound", dest="bound", action="store_false", help="leave the bounds out: much faster"
+    )
+    _add_episodes(parser)
+    _add_work(parser)
+    has_joblib = importlib.util.find_spec("joblib") is not None
+    parser.set_defaults(out=Path("leaderboard"), workers=(os.cpu_count() or 1) if has_joblib else 1)
+
+
+def _add_record(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("search", metavar="SEARCH", help="of the suite")
+    parser.add_argument(
+        "--policy",
+        metavar="POLICY",
+        default="planner",
+        help=f"of {', '.join(POLICIES)}, or your own: weights.npz, module:attribute or "
+        "file.py:attribute, whose code is executed (default: planner)",
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)"
+    )
+    parser.add_argument("--out", metavar="FILE", required=True, help="the film, .gif or .mp4")
+    parser.add_argument(
+        "--fps", type=float, default=6.0, help="steps shown per second (default: 6)"
+    )
+    parser.add_argument(
+        "--posterior", action="store_true", help="show the policy the posterior, not the prior"
+    )
+
+
+def _add_episodes(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what is played and what a policy sees."""
+    parser.add_argument(
+        "--episodes", metavar="N", type=int, default=2000, help="of each search (default: 2000)"
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)"
+    )
+    parser.add_argument(
+        "--view", default="swarm", help="what your policy sees: swarm, drone or parallel (swarm)"
+    )
+    parser.add_argument(
+        "--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)"
+    )
+
+
+def _add_work(parser: argparse.ArgumentParser) -> None:
+    """Add the options of commands that take long."""
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=_count,
+        default=1,
+        help="processes; the results do not depend on them (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="local",
+        help="run on Ray: on this machine, or on the cluster at ADDRESS",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        help="write the results to DIR, and resume from it",
+    )
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r}")
+    return int(text)

@@ -1,0 +1,216 @@
+"""The commands evaluate, leaderboard, bound and record; `cli` parses their arguments."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.files import StorageError
+from DroneSwarmSearch.evaluation import contest, recording, reports
+from DroneSwarmSearch.evaluation import workers as work
+from DroneSwarmSearch.evaluation.bounds import BoundTask
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.store import Store
+from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
+from DroneSwarmSearch.rendering.labels import outcome_in_brief
+
+__all__ = ["bound", "evaluate", "leaderboard", "record"]
+
+FAILED, WRONG_ARGUMENTS, INTERRUPTED = 1, 2, 130
+"""Exit codes; 130 is the shells' code for Ctrl-C."""
+
+PORTIONS = "portions"
+"""The folder for finished work within the folder of the results."""
+
+
+def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """Evaluate a policy on searches, print the results, and write them with --out."""
+    if options.list:
+        return _guarded(reports.print_suite, None)
+    if options.policy is None or not options.searches:
+        parser.error("POLICY and SEARCH are needed; `evaluate --list` lists them")
+    store = options.out and Store(options.out / PORTIONS)
+    try:
+        spec = PolicySpec.of(options.policy)
+        tasks = [
+            EvaluationTask(
+                spec,
+                each,
+                episodes=options.episodes,
+                seed=options.seed,
+                bayesian_update=True if options.posterior else None,
+                view=options.view,
+                observation=options.observation,
+                store=store,
+            )
+            for each in _searches(options.searches)
+        ]
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
+    bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
+
+    def run() -> None:
+        finished = []
+        try:
+            what = f"{spec.name} on {len(tasks)} search{'es' * (len(tasks) > 1)}"
+            _do([*bounds, *tasks], what, options)
+        finally:  # also after an error
+            known = {each.search.name: each.bound for each in bounds}
+            finished += [
+                task.evaluation().with_bound(known.get(task.search.name))
+                for task in tasks
+                if task.is_done
+            ]
+            if finished:
+                reports.print_evaluations(finished, options)
+        if options.out is not None:
+            reports.write_evaluations(finished, options.out)
+
+    return _guarded(run, store)
+
+
+def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """Run the leaderboard, print its main tables, and write its files."""
+    store = Store(options.out / PORTIONS)
+    try:
+        checks.integer("workers", options.workers, 1)
+        prepared = contest.Contest(
+            options.policies,
+            options.searches,
+            options.add,
+            view=options.view,
+            observation=options.observation,
+            posterior=options.posterior,
+            episodes=options.episodes,
+            seed=options.seed,
+            store=store,
+            bounds=options.bound,
+        )
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
+
+    def run() -> None:
+        board = prepared.run(workers=options.workers, ray=options.ray, progress=True)
+        contest.compute_intervals(board)
+        reports.print_leaderboard(board)
+        files = contest.write(
+            board, options.out, shlex.join(["python", "-m", "DroneSwarmSearch", *options.argv])
+        )
+        print(f"\nwritten to {options.out}: {', '.join(path.name for path in files)}")
+
+    return _guarded(run, store)
+
+
+def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """Compute bounds and print them."""
+    store = options.out and Store(options.out / PORTIONS)
+    try:
+        tasks = [BoundTask(each, store) for each in _searches(options.searches)]
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
+
+    def run() -> None:
+        count = len(tasks)
+        try:
+            _do(tasks, f"bound{'s' * (count > 1)} of {count} search{'es' * (count > 1)}", options)
+        finally:  # also after an error
+            done = [(each.search, each.bound) for each in tasks if each.bound is not None]
+            if done:
+                reports.print_bounds(done, options.json)
+
+    return _guarded(run, store)
+
+
+def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """Film one episode."""
+    try:
+        last = recording.record(
+            options.policy,
+            options.search,
+            options.out,
+            seed=options.seed,
+            bayesian_update=True if options.posterior else None,
+            fps=options.fps,
+        )
+    except KeyboardInterrupt:
+        print("\ninterrupted: no film was written", file=sys.stderr)
+        return INTERRUPTED
+    except ImportError as error:
+        _give_up(parser, str(error))
+    except OSError as error:
+        _give_up(parser, f"cannot write {options.out}: {error.strerror or error}")
+    except (TypeError, ValueError) as error:
+        _give_up(parser, str(error))
+    print(f"{options.out}: {options.policy} searching {options.search}, {outcome_in_brief(last)}")
+    return 0
+
+
+def _do(
+    tasks: Sequence[EvaluationTask | BoundTask], what: str, options: argparse.Namespace
+) -> None:
+    jobs = [job for task in tasks for job in task.jobs()]
+    with Progress(what, sum(task.weight for task in tasks)) as bar:
+        work.run(jobs, workers=options.workers, ray=options.ray, progress=bar)
+
+
+def _searches(names: Sequence[str]) -> list[NamedSearch]:
+    return [search(name) for name in (SUITE if "all" in names else dict.fromkeys(names))]
+
+
+# Errors.
+
+
+def _guarded(command: Callable[[], None], store: Store | None) -> int:
+    """Run a command, report what stopped it, and return the exit code.
+
+    Args:
+        command: the work, after its arguments have been checked.
+        store: where finished work is kept, if anywhere.
+    """
+    try:
+        command()
+    except KeyboardInterrupt:
+        return _stopped("interrupted", store, INTERRUPTED)
+    except StorageError as error:
+        reason = f"{error.filename}: {error.strerror}; repeat the command to resume"
+        return _stopped(reason, None)
+    except (work.WorkerCrashed, ImportError) as error:
+        return _stopped(str(error), store)
+    except BrokenPipeError:
+        # The reader of stdout has gone; Python must not fail when it flushes the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        return _stopped(_described(error), store)
+    return 0
+
+
+def _described(error: Exception) -> str:
+    """An error in one line if `evaluation` raised it, otherwise with its traceback."""
+    innermost = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    is_ours = innermost.is_relative_to(Path(__file__).parent)
+    if is_ours and error.__cause__ is None and isinstance(error, (OSError, TypeError, ValueError)):
+        return f"{type(error).__name__}: {error}"
+    return "".join(traceback.format_exception(error)).rstrip()
+
+
+def _stopped(reason: str, store: Store | None, code: int = FAILED) -> int:
+    kept = ""
+    if store is not None and len(store):
+        kept = f"; finished work is kept in {store.directory}; repeat the command to resume"
+    print(f"{reason}{kept}", file=sys.stderr)
+    return code
+
+
+def _give_up(parser: argparse.ArgumentParser, message: str) -> NoReturn:
+    parser.exit(WRONG_ARGUMENTS, f"{parser.prog}: error: {message}\n")
+    raise AssertionError("unreachable: the parser exits")

@@ -1,0 +1,146 @@
+"""Film one episode: the prior on the left, the posterior on the right.
+
+Two environments with the same seed and the same actions run through the same episode. One shows
+the prior, the other the posterior, so both halves of a picture show the same drones and persons.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
+from DroneSwarmSearch.evaluation.workers import no_exit
+from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
+from DroneSwarmSearch.rendering.frame import Frame
+
+__all__ = ["FPS", "frames", "record"]
+
+FPS = 6.0
+"""Steps shown per second."""
+
+FPS_LEAST, FPS_MOST = 0.1, 50.0
+"""The range of `fps`; a GIF cannot be faster."""
+
+HOLD = 3.0
+"""Seconds for which the last picture stays."""
+
+GIF_WIDTH = 1000
+"""The largest width in pixels."""
+
+
+def record(
+    policy: object,
+    search: object,
+    path: str | os.PathLike[str],
+    *,
+    seed: int = 0,
+    name: str | None = None,
+    bayesian_update: bool | None = None,
+    fps: float = FPS,
+) -> Frame:
+    """Film one episode: the prior on the left, the posterior on the right.
+
+    An existing file is only replaced when the film is complete.
+
+    Args:
+        policy: as for `evaluate`; a callable sees one search, as `DroneSwarmSearch` shows it.
+        search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
+        path: the file, .gif or .mp4.
+        seed: of the episode, an integer >= 0.
+        name: the policy's name in the picture.
+        bayesian_update: whether the policy sees the posterior or the prior; None: as the
+            search says.
+        fps: steps shown per second, from 0.1 to 50.
+
+    Returns:
+        The last frame of the episode, with the posterior as its matrix.
+
+    Raises:
+        ImportError: a package of the extra "video" is missing, or its ffmpeg.
+        OSError: the file cannot be written.
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of range, or a name is unknown.
+    """
+    from DroneSwarmSearch.rendering.side_by_side import SideBySide
+
+    target = Path(path)
+    if target.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r}")
+    rate = checks.real("fps", fps, FPS_LEAST, FPS_MOST)
+    spec, where = PolicySpec.of(policy, name), as_named(search)
+    pairs = frames(spec, where, seed=seed, bayesian_update=bayesian_update)
+    title = f"{spec.name} searching {where.name}, seed {seed}"
+    side_by_side = SideBySide(where.scenario.grid_size, title)
+    last: list[Frame] = []
+
+    def pictures() -> Iterator[NDArray[np.uint8]]:
+        for prior, posterior in pairs:
+            last[:] = [posterior]
+            bar(posterior.step)
+            yield side_by_side.pixels(prior, posterior)
+
+    with Progress(f"film of {title}", where.scenario.timestep_limit) as bar:
+        write_film(target, pictures(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
+    return last[0]
+
+
+def frames(
+    policy: object,
+    search: object,
+    *,
+    seed: int = 0,
+    bayesian_update: bool | None = None,
+) -> Iterator[tuple[Frame, Frame]]:
+    """Play one episode in two environments, with the prior and with the posterior.
+
+    The arguments are those of `record`.
+
+    Returns:
+        An iterator over the steps, from the state after `reset`: the frame with the prior as
+        its matrix, and the frame with the posterior.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of range, or a name is unknown.
+    """
+    where = as_named(search)
+    scenario = where.scenario
+    first = checks.integer("seed", seed, 0)
+    if bayesian_update is None:
+        bayesian_update = scenario.bayesian_update
+    else:
+        bayesian_update = checks.boolean("bayesian_update", bayesian_update)
+    with no_exit(f"the policy on {where.name}"):
+        made = PolicySpec.of(policy).make(scenario)
+    return _frames(made, where, first, bayesian_update)
+
+
+def _frames(
+    policy: Callable[..., Any], search: NamedSearch, seed: int, bayesian_update: bool
+) -> Iterator[tuple[Frame, Frame]]:
+    with no_exit(f"the policy on {search.name}"):
+        prior, posterior = (_environment(search, updates) for updates in (False, True))
+        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
+        reset = getattr(policy, "reset", None)
+        if reset is not None:
+            reset(seed=seed)
+        yield prior.frame(), posterior.frame()
+        while prior.agents:
+            actions = policy(shown[bayesian_update])
+            shown = [env.step(actions)[0] for env in (prior, posterior)]
+            yield prior.frame(), posterior.frame()
+
+
+def _environment(search: NamedSearch, bayesian_update: bool) -> DroneSwarmSearch:
+    scenario = search.scenario.replace(bayesian_update=bayesian_update)
+    return DroneSwarmSearch(scenario=scenario, render_mode=None)
