@@ -177,20 +177,6 @@ def constant_docstring(name: str) -> list[str]:
     return []
 
 
-def evaluate_types(app: Sphinx, function: Any, bound_method: bool) -> None:
-    """Evaluate the annotations of constructors, which autodoc leaves as strings."""
-    if getattr(function, "__annotations__", None):
-        with contextlib.suppress(AttributeError, NameError, TypeError):
-            function.__annotations__ = typing.get_type_hints(function)
-
-
-def skip_tuple_fields(
-    app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object
-) -> bool | None:
-    """Skip the fields of named tuples, which the class docstring describes."""
-    return True if type(thing).__name__ == "_tuplegetter" else None
-
-
 def find_in_package(
     app: Sphinx, env: Any, node: addnodes.pending_xref, shown: nodes.Node
 ) -> nodes.Node | None:
@@ -233,7 +219,5 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", (inline_mathml, None), (block_mathml, None))
     app.add_transform(BothThemes)
     app.add_directive("command-help", CommandHelp)
-    app.connect("autodoc-before-process-signature", evaluate_types)
     app.connect("autodoc-process-docstring", read_docstring)
-    app.connect("autodoc-skip-member", skip_tuple_fields)
     app.connect("missing-reference", find_in_package)
