@@ -324,10 +324,10 @@ def test_paths_without_diagonals():
 
 
 def test_what_the_guide_says_went_wrong_has_a_test_each():
-    text = section(OF_DSSE, "What went wrong there")
+    text = section(OF_DSSE, "Known problems in DSSE")
     faults = re.findall(r"^- ", text, re.MULTILINE)
     names = re.findall(r"\[`(\w+)`\]", text)
-    assert len(names) == len(faults) > 10
+    assert len(names) == len(faults) > 5
     assert all(f"test_dsse_{name}" in globals() for name in names)
 
 
@@ -378,9 +378,9 @@ def test_tables_of_parameters_of_dsse(dsse):
     ):
         table = {code(row[0]): code(row[1]) for row in dsse_parameters(title)}
         signature = inspect.signature(kind).parameters
-        assert {name: ast.literal_eval(value) for name, value in table.items()} == {
-            name: parameter.default for name, parameter in signature.items()
-        }
+        for name, value in table.items():
+            assert ast.literal_eval(value) == signature[name].default
+        assert all(f"`{name}`" in section(OF_DSSE, title) for name in signature)
 
 
 def test_table_of_actions_of_dsse(dsse):
