@@ -1,17 +1,16 @@
-"""Makes the figures of the documentation, from this package, in a light and a dark theme.
+"""Draw the figures of the documentation, in a light and a dark theme.
 
-    python docs/make_figures.py
+    python docs/make_figures.py [NAME ...]
 
-writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function that `figure`
-registers; names given as arguments make those alone. The same code and the same matplotlib
-give the same bytes. `calibration` draws from `docs/figures/calibration.csv`, which
+This writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for all registered figures, or
+for those named. The same code and Matplotlib version produce the same bytes. `calibration`
+draws `docs/figures/calibration.csv`, which
 `python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures, and `speed`
 from what `python -m DroneSwarmSearch bench --json docs/figures/bench.json` does; everything else
-is worked out here, within seconds.
+is computed here, within seconds.
 
-To add a figure, write a function from a `Theme` and a `Sampling` to a matplotlib `Figure` and
-decorate it with its name. Figures are 576 pixels wide, so that their text can still be read
-where a phone shrinks them.
+To add a figure, write a function from a `Theme` and a `Sampling` to a Matplotlib `Figure` and
+decorate it with its name. Figures are 576 pixels wide, so that text stays readable on a phone.
 """
 
 from __future__ import annotations
@@ -39,7 +38,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ProbabilityMatrix
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.probability_matrix import gaussian_cdf
 from DroneSwarmSearch.policies import GreedyPolicy
@@ -50,21 +50,21 @@ FIGURES = Path(__file__).parent / "figures"
 Floats = NDArray[np.float64]
 
 WIDTH = 6.0
-"""Of every figure, in inches of 96 pixels; a page's column has some 700."""
+"""The width of every figure, in inches of 96 pixels; a page is about 700 pixels wide."""
 
 
 class Theme(NamedTuple):
     """The colours of a theme.
 
     Attributes:
-        name: the suffix of its files.
-        ground: behind everything; the page's own.
-        ink: text and what matters most.
-        grey: axes, and what matters least.
+        name: the suffix of the files.
+        ground: the background, as on the page.
+        ink: text and the main data.
+        grey: axes and minor data.
         faint: grid lines.
-        heat: of probabilities, from none to the most.
-        series: of lines, told apart by people with any common colour vision.
-        track: of tracks over probabilities.
+        heat: probabilities, from 0 to the maximum.
+        series: lines; distinguishable with any common form of colour blindness.
+        track: tracks drawn over probabilities.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Theme(NamedTuple):
         return LinearSegmentedColormap.from_list(f"heat-{self.name}", self.heat)
 
 
-# Series after M. Okabe and K. Ito, Color universal design, 2008; lighter on a dark ground.
+# Series after M. Okabe and K. Ito, Color universal design, 2008; lighter in the dark theme.
 THEMES = (
     Theme(
         name="light",
@@ -108,10 +108,10 @@ THEMES = (
 
 
 class Sampling(NamedTuple):
-    """How much is sampled.
+    """The amount of sampling.
 
     Attributes:
-        episodes: the episodes that a figure plays.
+        episodes: the number of episodes that a figure runs.
     """
 
     episodes: int
@@ -124,7 +124,7 @@ REGISTRY: dict[str, Drawing] = {}
 
 
 def figure(name: str) -> Callable[[Drawing], Drawing]:
-    """Register the function that draws a figure."""
+    """Register the decorated function under a figure's name."""
 
     def register(draw: Drawing) -> Drawing:
         REGISTRY[name] = draw
@@ -134,7 +134,7 @@ def figure(name: str) -> Callable[[Drawing], Drawing]:
 
 
 def style_of(theme: Theme) -> dict[str, Any]:
-    """Matplotlib's settings for a theme."""
+    """The Matplotlib settings of a theme."""
     return {
         "font.family": "DejaVu Sans",  # ships with matplotlib
         "font.size": 9.5,
@@ -171,14 +171,14 @@ def style_of(theme: Theme) -> dict[str, Any]:
     }
 
 
-def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = None) -> None:
+def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, maximum: float | None = None) -> None:
     """Draw the probabilities of cells, rows downward."""
     axes.imshow(
         matrix,
         cmap=theme.probabilities,
         vmin=0.0,
-        vmax=matrix.max() if most is None else most,
-        interpolation="none",  # the file holds one pixel for each cell
+        vmax=matrix.max() if maximum is None else maximum,
+        interpolation="none",  # one pixel per cell in the file
         origin="upper",
     )
     axes.spines[["top", "right"]].set_visible(True)
@@ -187,7 +187,7 @@ def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = N
 
 
 def name_axes(panels: NDArray[Any]) -> None:
-    """Write x below and y to the left of a square of maps."""
+    """Label the outer axes of a grid of maps with x and y."""
     for axes in panels[-1]:
         axes.set_xlabel("x")
     for axes in panels[:, 0]:
@@ -208,7 +208,7 @@ def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
 
 @figure("gaussian")
 def gaussian(theme: Theme, sampling: Sampling) -> Figure:
-    """The matrix at several times, with the way of its centre."""
+    """The matrix at several steps, with the movement of its mean."""
     forecast = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
     chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
@@ -229,15 +229,15 @@ def gaussian(theme: Theme, sampling: Sampling) -> Figure:
             axes.add_patch(box)
         axes.set(xlim=(-0.5, 39.5), ylim=(39.5, -0.5))
         axes.set_title(f"step {step}")
-        most = forecast.exact(step).max()
-        axes.set_title(f"at most {most:.2g}", loc="right", color=theme.grey, fontsize=8.5)
+        maximum = forecast.exact(step).max()
+        axes.set_title(f"max {maximum:.2g}", loc="right", color=theme.grey, fontsize=8.5)
     name_axes(panels)
     return chart
 
 
 @figure("clip")
 def clip(theme: Theme, sampling: Sampling) -> Figure:
-    """The Gaussian, what can be reached, and what becomes of it."""
+    """The Gaussian, the reachable values, and the forecast between them."""
     forecast = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2)
@@ -252,7 +252,7 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
             color=theme.series[0],
             alpha=0.22,
             linewidth=0,
-            label="within reach",
+            label="reachable",
         )
         axes.stairs(
             target_cdf(forecast, step),
@@ -273,35 +273,35 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
         axes.set_title(f"step {step}")
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.grid(axis="y")
-    panels[0, 0].set_ylabel("chance of a column up to x")
-    panels[1, 0].set_ylabel("chance of a column up to x")
+    panels[0, 0].set_ylabel("probability of a column ≤ x")
+    panels[1, 0].set_ylabel("probability of a column ≤ x")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=3, columnspacing=1.4)
     axes = panels[1, 1]
     for drift in (0.5, 0.8, 0.9, 1.0):
         long = ProbabilityMatrix(200, (10, 10), (drift, 0.0), 10)
         steps = np.arange(1, 61)
-        apart = [
+        distance = [
             np.abs(np.diff(marginal_cdf(long, t) - target_cdf(long, t), prepend=0.0)).sum() / 2
             for t in steps
         ]
-        axes.plot(steps, apart, color=theme.series[0], linewidth=1.4)
+        axes.plot(steps, distance, color=theme.series[0], linewidth=1.4)
         axes.annotate(
             f"{drift:g}",
-            (16, apart[15]),
+            (16, distance[15]),
             (0, 5 if drift < 1.0 else -13),
             textcoords="offset points",
             fontsize=8.5,
         )
     axes.set(xlim=(0, 60), ylim=(0, 0.52), xlabel="step")
-    axes.set_title("F and G apart, by drift")
+    axes.set_title("total variation of F and G, by drift")
     axes.grid(axis="y")
     return chart
 
 
 @cache
-def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
-    """A forecast, and the columns of some persons under it, shape (steps + 1, count)."""
+def trajectories(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
+    """A forecast, and the columns of sampled persons, shape (steps + 1, count)."""
     forecast = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
     envs = SwarmVectorEnv(
         count,
@@ -320,32 +320,32 @@ def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
 
 @figure("person")
 def person(theme: Theme, sampling: Sampling) -> Figure:
-    """The moves of a person along x at one step, and some walks."""
-    forecast, columns = walks(6)
+    """A person's moves along x at one step, and some trajectories."""
+    forecast, columns = trajectories(6)
     at = 20
     chart = Figure(figsize=(WIDTH, 7.0), layout="constrained")
     forecast_axes, moves, tracks = chart.subplots(3, 1, sharex=True, height_ratios=(0.8, 1.1, 2.4))
     edges = np.arange(-0.5, 40)
     probability = forecast.marginals(at)[0]
     forecast_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
-    forecast_axes.set_ylabel("chance")
-    forecast_axes.set_title(f"where the person is at step {at}")
+    forecast_axes.set_ylabel("probability")
+    forecast_axes.set_title(f"the person's column at step {at}")
     right, left, _, _ = forecast.moves(at)
-    shown = probability > 1e-4
+    visible = probability > 1e-4
     bottom = np.zeros(40)
-    shares = {"left": (left, 1), "stays": (1 - left - right, None), "right": (right, 0)}
+    shares = {"left": (left, 1), "stay": (1 - left - right, None), "right": (right, 0)}
     for name, (share, series) in shares.items():
         colour = theme.faint if series is None else theme.series[series]
-        top = bottom + np.where(shown, share, 0.0)
+        top = bottom + np.where(visible, share, 0.0)
         moves.stairs(top, edges, baseline=bottom, fill=True, color=colour, label=name)
         bottom = top
-    moves.set_ylabel("share")
-    moves.set_title("where it goes from there")
+    moves.set_ylabel("probability")
+    moves.set_title("the next move, given the column")
     middle = (bottom > 0).nonzero()[0]
     centre = int(middle.mean())
     heights = left[centre] / 2, (1 + left[centre] - right[centre]) / 2, 1 - right[centre] / 2
     for name, height in zip(shares, heights, strict=True):
-        colour = theme.ink if name == "stays" else theme.ground
+        colour = theme.ink if name == "stay" else theme.ground
         moves.text(centre, height, name, ha="center", va="center", color=colour, fontsize=8.5)
     matrix = np.array([forecast.marginals(step)[0] for step in range(41)])
     tracks.imshow(
@@ -369,22 +369,22 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
         )
     tracks.axhline(at, color=theme.grey, linewidth=1.0, linestyle=(0, (3, 2)))
     tracks.set(xlim=(5.5, 34.5), ylim=(40.5, -0.5), xlabel="x", ylabel="step")
-    tracks.set_title("six persons over the matrix's columns")
+    tracks.set_title("six trajectories over the forecast")
     for axes in (forecast_axes, moves):
         axes.grid(axis="y")
     return chart
 
 
 class Miss(NamedTuple):
-    """A search that found nobody, step by step.
+    """An unsuccessful search, step by step.
 
     Attributes:
         actions: shape (steps, drones).
         positions: the drones' cells (x, y) before each step, shape (steps + 1, drones, 2).
-        matrices: shown before each step, shape (steps + 1, N, N).
-        prior: the matrices of the drift alone, likewise.
-        kept: the chance that the searches of each step find nobody, given that those before
-            have not, shape (steps,).
+        matrices: the posterior before each step, shape (steps + 1, N, N).
+        prior: the forecast before each step, shape (steps + 1, N, N).
+        kept: the probability that the searches of each step find nobody, given that the earlier
+            ones have not, shape (steps,).
     """
 
     actions: NDArray[np.int64]
@@ -403,31 +403,31 @@ SCENE: dict[str, Any] = {
     "timestep_limit": 60,
     "bayesian_update": True,
 }
-AT_FIRST = [(0, 4), (0, 10), (0, 16)]
-"""Where the drones of `SCENE` begin."""
+START_CELLS = [(0, 4), (0, 10), (0, 16)]
+"""The drones' start cells in `SCENE`."""
 
 
 @cache
 def miss(detection: float) -> Miss:
-    """What the greedy policy does in `SCENE` as long as nobody is found."""
+    """An unsuccessful search of the greedy policy in `SCENE`."""
     env = DroneSwarmSearch(**SCENE, probability_of_detection=detection)
     policy = GreedyPolicy(env.scenario)
     for seed in range(1000):
-        observations, _ = env.reset(seed=seed, drones_positions=AT_FIRST)
+        observations, _ = env.reset(seed=seed, drones_positions=START_CELLS)
         policy.reset()
         forecast = env.scenario.forecasts()[0]
-        belief, chosen, kept = forecast.exact(0), [], []
+        belief, actions_taken, kept = forecast.exact(0), [], []
         positions, matrices = [env.frame().drones], [env.frame().matrix]
         for step in range(SCENE["timestep_limit"]):
             actions = policy(observations)
-            chosen.append(list(actions.values()))
+            actions_taken.append(list(actions.values()))
             searched = [
                 y * env.grid_size + x
-                for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
+                for (x, y), action in zip(positions[-1], actions_taken[-1], strict=True)
                 if action == Action.SEARCH
             ]
-            belief, share = after_unsuccessful_search(belief, searched, detection)
-            kept.append(share)
+            belief, fraction = after_unsuccessful_search(belief, searched, detection)
+            kept.append(fraction)
             belief = after_drift(belief, *forecast.moves(step))
             observations, *_ = env.step(actions)
             positions.append(env.frame().drones)
@@ -438,70 +438,74 @@ def miss(detection: float) -> Miss:
             break
     prior = np.array([forecast.exact(step) for step in range(len(matrices))])
     return Miss(
-        np.array(chosen), np.array(positions), np.array(matrices, float), prior, np.array(kept)
+        np.array(actions_taken),
+        np.array(positions),
+        np.array(matrices, float),
+        prior,
+        np.array(kept),
     )
 
 
 @figure("belief")
 def belief(theme: Theme, sampling: Sampling) -> Figure:
-    """The matrix of the drift alone and the posterior, at two moments of one search."""
+    """Prior and posterior at two steps of one search."""
     search = miss(0.8)
     chart = Figure(figsize=(WIDTH, 6.3), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     for row, step in zip(panels, (14, 40), strict=True):
-        most = max(search.prior[step].max(), search.matrices[step].max())
+        maximum = max(search.prior[step].max(), search.matrices[step].max())
         for axes, matrix in zip(row, (search.prior[step], search.matrices[step]), strict=True):
-            heat_map(axes, matrix, theme, most=most)
+            heat_map(axes, matrix, theme, maximum=maximum)
             axes.set(xlim=(-0.5, 23.5), ylim=(23.5, -0.5))
         for drone in range(3):
-            way = search.positions[: step + 1, drone]
-            row[1].plot(*way.T, color=theme.track, linewidth=0.9)
-            looks = search.actions[:step, drone] == Action.SEARCH
-            row[1].plot(*way[:-1][looks].T, "x", color=theme.track, markersize=3)
-            row[1].plot(*way[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
-        row[0].set_title(f"step {step}: the drift alone")
-        looks = int((search.actions[:step] == Action.SEARCH).sum())
-        row[1].set_title(f"after {looks} searches in vain")
+            path = search.positions[: step + 1, drone]
+            row[1].plot(*path.T, color=theme.track, linewidth=0.9)
+            searched = search.actions[:step, drone] == Action.SEARCH
+            row[1].plot(*path[:-1][searched].T, "x", color=theme.track, markersize=3)
+            row[1].plot(*path[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
+        row[0].set_title(f"step {step}: prior")
+        searches = int((search.actions[:step] == Action.SEARCH).sum())
+        row[1].set_title(f"posterior after {searches} searches")
     name_axes(panels)
     return chart
 
 
 @cache
-def shares_not_found(detection: float, episodes: int) -> Floats:
-    """The share of episodes in which the searches of `miss` have found nobody, by step."""
+def fractions_not_found(detection: float, episodes: int) -> Floats:
+    """The fraction of episodes in which the actions of `miss` have found nobody, by step."""
     search = miss(detection)
     steps = len(search.actions)
-    scene = {**SCENE, "timestep_limit": steps + 1}  # no episode may end by itself
+    scene = {**SCENE, "timestep_limit": steps + 1}  # so that no episode reaches its time limit
     envs = SwarmVectorEnv(
-        episodes, **scene, probability_of_detection=detection, drones_positions=AT_FIRST
+        episodes, **scene, probability_of_detection=detection, drones_positions=START_CELLS
     )
     envs.reset(seed=0)
     missing = np.ones(episodes, bool)
-    shares = [1.0]
+    fractions = [1.0]
     for actions in search.actions:
         envs.step(np.tile(actions, (episodes, 1)))
-        missing &= ~envs.batch.found  # and begin anew, which no longer counts
-        shares.append(missing.mean())
-    return np.array(shares)
+        missing &= ~envs.batch.found  # later episodes of the same row do not count
+        fractions.append(missing.mean())
+    return np.array(fractions)
 
 
 @figure("survival")
 def survival(theme: Theme, sampling: Sampling) -> Figure:
-    """What the kept fractions promise, and how many episodes ended without a find."""
+    """The computed and the measured probability that nobody has been found."""
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = chart.subplots()
     for series, detection in enumerate((0.4, 0.8)):
-        promised = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
-        shares = shares_not_found(detection, sampling.episodes)
+        computed = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
+        fractions = fractions_not_found(detection, sampling.episodes)
         colour = theme.series[series]
-        steps = np.arange(len(promised))
-        axes.plot(steps, promised, color=colour)
-        spread = 1.96 * np.sqrt(shares * (1 - shares) / sampling.episodes)
+        steps = np.arange(len(computed))
+        axes.plot(steps, computed, color=colour)
+        margin = 1.96 * np.sqrt(fractions * (1 - fractions) / sampling.episodes)
         some = steps[4::4]
         axes.errorbar(
             some,
-            shares[some],
-            spread[some],
+            fractions[some],
+            margin[some],
             fmt="o",
             color=colour,
             markersize=4.5,
@@ -511,7 +515,7 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
         )
         axes.annotate(
             f"POD {detection:g}",
-            (steps[-1], promised[-1]),
+            (steps[-1], computed[-1]),
             (6, 0),
             textcoords="offset points",
             va="center",
@@ -526,10 +530,10 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
         markersize=4.5,
         markerfacecolor=theme.ground,
         markeredgewidth=1.3,
-        label=f"share of {sampling.episodes:,} episodes",
+        label=f"fraction of {sampling.episodes:,} episodes",
     )
     axes.legend(loc="upper right", borderaxespad=0.1)
-    axes.set(xlim=(0, 67), ylim=(0, 1.02), xlabel="step", ylabel="not found yet")
+    axes.set(xlim=(0, 67), ylim=(0, 1.02), xlabel="step", ylabel="not found")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid()
     return chart
@@ -541,13 +545,13 @@ BATCHED = {
     "posterior": ("batch, posterior", 20, 4),
     "JaxMARL coin_game": ("JaxMARL coin_game", 20, 2),
 }
-ONE_BY_ONE = {"one environment": ("one environment", 20, 4), "DSSE": ("DSSE", 20, 4)}
-"""What is drawn of `bench.json`: its name there, and the cells along a side and the drones."""
+SINGLE = {"one environment": ("one environment", 20, 4), "DSSE": ("DSSE", 20, 4)}
+"""The lines of the figure: the name in `bench.json`, the grid size, and the number of drones."""
 
 
 @figure("speed")
 def speed(theme: Theme, sampling: Sampling) -> Figure:
-    """Environment steps per second over the searches in a batch, from `bench.json`."""
+    """Environment steps per second over the size of the batch, from `bench.json`."""
     measured = json.loads((FIGURES / "bench.json").read_text("utf-8"))
     rates = {
         (run["name"], size["grid_size"], size["n_drones"], run["num_envs"]): run
@@ -559,19 +563,19 @@ def speed(theme: Theme, sampling: Sampling) -> Figure:
     colours = iter(theme.series)
     chart = Figure(figsize=(WIDTH, 4.0), layout="constrained")
     axes = chart.subplots()
-    beside = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
+    text = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
     for label, spec in BATCHED.items():
         runs = [rates[(*spec, count)] for count in counts]
         median, lower, upper = ([run[key] for run in runs] for key in ("median", "lower", "upper"))
         colour = theme.grey if label in peers else next(colours)
         axes.plot(counts, median, "o-", color=colour, markersize=3.5)
         axes.fill_between(counts, lower, upper, color=colour, alpha=0.3, linewidth=0)
-        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **beside)
-    for label, spec in ONE_BY_ONE.items():
+        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **text)
+    for label, spec in SINGLE.items():
         rate = rates[(*spec, None)]["median"]
         colour = theme.grey if label in peers else next(colours)
         axes.axhline(rate, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
-        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **beside)
+        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **text)
     axes.set(xscale="log", yscale="log", xlim=(0.8, counts[-1] * 12))
     axes.set(xlabel="searches in the batch", ylabel="environment steps per second")
     axes.set_xticks(counts, [f"{count:,}" for count in counts])
@@ -584,7 +588,7 @@ Measured = dict[tuple[str, float, float, str], Floats]
 
 
 def measured() -> Measured:
-    """Distances and floors of `calibration.csv`, (steps + 1, 2), by package and setting."""
+    """The distances and floors in `calibration.csv`, (steps + 1, 2), by package and setting."""
     rows: dict[tuple[str, float, float, str], list[tuple[float, float]]] = {}
     with (FIGURES / "calibration.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -595,7 +599,7 @@ def measured() -> Measured:
 
 @figure("success")
 def success(theme: Theme, sampling: Sampling) -> Figure:
-    """The tutorial's plot, as the tutorial's own block draws it."""
+    """The tutorial's plot, drawn by the tutorial's code block."""
     page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
     (block,) = (text for text in blocks if 'savefig("success.png"' in text)
@@ -612,18 +616,18 @@ def success(theme: Theme, sampling: Sampling) -> Figure:
 
 @figure("calibration")
 def calibration(theme: Theme, sampling: Sampling) -> Figure:
-    """How far matrices are from where the person is, here and in the packages before."""
+    """The distance between matrix and person, in this package and in earlier ones."""
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     figures = measured()
     drifts = list(dict.fromkeys(key[1:3] for key in figures))
-    looks = {
+    lines = {
         "DSSE 1.1.9": ("", 1, "-"),
         "2023 package": ("10.0", 2, (0, (5, 1.5))),
         "DroneSwarmSearch": ("10.0", 0, "-"),
     }
     for axes, drift in zip(panels.flat, drifts, strict=True):
-        for name, (constant, series, dashes) in looks.items():
+        for name, (constant, series, dashes) in lines.items():
             values = figures.get((name, *drift, constant))
             if values is None:
                 continue
@@ -637,21 +641,21 @@ def calibration(theme: Theme, sampling: Sampling) -> Figure:
                 label="this package" if ours else name,
             )
             if ours:
-                label = "a true matrix, sampled"
+                label = "exact matrix, sampled"
                 axes.plot(values[:, 1], color=theme.ink, linestyle=":", linewidth=1.3, label=label)
         axes.set(xlim=(0, 60), ylim=(0, 1))
         axes.set_title("drift ({:g}, {:g})".format(*drift))
         axes.grid()
     chart.supxlabel("step", fontsize=9.5)
-    chart.supylabel("total variation: matrix and person apart", fontsize=9.5)
+    chart.supylabel("total variation distance, matrix to person", fontsize=9.5)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.4)
     return chart
 
 
 def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
-    """A figure in a theme, as a file's content."""
-    plt.switch_backend("agg")  # no window, wherever this runs
+    """A figure in a theme, as the bytes of an SVG file."""
+    plt.switch_backend("agg")  # never open a window
     with style.context(["default", style_of(theme)]):
         content = io.BytesIO()
         REGISTRY[name](theme, sampling).savefig(
@@ -673,14 +677,14 @@ def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make them, and say what was made."""
-    parser = argparse.ArgumentParser(description="Make the figures of the documentation.")
-    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(REGISTRY)}")
-    parser.add_argument("--into", type=Path, default=FIGURES, help="the folder")
-    parser.add_argument("--short", action="store_true", help="few episodes, to try it out")
+    """Write the figures and print the file sizes."""
+    parser = argparse.ArgumentParser(description="Draw the figures of the documentation.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"any of {', '.join(REGISTRY)}")
+    parser.add_argument("--into", type=Path, default=FIGURES, help="output folder")
+    parser.add_argument("--short", action="store_true", help="few episodes, for a quick check")
     chosen = parser.parse_args(arguments)
     if unknown := set(chosen.names) - set(REGISTRY):
-        parser.error(f"no figure is called {', '.join(sorted(unknown))}")
+        parser.error(f"NAME must be any of {', '.join(REGISTRY)}, got {', '.join(sorted(unknown))}")
     sampling = SHORT if chosen.short else FULL
     for path in make(chosen.names or list(REGISTRY), chosen.into, sampling):
         print(f"{path.name:28}{path.stat().st_size / 1000:7.1f} kB")
