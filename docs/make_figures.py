@@ -1,16 +1,19 @@
-"""Draw the figures of the documentation, in a light and a dark theme.
+"""Make the figures of the documentation, in a light and a dark theme.
 
-    python docs/make_figures.py [NAME ...]
+    python docs/make_figures.py
 
-This writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for all registered figures, or
-for those named. The same code and Matplotlib version produce the same bytes. `calibration`
-draws `docs/figures/calibration.csv`, which
-`python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures, and `speed`
-from what `python -m DroneSwarmSearch bench --json docs/figures/bench.json` does; everything else
-is computed here, within seconds.
+writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function registered with
+`figure`, or for the names given as arguments. The output is reproducible with the same version
+of matplotlib. `calibration` and `speed` plot the measurements written by
 
-To add a figure, write a function from a `Theme` and a `Sampling` to a Matplotlib `Figure` and
-decorate it with its name. Figures are 576 pixels wide, so that text stays readable on a phone.
+    python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv
+    python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
+
+All other figures are computed here, within seconds.
+
+To add a figure, write a function that takes a `Theme` and a `Sampling`, returns a matplotlib
+`Figure`, and is decorated with the figure's name. Figures are 576 pixels wide, so that their
+text stays legible on a phone.
 """
 
 from __future__ import annotations
@@ -50,21 +53,21 @@ FIGURES = Path(__file__).parent / "figures"
 Floats = NDArray[np.float64]
 
 WIDTH = 6.0
-"""The width of every figure, in inches of 96 pixels; a page is about 700 pixels wide."""
+"""Width of every figure in inches of 96 pixels; a column of the page has about 700 pixels."""
 
 
 class Theme(NamedTuple):
     """The colours of a theme.
 
     Attributes:
-        name: the suffix of the files.
-        ground: the background, as on the page.
-        ink: text and the main data.
-        grey: axes and minor data.
+        name: suffix of the file names.
+        ground: background, that of the page.
+        ink: text and emphasis.
+        grey: axes and peers.
         faint: grid lines.
-        heat: probabilities, from 0 to the maximum.
-        series: lines; distinguishable with any common form of colour blindness.
-        track: tracks drawn over probabilities.
+        heat: colour map of probabilities, from zero to the maximum.
+        series: lines, distinguishable with any common colour vision.
+        track: paths drawn over probabilities.
     """
 
     name: str
@@ -82,7 +85,7 @@ class Theme(NamedTuple):
         return LinearSegmentedColormap.from_list(f"heat-{self.name}", self.heat)
 
 
-# Series after M. Okabe and K. Ito, Color universal design, 2008; lighter in the dark theme.
+# Series from M. Okabe and K. Ito, Color universal design, 2008; lighter on the dark ground.
 THEMES = (
     Theme(
         name="light",
@@ -108,10 +111,10 @@ THEMES = (
 
 
 class Sampling(NamedTuple):
-    """The amount of sampling.
+    """Sample sizes.
 
     Attributes:
-        episodes: the number of episodes that a figure runs.
+        episodes: number of episodes that a figure simulates.
     """
 
     episodes: int
@@ -124,7 +127,7 @@ REGISTRY: dict[str, Drawing] = {}
 
 
 def figure(name: str) -> Callable[[Drawing], Drawing]:
-    """Register the decorated function under a figure's name."""
+    """Register the function that draws a figure."""
 
     def register(draw: Drawing) -> Drawing:
         REGISTRY[name] = draw
@@ -134,7 +137,7 @@ def figure(name: str) -> Callable[[Drawing], Drawing]:
 
 
 def style_of(theme: Theme) -> dict[str, Any]:
-    """The Matplotlib settings of a theme."""
+    """Return Matplotlib's settings for a theme."""
     return {
         "font.family": "DejaVu Sans",  # ships with matplotlib
         "font.size": 9.5,
@@ -171,13 +174,13 @@ def style_of(theme: Theme) -> dict[str, Any]:
     }
 
 
-def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, maximum: float | None = None) -> None:
-    """Draw the probabilities of cells, rows downward."""
+def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = None) -> None:
+    """Draw a matrix of probabilities, with row 0 at the top."""
     axes.imshow(
         matrix,
         cmap=theme.probabilities,
         vmin=0.0,
-        vmax=matrix.max() if maximum is None else maximum,
+        vmax=matrix.max() if most is None else most,
         interpolation="none",  # one pixel per cell in the file
         origin="upper",
     )
@@ -187,7 +190,7 @@ def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, maximum: float | None 
 
 
 def name_axes(panels: NDArray[Any]) -> None:
-    """Label the outer axes of a grid of maps with x and y."""
+    """Label the axes of a grid of maps."""
     for axes in panels[-1]:
         axes.set_xlabel("x")
     for axes in panels[:, 0]:
@@ -195,12 +198,12 @@ def name_axes(panels: NDArray[Any]) -> None:
 
 
 def marginal_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
-    """The distribution function F of a forecast's column at a step: shape (N,)."""
+    """Return the distribution function F of the column at a step, shape (N,)."""
     return np.cumsum(forecast.marginals(step)[0])
 
 
 def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
-    """The Gaussian's distribution function G for a forecast's column at a step: shape (N,)."""
+    """Return the Gaussian's distribution function G of the column at a step, shape (N,)."""
     size, start, drift, constant = forecast.parameters
     values = (np.array(float(value)) for value in (start[0], drift[0], constant, step))
     return gaussian_cdf(size, *values)
@@ -208,7 +211,7 @@ def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
 
 @figure("gaussian")
 def gaussian(theme: Theme, sampling: Sampling) -> Figure:
-    """The matrix at several steps, with the movement of its mean."""
+    """Draw the matrix at several steps, with the path of its centre."""
     forecast = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
     chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
@@ -229,15 +232,15 @@ def gaussian(theme: Theme, sampling: Sampling) -> Figure:
             axes.add_patch(box)
         axes.set(xlim=(-0.5, 39.5), ylim=(39.5, -0.5))
         axes.set_title(f"step {step}")
-        maximum = forecast.exact(step).max()
-        axes.set_title(f"max {maximum:.2g}", loc="right", color=theme.grey, fontsize=8.5)
+        most = forecast.exact(step).max()
+        axes.set_title(f"max {most:.2g}", loc="right", color=theme.grey, fontsize=8.5)
     name_axes(panels)
     return chart
 
 
 @figure("clip")
 def clip(theme: Theme, sampling: Sampling) -> Figure:
-    """The Gaussian, the reachable values, and the forecast between them."""
+    """Draw the Gaussian, the reachable band and the clipped forecast."""
     forecast = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2)
@@ -273,8 +276,8 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
         axes.set_title(f"step {step}")
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.grid(axis="y")
-    panels[0, 0].set_ylabel("probability of a column ≤ x")
-    panels[1, 0].set_ylabel("probability of a column ≤ x")
+    panels[0, 0].set_ylabel("P(column ≤ x)")
+    panels[1, 0].set_ylabel("P(column ≤ x)")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=3, columnspacing=1.4)
     axes = panels[1, 1]
@@ -294,14 +297,14 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
             fontsize=8.5,
         )
     axes.set(xlim=(0, 60), ylim=(0, 0.52), xlabel="step")
-    axes.set_title("total variation of F and G, by drift")
+    axes.set_title("distance of F and G, by drift")
     axes.grid(axis="y")
     return chart
 
 
 @cache
-def trajectories(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
-    """A forecast, and the columns of sampled persons, shape (steps + 1, count)."""
+def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
+    """Return a forecast, and the columns of persons that follow it, shape (steps + 1, count)."""
     forecast = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
     envs = SwarmVectorEnv(
         count,
@@ -320,8 +323,8 @@ def trajectories(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
 
 @figure("person")
 def person(theme: Theme, sampling: Sampling) -> Figure:
-    """A person's moves along x at one step, and some trajectories."""
-    forecast, columns = trajectories(6)
+    """Draw the moves of a person along x at one step, and some paths."""
+    forecast, columns = walks(6)
     at = 20
     chart = Figure(figsize=(WIDTH, 7.0), layout="constrained")
     forecast_axes, moves, tracks = chart.subplots(3, 1, sharex=True, height_ratios=(0.8, 1.1, 2.4))
@@ -329,22 +332,22 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
     probability = forecast.marginals(at)[0]
     forecast_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
     forecast_axes.set_ylabel("probability")
-    forecast_axes.set_title(f"the person's column at step {at}")
+    forecast_axes.set_title(f"distribution of the person at step {at}")
     right, left, _, _ = forecast.moves(at)
-    visible = probability > 1e-4
+    shown = probability > 1e-4
     bottom = np.zeros(40)
-    shares = {"left": (left, 1), "stay": (1 - left - right, None), "right": (right, 0)}
-    for name, (share, series) in shares.items():
+    moves_of = {"left": (left, 1), "stay": (1 - left - right, None), "right": (right, 0)}
+    for name, (share, series) in moves_of.items():
         colour = theme.faint if series is None else theme.series[series]
-        top = bottom + np.where(visible, share, 0.0)
+        top = bottom + np.where(shown, share, 0.0)
         moves.stairs(top, edges, baseline=bottom, fill=True, color=colour, label=name)
         bottom = top
     moves.set_ylabel("probability")
-    moves.set_title("the next move, given the column")
+    moves.set_title("its next move")
     middle = (bottom > 0).nonzero()[0]
     centre = int(middle.mean())
     heights = left[centre] / 2, (1 + left[centre] - right[centre]) / 2, 1 - right[centre] / 2
-    for name, height in zip(shares, heights, strict=True):
+    for name, height in zip(moves_of, heights, strict=True):
         colour = theme.ink if name == "stay" else theme.ground
         moves.text(centre, height, name, ha="center", va="center", color=colour, fontsize=8.5)
     matrix = np.array([forecast.marginals(step)[0] for step in range(41)])
@@ -369,22 +372,21 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
         )
     tracks.axhline(at, color=theme.grey, linewidth=1.0, linestyle=(0, (3, 2)))
     tracks.set(xlim=(5.5, 34.5), ylim=(40.5, -0.5), xlabel="x", ylabel="step")
-    tracks.set_title("six trajectories over the forecast")
+    tracks.set_title("paths of six persons")
     for axes in (forecast_axes, moves):
         axes.grid(axis="y")
     return chart
 
 
 class Miss(NamedTuple):
-    """An unsuccessful search, step by step.
+    """An episode in which nobody is found.
 
     Attributes:
         actions: shape (steps, drones).
         positions: the drones' cells (x, y) before each step, shape (steps + 1, drones, 2).
-        matrices: the posterior before each step, shape (steps + 1, N, N).
-        prior: the forecast before each step, shape (steps + 1, N, N).
-        kept: the probability that the searches of each step find nobody, given that the earlier
-            ones have not, shape (steps,).
+        matrices: the posteriors observed before each step, shape (steps + 1, N, N).
+        prior: the forecasts, of the same shape.
+        kept: the kept fraction of each step, shape (steps,).
     """
 
     actions: NDArray[np.int64]
@@ -409,25 +411,25 @@ START_CELLS = [(0, 4), (0, 10), (0, 16)]
 
 @cache
 def miss(detection: float) -> Miss:
-    """An unsuccessful search of the greedy policy in `SCENE`."""
+    """Return the first episode in `SCENE` in which the greedy policy finds nobody."""
     env = DroneSwarmSearch(**SCENE, probability_of_detection=detection)
     policy = GreedyPolicy(env.scenario)
     for seed in range(1000):
         observations, _ = env.reset(seed=seed, drones_positions=START_CELLS)
         policy.reset()
         forecast = env.scenario.forecasts()[0]
-        belief, actions_taken, kept = forecast.exact(0), [], []
+        belief, chosen, kept = forecast.exact(0), [], []
         positions, matrices = [env.frame().drones], [env.frame().matrix]
         for step in range(SCENE["timestep_limit"]):
             actions = policy(observations)
-            actions_taken.append(list(actions.values()))
+            chosen.append(list(actions.values()))
             searched = [
                 y * env.grid_size + x
-                for (x, y), action in zip(positions[-1], actions_taken[-1], strict=True)
+                for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
                 if action == Action.SEARCH
             ]
-            belief, fraction = after_unsuccessful_search(belief, searched, detection)
-            kept.append(fraction)
+            belief, share = after_unsuccessful_search(belief, searched, detection)
+            kept.append(share)
             belief = after_drift(belief, *forecast.moves(step))
             observations, *_ = env.step(actions)
             positions.append(env.frame().drones)
@@ -438,24 +440,20 @@ def miss(detection: float) -> Miss:
             break
     prior = np.array([forecast.exact(step) for step in range(len(matrices))])
     return Miss(
-        np.array(actions_taken),
-        np.array(positions),
-        np.array(matrices, float),
-        prior,
-        np.array(kept),
+        np.array(chosen), np.array(positions), np.array(matrices, float), prior, np.array(kept)
     )
 
 
 @figure("belief")
 def belief(theme: Theme, sampling: Sampling) -> Figure:
-    """Prior and posterior at two steps of one search."""
+    """Draw the forecast and the posterior at two steps of one episode."""
     search = miss(0.8)
     chart = Figure(figsize=(WIDTH, 6.3), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     for row, step in zip(panels, (14, 40), strict=True):
-        maximum = max(search.prior[step].max(), search.matrices[step].max())
+        most = max(search.prior[step].max(), search.matrices[step].max())
         for axes, matrix in zip(row, (search.prior[step], search.matrices[step]), strict=True):
-            heat_map(axes, matrix, theme, maximum=maximum)
+            heat_map(axes, matrix, theme, most=most)
             axes.set(xlim=(-0.5, 23.5), ylim=(23.5, -0.5))
         for drone in range(3):
             path = search.positions[: step + 1, drone]
@@ -463,7 +461,7 @@ def belief(theme: Theme, sampling: Sampling) -> Figure:
             searched = search.actions[:step, drone] == Action.SEARCH
             row[1].plot(*path[:-1][searched].T, "x", color=theme.track, markersize=3)
             row[1].plot(*path[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
-        row[0].set_title(f"step {step}: prior")
+        row[0].set_title(f"step {step}: forecast")
         searches = int((search.actions[:step] == Action.SEARCH).sum())
         row[1].set_title(f"posterior after {searches} searches")
     name_axes(panels)
@@ -471,41 +469,41 @@ def belief(theme: Theme, sampling: Sampling) -> Figure:
 
 
 @cache
-def fractions_not_found(detection: float, episodes: int) -> Floats:
-    """The fraction of episodes in which the actions of `miss` have found nobody, by step."""
+def shares_not_found(detection: float, episodes: int) -> Floats:
+    """Return the fraction of episodes in which the actions of `miss` find nobody, by step."""
     search = miss(detection)
     steps = len(search.actions)
-    scene = {**SCENE, "timestep_limit": steps + 1}  # so that no episode reaches its time limit
+    scene = {**SCENE, "timestep_limit": steps + 1}  # only a find ends an episode
     envs = SwarmVectorEnv(
         episodes, **scene, probability_of_detection=detection, drones_positions=START_CELLS
     )
     envs.reset(seed=0)
     missing = np.ones(episodes, bool)
-    fractions = [1.0]
+    shares = [1.0]
     for actions in search.actions:
         envs.step(np.tile(actions, (episodes, 1)))
-        missing &= ~envs.batch.found  # later episodes of the same row do not count
-        fractions.append(missing.mean())
-    return np.array(fractions)
+        missing &= ~envs.batch.found  # later episodes of the sub-environment do not count
+        shares.append(missing.mean())
+    return np.array(shares)
 
 
 @figure("survival")
 def survival(theme: Theme, sampling: Sampling) -> Figure:
-    """The computed and the measured probability that nobody has been found."""
+    """Draw the product of the kept fractions, and the measured fraction of episodes."""
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = chart.subplots()
     for series, detection in enumerate((0.4, 0.8)):
-        computed = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
-        fractions = fractions_not_found(detection, sampling.episodes)
+        forecast = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
+        shares = shares_not_found(detection, sampling.episodes)
         colour = theme.series[series]
-        steps = np.arange(len(computed))
-        axes.plot(steps, computed, color=colour)
-        margin = 1.96 * np.sqrt(fractions * (1 - fractions) / sampling.episodes)
+        steps = np.arange(len(forecast))
+        axes.plot(steps, forecast, color=colour)
+        spread = 1.96 * np.sqrt(shares * (1 - shares) / sampling.episodes)
         some = steps[4::4]
         axes.errorbar(
             some,
-            fractions[some],
-            margin[some],
+            shares[some],
+            spread[some],
             fmt="o",
             color=colour,
             markersize=4.5,
@@ -515,7 +513,7 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
         )
         axes.annotate(
             f"POD {detection:g}",
-            (steps[-1], computed[-1]),
+            (steps[-1], forecast[-1]),
             (6, 0),
             textcoords="offset points",
             va="center",
@@ -545,13 +543,13 @@ BATCHED = {
     "posterior": ("batch, posterior", 20, 4),
     "JaxMARL coin_game": ("JaxMARL coin_game", 20, 2),
 }
-SINGLE = {"one environment": ("one environment", 20, 4), "DSSE": ("DSSE", 20, 4)}
-"""The lines of the figure: the name in `bench.json`, the grid size, and the number of drones."""
+ONE_BY_ONE = {"one environment": ("one environment", 20, 4), "DSSE": ("DSSE", 20, 4)}
+"""The cases of `bench.json` that are drawn, by label: name there, grid size, drones."""
 
 
 @figure("speed")
 def speed(theme: Theme, sampling: Sampling) -> Figure:
-    """Environment steps per second over the size of the batch, from `bench.json`."""
+    """Draw environment steps per second over the number of searches, from `bench.json`."""
     measured = json.loads((FIGURES / "bench.json").read_text("utf-8"))
     rates = {
         (run["name"], size["grid_size"], size["n_drones"], run["num_envs"]): run
@@ -563,19 +561,19 @@ def speed(theme: Theme, sampling: Sampling) -> Figure:
     colours = iter(theme.series)
     chart = Figure(figsize=(WIDTH, 4.0), layout="constrained")
     axes = chart.subplots()
-    text = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
+    label_style = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
     for label, spec in BATCHED.items():
         runs = [rates[(*spec, count)] for count in counts]
         median, lower, upper = ([run[key] for run in runs] for key in ("median", "lower", "upper"))
         colour = theme.grey if label in peers else next(colours)
         axes.plot(counts, median, "o-", color=colour, markersize=3.5)
         axes.fill_between(counts, lower, upper, color=colour, alpha=0.3, linewidth=0)
-        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **text)
-    for label, spec in SINGLE.items():
+        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **label_style)
+    for label, spec in ONE_BY_ONE.items():
         rate = rates[(*spec, None)]["median"]
         colour = theme.grey if label in peers else next(colours)
         axes.axhline(rate, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
-        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **text)
+        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **label_style)
     axes.set(xscale="log", yscale="log", xlim=(0.8, counts[-1] * 12))
     axes.set(xlabel="searches in the batch", ylabel="environment steps per second")
     axes.set_xticks(counts, [f"{count:,}" for count in counts])
@@ -588,7 +586,7 @@ Measured = dict[tuple[str, float, float, str], Floats]
 
 
 def measured() -> Measured:
-    """The distances and floors in `calibration.csv`, (steps + 1, 2), by package and setting."""
+    """Return distances and floors of `calibration.csv`, (steps + 1, 2), by package and setting."""
     rows: dict[tuple[str, float, float, str], list[tuple[float, float]]] = {}
     with (FIGURES / "calibration.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -599,7 +597,7 @@ def measured() -> Measured:
 
 @figure("success")
 def success(theme: Theme, sampling: Sampling) -> Figure:
-    """The tutorial's plot, drawn by the tutorial's code block."""
+    """Draw the tutorial's plot by executing its code block."""
     page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
     (block,) = (text for text in blocks if 'savefig("success.png"' in text)
@@ -616,18 +614,18 @@ def success(theme: Theme, sampling: Sampling) -> Figure:
 
 @figure("calibration")
 def calibration(theme: Theme, sampling: Sampling) -> Figure:
-    """The distance between matrix and person, in this package and in earlier ones."""
+    """Draw the distance between matrix and person in this package and its predecessors."""
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     figures = measured()
     drifts = list(dict.fromkeys(key[1:3] for key in figures))
-    lines = {
+    styles = {
         "DSSE 1.1.9": ("", 1, "-"),
         "2023 package": ("10.0", 2, (0, (5, 1.5))),
         "DroneSwarmSearch": ("10.0", 0, "-"),
     }
     for axes, drift in zip(panels.flat, drifts, strict=True):
-        for name, (constant, series, dashes) in lines.items():
+        for name, (constant, series, dashes) in styles.items():
             values = figures.get((name, *drift, constant))
             if values is None:
                 continue
@@ -641,21 +639,21 @@ def calibration(theme: Theme, sampling: Sampling) -> Figure:
                 label="this package" if ours else name,
             )
             if ours:
-                label = "exact matrix, sampled"
+                label = "floor"
                 axes.plot(values[:, 1], color=theme.ink, linestyle=":", linewidth=1.3, label=label)
         axes.set(xlim=(0, 60), ylim=(0, 1))
         axes.set_title("drift ({:g}, {:g})".format(*drift))
         axes.grid()
     chart.supxlabel("step", fontsize=9.5)
-    chart.supylabel("total variation distance, matrix to person", fontsize=9.5)
+    chart.supylabel("total variation between matrix and person", fontsize=9.5)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.4)
     return chart
 
 
 def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
-    """A figure in a theme, as the bytes of an SVG file."""
-    plt.switch_backend("agg")  # never open a window
+    """Return the content of a figure's file."""
+    plt.switch_backend("agg")  # no window
     with style.context(["default", style_of(theme)]):
         content = io.BytesIO()
         REGISTRY[name](theme, sampling).savefig(
@@ -665,7 +663,7 @@ def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
 
 
 def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path]:
-    """Write figures, each in both themes, and return the files."""
+    """Write figures in both themes, and return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name in names:
@@ -677,14 +675,14 @@ def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write the figures and print the file sizes."""
-    parser = argparse.ArgumentParser(description="Draw the figures of the documentation.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"any of {', '.join(REGISTRY)}")
+    """Make the figures and print their sizes."""
+    parser = argparse.ArgumentParser(description="Make the figures of the documentation.")
+    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(REGISTRY)}")
     parser.add_argument("--into", type=Path, default=FIGURES, help="output folder")
-    parser.add_argument("--short", action="store_true", help="few episodes, for a quick check")
+    parser.add_argument("--short", action="store_true", help="few episodes, for a quick trial")
     chosen = parser.parse_args(arguments)
     if unknown := set(chosen.names) - set(REGISTRY):
-        parser.error(f"NAME must be any of {', '.join(REGISTRY)}, got {', '.join(sorted(unknown))}")
+        parser.error(f"no figure is called {', '.join(sorted(unknown))}")
     sampling = SHORT if chosen.short else FULL
     for path in make(chosen.names or list(REGISTRY), chosen.into, sampling):
         print(f"{path.name:28}{path.stat().st_size / 1000:7.1f} kB")

@@ -75,7 +75,7 @@ def test_a_page_shows_each_figure_with_an_alternative_text(name: str) -> None:
 def test_unknown_names_are_errors(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         figures.main(["gaussain"])
-    assert "got gaussain" in capsys.readouterr().err
+    assert "no figure is called gaussain" in capsys.readouterr().err
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -89,7 +89,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 def test_the_kept_fractions_predict_the_episodes_without_a_find(detection: float) -> None:
     episodes = 1000
     predicted = np.minimum(np.cumprod(figures.miss(detection).kept), 1.0)  # rounding may exceed 1
-    measured = figures.fractions_not_found(detection, episodes)[1:]
+    measured = figures.shares_not_found(detection, episodes)[1:]
     deviation = np.sqrt(predicted * (1 - predicted) / episodes)
     assert len(predicted) == figures.SCENE["timestep_limit"]
     assert (np.abs(measured - predicted) <= 4 * deviation + 1e-12).all()
