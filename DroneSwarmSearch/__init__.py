@@ -1,7 +1,6 @@
 """Drones search a grid at sea for shipwrecked persons who drift: a PettingZoo ParallelEnv."""
 
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
@@ -10,7 +9,6 @@ __all__ = [
     "Action",
     "DroneSwarmSearch",
     "Ending",
-    "ProbabilityMatrix",
     "ResetNeeded",
     "RewardScheme",
     "Scenario",

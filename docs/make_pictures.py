@@ -1,8 +1,8 @@
-"""Makes the pictures of the README and the documentation in `docs/images`.
+"""Draw the images of the README and the documentation, in `docs/images`.
 
     python docs/make_pictures.py
 
-They are deterministic: the same code, pygame and Pillow give the same bytes.
+The same code and versions of pygame and Pillow produce the same bytes.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from DroneSwarmSearch.rendering import colours, sprites
 IMAGES = Path(__file__).parent / "images"
 
 SEED = 12
-"""Of the search that is filmed, and the first that is tried for each picture."""
+"""The seed of the recorded search, and the first one tried for the other images."""
 
 SIZE, DRONES = 20, 4
 CORNERS = [(0, 0), (SIZE - 1, 0), (SIZE - 1, SIZE - 1), (0, SIZE - 1)]
 
 
 def last_picture(name: str, ending: Ending) -> None:
-    """Save the picture of the end of the first search that ends so."""
+    """Save the last image of the first search with this ending."""
     env = DroneSwarmSearch(
         grid_size=SIZE,
         render_mode="rgb_array",
@@ -50,14 +50,14 @@ def last_picture(name: str, ending: Ending) -> None:
 
 
 def logo(name: str, side: int = 192) -> None:
-    """Save the symbol of a drone, which the documentation's pages bear."""
+    """Save the symbol of a drone, the logo of the documentation."""
     symbol = sprites.drone(side, colours.drone_colour(0))
     pixels = pygame.image.tobytes(symbol, "RGBA")
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / name, optimize=True)
 
 
 def main() -> None:
-    """Make them all."""
+    """Write all images."""
     IMAGES.mkdir(exist_ok=True)
     logo("logo.png")
     demo.main(["--seed", str(SEED), "--record", str(IMAGES / "search.gif")])

@@ -1,1 +1,5 @@
-"""Where a missing person may be, and why: forecasts, the sampler, the belief."""
+"""How persons drift, and where they may be: forecasts, sampled trajectories, beliefs."""
+
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix, dispersion_rate
+
+__all__ = ["ProbabilityMatrix", "dispersion_rate"]

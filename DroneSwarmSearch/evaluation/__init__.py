@@ -7,7 +7,9 @@ greedy = evaluate("greedy-posterior", "classic")
 print(mine.success, mine.time, compare(mine, greedy))
 """
 
-from DroneSwarmSearch.evaluation.files import StorageError, Store
+from DroneSwarmSearch.evaluation.files import StorageError
+from DroneSwarmSearch.evaluation.leaderboard import leaderboard
+from DroneSwarmSearch.evaluation.record import record
 from DroneSwarmSearch.evaluation.results import (
     Comparison,
     Episodes,
@@ -18,25 +20,23 @@ from DroneSwarmSearch.evaluation.results import (
     save_json,
 )
 from DroneSwarmSearch.evaluation.run import evaluate
-from DroneSwarmSearch.evaluation.statistics import Band, Estimate, Reliability
-from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
+from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
 from DroneSwarmSearch.evaluation.workers import WorkerCrashed
 
 __all__ = [
     "SUITE",
-    "SUITE_VERSION",
-    "Band",
     "Comparison",
     "Episodes",
     "Estimate",
     "Evaluation",
     "NamedSearch",
-    "Reliability",
     "StorageError",
-    "Store",
     "WorkerCrashed",
     "compare",
     "evaluate",
+    "leaderboard",
+    "record",
     "save_csv",
     "save_episodes",
     "save_json",

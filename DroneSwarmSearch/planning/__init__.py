@@ -8,5 +8,6 @@
 """
 
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
+from DroneSwarmSearch.planning.exact import best_success
 
-__all__ = ["SuccessBound", "success_bound"]
+__all__ = ["SuccessBound", "best_success", "success_bound"]

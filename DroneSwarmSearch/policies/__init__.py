@@ -20,7 +20,6 @@ from typing import Protocol
 
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies.greedy import GreedyPolicy, PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -39,11 +38,9 @@ __all__ = [
     "CreepingLinePolicy",
     "ExpandingSquarePolicy",
     "GreedyPolicy",
-    "Knowledge",
     "PPOPolicy",
     "ParallelSweepPolicy",
     "PlannerPolicy",
-    "Policy",
     "PosteriorGreedyPolicy",
     "RandomPolicy",
     "SectorSearchPolicy",

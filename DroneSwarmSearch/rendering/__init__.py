@@ -3,3 +3,7 @@
 All of them draw a `frame.Frame` and know nothing else. Importing this package, `frame`
 or `text` does not import pygame; `painter` and `window` do.
 """
+
+from DroneSwarmSearch.rendering.frame import Frame
+
+__all__ = ["Frame"]

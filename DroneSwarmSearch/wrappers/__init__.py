@@ -13,6 +13,7 @@ from DroneSwarmSearch.wrappers.action_mask import ActionMask
 from DroneSwarmSearch.wrappers.crops_observation import CropsObservation
 from DroneSwarmSearch.wrappers.dict_observation import DictObservation
 from DroneSwarmSearch.wrappers.flat_observation import FlatObservation
+from DroneSwarmSearch.wrappers.masks import action_masks
 from DroneSwarmSearch.wrappers.other_drones import OtherDrones
 from DroneSwarmSearch.wrappers.planes_observation import PlanesObservation
 from DroneSwarmSearch.wrappers.scaled_rewards import ScaledRewards
@@ -29,4 +30,5 @@ __all__ = [
     "ScaledRewards",
     "SeparateFlags",
     "TopCellsObservation",
+    "action_masks",
 ]
