@@ -60,7 +60,7 @@ leaderboard *options:
 
 # how fast it is on this machine
 bench *options:
-    python -m DroneSwarmSearch bench {{ options }}
+    python tests/benchmarks/bench_vector.py {{ options }}
 
 # the wheel and the sdist, in dist, checked
 build:

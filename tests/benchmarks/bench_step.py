@@ -26,16 +26,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from cases import SINGLE, LeftOutError, Size, spread_cells, steps_of_one
+from peers import DSSE
 
 from DroneSwarmSearch import DroneSwarmSearch
-from DroneSwarmSearch.bench.cases import (
-    SINGLE,
-    LeftOutError,
-    Size,
-    spread_cells,
-    steps_of_one,
-)
-from DroneSwarmSearch.bench.peers import DSSE
 
 SIZES = ((7, 1), (20, 1), (20, 4), (50, 11), (100, 25))
 IDLE = 5

@@ -21,7 +21,6 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +28,10 @@ import numpy as np
 import supersuit
 import torch
 from stable_baselines3 import PPO
+from timing import Run, Spread, take_turns
 from torch import nn
 
 from DroneSwarmSearch import DroneSwarmSearch
-from DroneSwarmSearch.bench.turns import Spread, take_turns
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
@@ -45,8 +44,6 @@ SEARCH: dict[str, Any] = {
     "timestep_limit": 100,
     "bayesian_update": True,
 }
-
-Run = Callable[[int], int]
 
 
 def one_file() -> Any:

@@ -1,0 +1,236 @@
+"""The benchmark cases: each is prepared for a grid, a number of drones and of searches.
+
+All cases run the same task: the drones start spread over the grid, the person starts in the
+middle, and random actions drawn beforehand are played. Episodes reset automatically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import cycle, islice
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from timing import Run
+
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
+
+TIMESTEP_LIMIT = 100
+MAX_BYTES = 2**29  # of matrices in a step; larger cases are left out
+ACTION_ROWS = 512  # rows of random actions, played in a cycle
+STRIDE = 1009  # from one row to the next; prime, so that no two drones repeat each other
+
+Actions = list[NDArray[np.int64]]
+
+
+class LeftOutError(Exception):
+    """A case cannot be measured; the message gives the reason."""
+
+
+class Size(NamedTuple):
+    grid_size: int
+    n_drones: int
+
+    def __str__(self) -> str:
+        return f"{self.grid_size}x{self.n_drones}"
+
+
+@dataclass(frozen=True)
+class BenchmarkCase:
+    """A case of the benchmark.
+
+    Attributes:
+        name: in tables and files.
+        make: prepares the case for a size and a number of searches; raises `LeftOutError`.
+        batched: False if it runs one search whatever the number of searches.
+    """
+
+    name: str
+    make: Callable[[Size, int], Run]
+    batched: bool = True
+
+
+def parameters(size: Size) -> dict[str, Any]:
+    return {
+        "grid_size": size.grid_size,
+        "n_drones": size.n_drones,
+        "person_initial_position": (size.grid_size // 2, size.grid_size // 2),
+        "timestep_limit": TIMESTEP_LIMIT,
+    }
+
+
+def spread_cells(grid_size: int, n_drones: int) -> list[tuple[int, int]]:
+    """Distinct cells spread evenly over the grid, off the border if there is room."""
+    side = int(np.ceil(np.sqrt(n_drones)))
+    if side <= grid_size - 2:
+        places = np.linspace(0, grid_size - 1, side + 2)[1:-1]
+    else:
+        places = np.linspace(0, grid_size - 1, side)
+    along = places.round().astype(int).tolist()
+    return [(x, y) for y in along for x in along][:n_drones]
+
+
+def random_actions(num_envs: int, n_drones: int, n_actions: int = len(Action)) -> Actions:
+    """`ACTION_ROWS` arrays of random actions, each of shape (num_envs, n_drones).
+
+    The arrays are overlapping windows of one sequence, which saves gigabytes.
+    """
+    count = num_envs * n_drones
+    drawn = np.random.default_rng(0).integers(0, n_actions, count + STRIDE * (ACTION_ROWS - 1))
+    starts = range(0, STRIDE * ACTION_ROWS, STRIDE)
+    return [drawn[start : start + count].reshape(num_envs, n_drones) for start in starts]
+
+
+# A single environment.
+
+
+def steps_of_one(env: Any, actions: list[dict[str, int]], **reset: Any) -> Run:
+    """Step a PettingZoo environment, and reset it when an episode ends."""
+    env.reset(**reset)
+    next_actions = cycle(actions)
+
+    def run(steps: int) -> int:
+        step = env.step
+        for row in islice(next_actions, steps):
+            step(row)
+            if not env.agents:
+                env.reset(**reset)
+        return steps
+
+    return run
+
+
+def single(size: Size, **changes: Any) -> Run:
+    env = DroneSwarmSearch(**parameters(size), **changes)
+    rows = np.concatenate(random_actions(1, size.n_drones)).tolist()
+    actions = [dict(zip(env.possible_agents, row, strict=True)) for row in rows]
+    return steps_of_one(env, actions, drones_positions=spread_cells(*size))
+
+
+# Batches.
+
+
+def make_batch(size: Size, num_envs: int, **changes: Any) -> SearchBatch:
+    cells = spread_cells(*size)
+    batch = SearchBatch(num_envs, **parameters(size), drones_positions=cells, **changes)
+    batch.reset(range(num_envs))
+    return batch
+
+
+def steps_of_batch(
+    batch: SearchBatch, step: Callable[[NDArray[np.int64]], object], actions: Actions
+) -> Run:
+    """Step a batch; a row that resets instead of stepping does not count."""
+    num_envs = len(batch.over)
+    next_actions = cycle(actions)
+
+    def run(steps: int) -> int:
+        made = 0
+        for row in islice(next_actions, steps):
+            made += num_envs - int(np.count_nonzero(batch.over))
+            step(row)
+        return made
+
+    return run
+
+
+def batch_by_index(size: Size, num_envs: int) -> Run:
+    batch = make_batch(size, num_envs, wants_table=True)
+
+    def step(actions: NDArray[np.int64]) -> object:
+        batch.step(actions)
+        return batch.positions, batch.table_index
+
+    return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
+
+
+def batch_with_matrices(size: Size, num_envs: int, **changes: Any) -> Run:
+    buffer = matrix_buffer(size, num_envs)
+    batch = make_batch(size, num_envs, **changes)
+
+    def step(actions: NDArray[np.int64]) -> object:
+        batch.step(actions, buffer)
+        return batch.positions
+
+    return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
+
+
+def drift_per_row(size: Size, num_envs: int) -> Run:
+    vectors = np.random.default_rng(1).uniform(-0.5, 0.5, (num_envs, 2))
+    return batch_with_matrices(size, num_envs, vector=vectors)
+
+
+def drift_per_episode(size: Size, num_envs: int) -> Run:
+    def sampler(rng: Any) -> Mapping[str, Any]:
+        return {"vector": rng.uniform(-0.5, 0.5, 2)}
+
+    return batch_with_matrices(size, num_envs, sampler=sampler)
+
+
+def gather(size: Size, num_envs: int) -> Run:
+    """Only copy each row's matrix from the table: the upper limit for NumPy."""
+    buffer = matrix_buffer(size, num_envs)
+    batch = make_batch(size, num_envs, wants_table=True)
+    for actions in random_actions(num_envs, size.n_drones)[:TIMESTEP_LIMIT]:
+        batch.step(actions)
+    table, index = batch.table, batch.table_index
+
+    def run(steps: int) -> int:
+        for _ in range(steps):
+            table.take(index, 0, out=buffer, mode="clip")
+        return steps * num_envs
+
+    return run
+
+
+def matrix_buffer(size: Size, num_matrices: int) -> NDArray[np.float32]:
+    wanted = 4 * num_matrices * size.grid_size**2
+    if wanted > MAX_BYTES:
+        raise LeftOutError(
+            f"{num_matrices:,} matrices take {wanted / 2**20:,.0f} MiB per step, "
+            f"more than {MAX_BYTES / 2**20:,.0f}"
+        )
+    return np.empty((num_matrices, size.grid_size, size.grid_size), np.float32)
+
+
+def vector_env(
+    kind: type[DroneVectorEnv] | type[SwarmVectorEnv], write_matrices: bool
+) -> Callable[[Size, int], Run]:
+    """Gymnasium's vector environments, which return new arrays from every step."""
+    by_drone = kind is DroneVectorEnv
+
+    def make(size: Size, num_envs: int) -> Run:
+        if write_matrices:
+            matrix_buffer(size, num_envs * (size.n_drones if by_drone else 1))
+        cells = spread_cells(*size)
+        env = kind(
+            num_envs, write_matrices=write_matrices, **parameters(size), drones_positions=cells
+        )
+        env.reset(seed=0)
+        actions = random_actions(num_envs, size.n_drones)
+        if by_drone:
+            actions = [row.reshape(-1) for row in actions]
+        return steps_of_batch(env.batch, env.step, actions)
+
+    return make
+
+
+SINGLE = BenchmarkCase("one environment", lambda size, _: single(size), batched=False)
+SINGLE_POSTERIOR = BenchmarkCase(
+    "one environment, posterior", lambda size, _: single(size, bayesian_update=True), batched=False
+)
+INDEX = BenchmarkCase("batch, index", batch_by_index)
+MATRICES = BenchmarkCase("batch, matrices", batch_with_matrices)
+GATHER = BenchmarkCase("gather alone", gather)
+POSTERIOR = BenchmarkCase(
+    "batch, posterior", lambda size, n: batch_with_matrices(size, n, bayesian_update=True)
+)
+DRIFT_PER_ROW = BenchmarkCase("batch, a drift for each row", drift_per_row)
+DRIFT_PER_EPISODE = BenchmarkCase("batch, a drift for each episode", drift_per_episode)
+SWARM_ENV = BenchmarkCase("SwarmVectorEnv", vector_env(SwarmVectorEnv, True))
+SWARM_ENV_INDEX = BenchmarkCase("SwarmVectorEnv, index", vector_env(SwarmVectorEnv, False))
+DRONE_ENV = BenchmarkCase("DroneVectorEnv", vector_env(DroneVectorEnv, True))
+DRONE_ENV_INDEX = BenchmarkCase("DroneVectorEnv, index", vector_env(DroneVectorEnv, False))
