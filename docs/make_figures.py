@@ -1,17 +1,19 @@
-"""Makes the figures of the documentation, from this package, in a light and a dark theme.
+"""Make the figures of the documentation, in a light and a dark theme.
 
     python docs/make_figures.py
 
-writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function that `figure`
-registers; names given as arguments make those alone. The same code and the same matplotlib
-give the same bytes. `calibration` draws from `docs/figures/calibration.csv`, which
-`python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv` measures, and `speed`
-from what `python tests/benchmarks/bench_vector.py --json docs/figures/bench.json` does; everything
-else is worked out here, within seconds.
+writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function registered with
+`figure`, or for the names given as arguments. The output is reproducible with the same version
+of matplotlib. `calibration` and `speed` plot the measurements written by
 
-To add a figure, write a function from a `Theme` and a `Sampling` to a matplotlib `Figure` and
-decorate it with its name. Figures are 576 pixels wide, so that their text can still be read
-where a phone shrinks them.
+    python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv
+    python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
+
+All other figures are computed here, within seconds.
+
+To add a figure, write a function that takes a `Theme` and a `Sampling`, returns a matplotlib
+`Figure`, and is decorated with the figure's name. Figures are 576 pixels wide, so that their
+text stays legible on a phone.
 """
 
 from __future__ import annotations
@@ -51,21 +53,21 @@ FIGURES = Path(__file__).parent / "figures"
 Floats = NDArray[np.float64]
 
 WIDTH = 6.0
-"""Of every figure, in inches of 96 pixels; a page's column has some 700."""
+"""Width of every figure in inches of 96 pixels; a column of the page has about 700 pixels."""
 
 
 class Theme(NamedTuple):
     """The colours of a theme.
 
     Attributes:
-        name: the suffix of its files.
-        ground: behind everything; the page's own.
-        ink: text and what matters most.
-        grey: axes, and what matters least.
+        name: suffix of the file names.
+        ground: background, that of the page.
+        ink: text and emphasis.
+        grey: axes and peers.
         faint: grid lines.
-        heat: of probabilities, from none to the most.
-        series: of lines, told apart by people with any common colour vision.
-        track: of tracks over probabilities.
+        heat: colour map of probabilities, from zero to the maximum.
+        series: lines, distinguishable with any common colour vision.
+        track: paths drawn over probabilities.
     """
 
     name: str
@@ -83,7 +85,7 @@ class Theme(NamedTuple):
         return LinearSegmentedColormap.from_list(f"heat-{self.name}", self.heat)
 
 
-# Series after M. Okabe and K. Ito, Color universal design, 2008; lighter on a dark ground.
+# Series from M. Okabe and K. Ito, Color universal design, 2008; lighter on the dark ground.
 THEMES = (
     Theme(
         name="light",
@@ -109,10 +111,10 @@ THEMES = (
 
 
 class Sampling(NamedTuple):
-    """How much is sampled.
+    """Sample sizes.
 
     Attributes:
-        episodes: the episodes that a figure plays.
+        episodes: number of episodes that a figure simulates.
     """
 
     episodes: int
@@ -135,7 +137,7 @@ def figure(name: str) -> Callable[[Drawing], Drawing]:
 
 
 def style_of(theme: Theme) -> dict[str, Any]:
-    """Matplotlib's settings for a theme."""
+    """Return Matplotlib's settings for a theme."""
     return {
         "font.family": "DejaVu Sans",  # ships with matplotlib
         "font.size": 9.5,
@@ -173,13 +175,13 @@ def style_of(theme: Theme) -> dict[str, Any]:
 
 
 def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = None) -> None:
-    """Draw the probabilities of cells, rows downward."""
+    """Draw a matrix of probabilities, with row 0 at the top."""
     axes.imshow(
         matrix,
         cmap=theme.probabilities,
         vmin=0.0,
         vmax=matrix.max() if most is None else most,
-        interpolation="none",  # the file holds one pixel for each cell
+        interpolation="none",  # one pixel per cell in the file
         origin="upper",
     )
     axes.spines[["top", "right"]].set_visible(True)
@@ -188,7 +190,7 @@ def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = N
 
 
 def name_axes(panels: NDArray[Any]) -> None:
-    """Write x below and y to the left of a square of maps."""
+    """Label the axes of a grid of maps."""
     for axes in panels[-1]:
         axes.set_xlabel("x")
     for axes in panels[:, 0]:
@@ -196,12 +198,12 @@ def name_axes(panels: NDArray[Any]) -> None:
 
 
 def marginal_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
-    """The distribution function F of a forecast's column at a step: shape (N,)."""
+    """Return the distribution function F of the column at a step, shape (N,)."""
     return np.cumsum(forecast.marginals(step)[0])
 
 
 def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
-    """The Gaussian's distribution function G for a forecast's column at a step: shape (N,)."""
+    """Return the Gaussian's distribution function G of the column at a step, shape (N,)."""
     size, start, drift, constant = forecast.parameters
     values = (np.array(float(value)) for value in (start[0], drift[0], constant, step))
     return gaussian_cdf(size, *values)
@@ -209,7 +211,7 @@ def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
 
 @figure("gaussian")
 def gaussian(theme: Theme, sampling: Sampling) -> Figure:
-    """The matrix at several times, with the way of its centre."""
+    """Draw the matrix at several steps, with the path of its centre."""
     forecast = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
     chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
@@ -231,14 +233,14 @@ def gaussian(theme: Theme, sampling: Sampling) -> Figure:
         axes.set(xlim=(-0.5, 39.5), ylim=(39.5, -0.5))
         axes.set_title(f"step {step}")
         most = forecast.exact(step).max()
-        axes.set_title(f"at most {most:.2g}", loc="right", color=theme.grey, fontsize=8.5)
+        axes.set_title(f"max {most:.2g}", loc="right", color=theme.grey, fontsize=8.5)
     name_axes(panels)
     return chart
 
 
 @figure("clip")
 def clip(theme: Theme, sampling: Sampling) -> Figure:
-    """The Gaussian, what can be reached, and what becomes of it."""
+    """Draw the Gaussian, the reachable band and the clipped forecast."""
     forecast = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2)
@@ -253,7 +255,7 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
             color=theme.series[0],
             alpha=0.22,
             linewidth=0,
-            label="within reach",
+            label="reachable",
         )
         axes.stairs(
             target_cdf(forecast, step),
@@ -274,35 +276,35 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
         axes.set_title(f"step {step}")
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.grid(axis="y")
-    panels[0, 0].set_ylabel("chance of a column up to x")
-    panels[1, 0].set_ylabel("chance of a column up to x")
+    panels[0, 0].set_ylabel("P(column ≤ x)")
+    panels[1, 0].set_ylabel("P(column ≤ x)")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=3, columnspacing=1.4)
     axes = panels[1, 1]
     for drift in (0.5, 0.8, 0.9, 1.0):
         long = ProbabilityMatrix(200, (10, 10), (drift, 0.0), 10)
         steps = np.arange(1, 61)
-        apart = [
+        distance = [
             np.abs(np.diff(marginal_cdf(long, t) - target_cdf(long, t), prepend=0.0)).sum() / 2
             for t in steps
         ]
-        axes.plot(steps, apart, color=theme.series[0], linewidth=1.4)
+        axes.plot(steps, distance, color=theme.series[0], linewidth=1.4)
         axes.annotate(
             f"{drift:g}",
-            (16, apart[15]),
+            (16, distance[15]),
             (0, 5 if drift < 1.0 else -13),
             textcoords="offset points",
             fontsize=8.5,
         )
     axes.set(xlim=(0, 60), ylim=(0, 0.52), xlabel="step")
-    axes.set_title("F and G apart, by drift")
+    axes.set_title("distance of F and G, by drift")
     axes.grid(axis="y")
     return chart
 
 
 @cache
 def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
-    """A forecast, and the columns of some persons under it, shape (steps + 1, count)."""
+    """Return a forecast, and the columns of persons that follow it, shape (steps + 1, count)."""
     forecast = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
     envs = SwarmVectorEnv(
         count,
@@ -321,7 +323,7 @@ def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
 
 @figure("person")
 def person(theme: Theme, sampling: Sampling) -> Figure:
-    """The moves of a person along x at one step, and some walks."""
+    """Draw the moves of a person along x at one step, and some paths."""
     forecast, columns = walks(6)
     at = 20
     chart = Figure(figsize=(WIDTH, 7.0), layout="constrained")
@@ -329,24 +331,24 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
     edges = np.arange(-0.5, 40)
     probability = forecast.marginals(at)[0]
     forecast_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
-    forecast_axes.set_ylabel("chance")
-    forecast_axes.set_title(f"where the person is at step {at}")
+    forecast_axes.set_ylabel("probability")
+    forecast_axes.set_title(f"distribution of the person at step {at}")
     right, left, _, _ = forecast.moves(at)
     shown = probability > 1e-4
     bottom = np.zeros(40)
-    shares = {"left": (left, 1), "stays": (1 - left - right, None), "right": (right, 0)}
-    for name, (share, series) in shares.items():
+    moves_of = {"left": (left, 1), "stay": (1 - left - right, None), "right": (right, 0)}
+    for name, (share, series) in moves_of.items():
         colour = theme.faint if series is None else theme.series[series]
         top = bottom + np.where(shown, share, 0.0)
         moves.stairs(top, edges, baseline=bottom, fill=True, color=colour, label=name)
         bottom = top
-    moves.set_ylabel("share")
-    moves.set_title("where it goes from there")
+    moves.set_ylabel("probability")
+    moves.set_title("its next move")
     middle = (bottom > 0).nonzero()[0]
     centre = int(middle.mean())
     heights = left[centre] / 2, (1 + left[centre] - right[centre]) / 2, 1 - right[centre] / 2
-    for name, height in zip(shares, heights, strict=True):
-        colour = theme.ink if name == "stays" else theme.ground
+    for name, height in zip(moves_of, heights, strict=True):
+        colour = theme.ink if name == "stay" else theme.ground
         moves.text(centre, height, name, ha="center", va="center", color=colour, fontsize=8.5)
     matrix = np.array([forecast.marginals(step)[0] for step in range(41)])
     tracks.imshow(
@@ -370,22 +372,21 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
         )
     tracks.axhline(at, color=theme.grey, linewidth=1.0, linestyle=(0, (3, 2)))
     tracks.set(xlim=(5.5, 34.5), ylim=(40.5, -0.5), xlabel="x", ylabel="step")
-    tracks.set_title("six persons over the matrix's columns")
+    tracks.set_title("paths of six persons")
     for axes in (forecast_axes, moves):
         axes.grid(axis="y")
     return chart
 
 
 class Miss(NamedTuple):
-    """A search that found nobody, step by step.
+    """An episode in which nobody is found.
 
     Attributes:
         actions: shape (steps, drones).
         positions: the drones' cells (x, y) before each step, shape (steps + 1, drones, 2).
-        matrices: shown before each step, shape (steps + 1, N, N).
-        prior: the matrices of the drift alone, likewise.
-        kept: the chance that the searches of each step find nobody, given that those before
-            have not, shape (steps,).
+        matrices: the posteriors observed before each step, shape (steps + 1, N, N).
+        prior: the forecasts, of the same shape.
+        kept: the kept fraction of each step, shape (steps,).
     """
 
     actions: NDArray[np.int64]
@@ -404,17 +405,17 @@ SCENE: dict[str, Any] = {
     "timestep_limit": 60,
     "bayesian_update": True,
 }
-AT_FIRST = [(0, 4), (0, 10), (0, 16)]
-"""Where the drones of `SCENE` begin."""
+START_CELLS = [(0, 4), (0, 10), (0, 16)]
+"""The drones' start cells in `SCENE`."""
 
 
 @cache
 def miss(detection: float) -> Miss:
-    """What the greedy policy does in `SCENE` as long as nobody is found."""
+    """Return the first episode in `SCENE` in which the greedy policy finds nobody."""
     env = DroneSwarmSearch(**SCENE, probability_of_detection=detection)
     policy = GreedyPolicy(env.scenario)
     for seed in range(1000):
-        observations, _ = env.reset(seed=seed, drones_positions=AT_FIRST)
+        observations, _ = env.reset(seed=seed, drones_positions=START_CELLS)
         policy.reset()
         forecast = env.scenario.forecasts()[0]
         belief, chosen, kept = forecast.exact(0), [], []
@@ -445,7 +446,7 @@ def miss(detection: float) -> Miss:
 
 @figure("belief")
 def belief(theme: Theme, sampling: Sampling) -> Figure:
-    """The matrix of the drift alone and the posterior, at two moments of one search."""
+    """Draw the forecast and the posterior at two steps of one episode."""
     search = miss(0.8)
     chart = Figure(figsize=(WIDTH, 6.3), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
@@ -455,48 +456,48 @@ def belief(theme: Theme, sampling: Sampling) -> Figure:
             heat_map(axes, matrix, theme, most=most)
             axes.set(xlim=(-0.5, 23.5), ylim=(23.5, -0.5))
         for drone in range(3):
-            way = search.positions[: step + 1, drone]
-            row[1].plot(*way.T, color=theme.track, linewidth=0.9)
-            looks = search.actions[:step, drone] == Action.SEARCH
-            row[1].plot(*way[:-1][looks].T, "x", color=theme.track, markersize=3)
-            row[1].plot(*way[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
-        row[0].set_title(f"step {step}: the drift alone")
-        looks = int((search.actions[:step] == Action.SEARCH).sum())
-        row[1].set_title(f"after {looks} searches in vain")
+            path = search.positions[: step + 1, drone]
+            row[1].plot(*path.T, color=theme.track, linewidth=0.9)
+            searched = search.actions[:step, drone] == Action.SEARCH
+            row[1].plot(*path[:-1][searched].T, "x", color=theme.track, markersize=3)
+            row[1].plot(*path[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
+        row[0].set_title(f"step {step}: forecast")
+        searches = int((search.actions[:step] == Action.SEARCH).sum())
+        row[1].set_title(f"posterior after {searches} searches")
     name_axes(panels)
     return chart
 
 
 @cache
 def shares_not_found(detection: float, episodes: int) -> Floats:
-    """The share of episodes in which the searches of `miss` have found nobody, by step."""
+    """Return the fraction of episodes in which the actions of `miss` find nobody, by step."""
     search = miss(detection)
     steps = len(search.actions)
-    scene = {**SCENE, "timestep_limit": steps + 1}  # no episode may end by itself
+    scene = {**SCENE, "timestep_limit": steps + 1}  # only a find ends an episode
     envs = SwarmVectorEnv(
-        episodes, **scene, probability_of_detection=detection, drones_positions=AT_FIRST
+        episodes, **scene, probability_of_detection=detection, drones_positions=START_CELLS
     )
     envs.reset(seed=0)
     missing = np.ones(episodes, bool)
     shares = [1.0]
     for actions in search.actions:
         envs.step(np.tile(actions, (episodes, 1)))
-        missing &= ~envs.batch.found  # and begin anew, which no longer counts
+        missing &= ~envs.batch.found  # later episodes of the sub-environment do not count
         shares.append(missing.mean())
     return np.array(shares)
 
 
 @figure("survival")
 def survival(theme: Theme, sampling: Sampling) -> Figure:
-    """What the kept fractions promise, and how many episodes ended without a find."""
+    """Draw the product of the kept fractions, and the measured fraction of episodes."""
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = chart.subplots()
     for series, detection in enumerate((0.4, 0.8)):
-        promised = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
+        forecast = np.concatenate(([1.0], np.cumprod(miss(detection).kept)))
         shares = shares_not_found(detection, sampling.episodes)
         colour = theme.series[series]
-        steps = np.arange(len(promised))
-        axes.plot(steps, promised, color=colour)
+        steps = np.arange(len(forecast))
+        axes.plot(steps, forecast, color=colour)
         spread = 1.96 * np.sqrt(shares * (1 - shares) / sampling.episodes)
         some = steps[4::4]
         axes.errorbar(
@@ -512,7 +513,7 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
         )
         axes.annotate(
             f"POD {detection:g}",
-            (steps[-1], promised[-1]),
+            (steps[-1], forecast[-1]),
             (6, 0),
             textcoords="offset points",
             va="center",
@@ -527,10 +528,10 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
         markersize=4.5,
         markerfacecolor=theme.ground,
         markeredgewidth=1.3,
-        label=f"share of {sampling.episodes:,} episodes",
+        label=f"fraction of {sampling.episodes:,} episodes",
     )
     axes.legend(loc="upper right", borderaxespad=0.1)
-    axes.set(xlim=(0, 67), ylim=(0, 1.02), xlabel="step", ylabel="not found yet")
+    axes.set(xlim=(0, 67), ylim=(0, 1.02), xlabel="step", ylabel="not found")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid()
     return chart
@@ -543,12 +544,12 @@ BATCHED = {
     "JaxMARL coin_game": ("JaxMARL coin_game", 20, 2),
 }
 ONE_BY_ONE = {"one environment": ("one environment", 20, 4), "DSSE": ("DSSE", 20, 4)}
-"""What is drawn of `bench.json`: its name there, and the cells along a side and the drones."""
+"""The cases of `bench.json` that are drawn, by label: name there, grid size, drones."""
 
 
 @figure("speed")
 def speed(theme: Theme, sampling: Sampling) -> Figure:
-    """Environment steps per second over the searches in a batch, from `bench.json`."""
+    """Draw environment steps per second over the number of searches, from `bench.json`."""
     measured = json.loads((FIGURES / "bench.json").read_text("utf-8"))
     rates = {
         (run["name"], size["grid_size"], size["n_drones"], run["num_envs"]): run
@@ -560,19 +561,19 @@ def speed(theme: Theme, sampling: Sampling) -> Figure:
     colours = iter(theme.series)
     chart = Figure(figsize=(WIDTH, 4.0), layout="constrained")
     axes = chart.subplots()
-    beside = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
+    label_style = {"fontsize": 8.5, "textcoords": "offset points", "va": "center"}
     for label, spec in BATCHED.items():
         runs = [rates[(*spec, count)] for count in counts]
         median, lower, upper = ([run[key] for run in runs] for key in ("median", "lower", "upper"))
         colour = theme.grey if label in peers else next(colours)
         axes.plot(counts, median, "o-", color=colour, markersize=3.5)
         axes.fill_between(counts, lower, upper, color=colour, alpha=0.3, linewidth=0)
-        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **beside)
+        axes.annotate(label, (counts[-1], median[-1]), (8, 0), color=colour, **label_style)
     for label, spec in ONE_BY_ONE.items():
         rate = rates[(*spec, None)]["median"]
         colour = theme.grey if label in peers else next(colours)
         axes.axhline(rate, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
-        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **beside)
+        axes.annotate(label, (counts[-1], rate), (8, 6), color=colour, **label_style)
     axes.set(xscale="log", yscale="log", xlim=(0.8, counts[-1] * 12))
     axes.set(xlabel="searches in the batch", ylabel="environment steps per second")
     axes.set_xticks(counts, [f"{count:,}" for count in counts])
@@ -585,7 +586,7 @@ Measured = dict[tuple[str, float, float, str], Floats]
 
 
 def measured() -> Measured:
-    """Distances and floors of `calibration.csv`, (steps + 1, 2), by package and setting."""
+    """Return distances and floors of `calibration.csv`, (steps + 1, 2), by package and setting."""
     rows: dict[tuple[str, float, float, str], list[tuple[float, float]]] = {}
     with (FIGURES / "calibration.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -596,7 +597,7 @@ def measured() -> Measured:
 
 @figure("success")
 def success(theme: Theme, sampling: Sampling) -> Figure:
-    """The tutorial's plot, as the tutorial's own block draws it."""
+    """Draw the tutorial's plot by executing its code block."""
     page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
     (block,) = (text for text in blocks if 'savefig("success.png"' in text)
@@ -613,18 +614,18 @@ def success(theme: Theme, sampling: Sampling) -> Figure:
 
 @figure("calibration")
 def calibration(theme: Theme, sampling: Sampling) -> Figure:
-    """How far matrices are from where the person is, here and in the packages before."""
+    """Draw the distance between matrix and person in this package and its predecessors."""
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     figures = measured()
     drifts = list(dict.fromkeys(key[1:3] for key in figures))
-    looks = {
+    styles = {
         "DSSE 1.1.9": ("", 1, "-"),
         "2023 package": ("10.0", 2, (0, (5, 1.5))),
         "DroneSwarmSearch": ("10.0", 0, "-"),
     }
     for axes, drift in zip(panels.flat, drifts, strict=True):
-        for name, (constant, series, dashes) in looks.items():
+        for name, (constant, series, dashes) in styles.items():
             values = figures.get((name, *drift, constant))
             if values is None:
                 continue
@@ -638,21 +639,21 @@ def calibration(theme: Theme, sampling: Sampling) -> Figure:
                 label="this package" if ours else name,
             )
             if ours:
-                label = "a true matrix, sampled"
+                label = "floor"
                 axes.plot(values[:, 1], color=theme.ink, linestyle=":", linewidth=1.3, label=label)
         axes.set(xlim=(0, 60), ylim=(0, 1))
         axes.set_title("drift ({:g}, {:g})".format(*drift))
         axes.grid()
     chart.supxlabel("step", fontsize=9.5)
-    chart.supylabel("total variation: matrix and person apart", fontsize=9.5)
+    chart.supylabel("total variation between matrix and person", fontsize=9.5)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.4)
     return chart
 
 
 def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
-    """A figure in a theme, as a file's content."""
-    plt.switch_backend("agg")  # no window, wherever this runs
+    """Return the content of a figure's file."""
+    plt.switch_backend("agg")  # no window
     with style.context(["default", style_of(theme)]):
         content = io.BytesIO()
         REGISTRY[name](theme, sampling).savefig(
@@ -662,7 +663,7 @@ def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
 
 
 def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path]:
-    """Write figures, each in both themes, and return the files."""
+    """Write figures in both themes, and return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name in names:
@@ -674,11 +675,11 @@ def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make them, and say what was made."""
+    """Make the figures and print their sizes."""
     parser = argparse.ArgumentParser(description="Make the figures of the documentation.")
     parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(REGISTRY)}")
-    parser.add_argument("--into", type=Path, default=FIGURES, help="the folder")
-    parser.add_argument("--short", action="store_true", help="few episodes, to try it out")
+    parser.add_argument("--into", type=Path, default=FIGURES, help="output folder")
+    parser.add_argument("--short", action="store_true", help="few episodes, for a quick trial")
     chosen = parser.parse_args(arguments)
     if unknown := set(chosen.names) - set(REGISTRY):
         parser.error(f"no figure is called {', '.join(sorted(unknown))}")

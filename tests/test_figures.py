@@ -1,4 +1,4 @@
-"""The figures of the documentation, and the measurement that one of them shows."""
+"""The figures of the documentation, and the calibration benchmark that one of them shows."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ THEMES = [theme.name for theme in figures.THEMES]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_is_made_in_both_themes(name: str, tmp_path: Path) -> None:
+def test_figures_are_drawn_in_both_themes(name: str, tmp_path: Path) -> None:
     written = figures.make([name], tmp_path, figures.SHORT)
     assert [path.name for path in written] == [f"{name}-{theme}.svg" for theme in THEMES]
     for path in written:
-        picture = ElementTree.parse(path).getroot()
-        assert float(picture.attrib["width"].removesuffix("pt")) == pytest.approx(432, abs=1)
-        assert b"<text" not in path.read_bytes()  # letters are drawn, whatever fonts there are
+        root = ElementTree.parse(path).getroot()
+        assert float(root.attrib["width"].removesuffix("pt")) == pytest.approx(432, abs=1)
+        assert b"<text" not in path.read_bytes()  # glyphs are paths, independent of fonts
     light, dark = (path.read_text("utf-8") for path in written)
     assert "#ffffff" in light and "#131416" in dark
 
 
-def test_the_same_bytes_at_every_run() -> None:
+def test_figures_are_deterministic() -> None:
     theme = figures.THEMES[0]
     first = figures.svg("survival", theme, figures.SHORT)
     assert figures.svg("survival", theme, figures.SHORT) == first
@@ -50,29 +50,29 @@ def test_the_same_bytes_at_every_run() -> None:
 @pytest.mark.pictures
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("theme", THEMES)
-def test_it_is_kept_and_small(name: str, theme: str) -> None:
+def test_committed_figures_are_small(name: str, theme: str) -> None:
     size = (COMMITTED / f"{name}-{theme}.svg").stat().st_size
     assert 1000 < size < 150_000
 
 
 @pytest.mark.pictures
-def test_nothing_else_is_kept() -> None:
-    kept = {path.name for path in COMMITTED.glob("*.svg")}
-    assert kept == {f"{name}-{theme}.svg" for name in NAMES for theme in THEMES}
+def test_no_other_figures_are_committed() -> None:
+    committed = {path.name for path in COMMITTED.glob("*.svg")}
+    assert committed == {f"{name}-{theme}.svg" for name in NAMES for theme in THEMES}
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_page_shows_it_and_says_what_one_sees(name: str) -> None:
+def test_a_page_shows_each_figure_with_an_alternative_text(name: str) -> None:
     texts = [page.read_text("utf-8") for page in DOCS.rglob("*.md")]
-    shown = [
-        alternative
+    descriptions = [
+        description
         for text in texts
-        for alternative in re.findall(rf"!\[([^\]]*)\]\([./]*figures/{name}-light\.svg\)", text)
+        for description in re.findall(rf"!\[([^\]]*)\]\([./]*figures/{name}-light\.svg\)", text)
     ]
-    assert shown and all(len(alternative) > 40 for alternative in shown)
+    assert descriptions and all(len(description) > 40 for description in descriptions)
 
 
-def test_unknown_names_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_names_are_errors(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         figures.main(["gaussain"])
     assert "no figure is called gaussain" in capsys.readouterr().err
@@ -86,13 +86,13 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.parametrize("detection", [0.4, 0.8])
-def test_what_is_kept_is_what_is_not_found(detection: float) -> None:
+def test_the_kept_fractions_predict_the_episodes_without_a_find(detection: float) -> None:
     episodes = 1000
-    promised = np.minimum(np.cumprod(figures.miss(detection).kept), 1.0)  # but for rounding
-    shares = figures.shares_not_found(detection, episodes)[1:]
-    spread = np.sqrt(promised * (1 - promised) / episodes)
-    assert len(promised) == figures.SCENE["timestep_limit"]
-    assert (np.abs(shares - promised) <= 4 * spread + 1e-12).all()
+    predicted = np.minimum(np.cumprod(figures.miss(detection).kept), 1.0)  # rounding may exceed 1
+    measured = figures.shares_not_found(detection, episodes)[1:]
+    deviation = np.sqrt(predicted * (1 - predicted) / episodes)
+    assert len(predicted) == figures.SCENE["timestep_limit"]
+    assert (np.abs(measured - predicted) <= 4 * deviation + 1e-12).all()
 
 
 # The measurement.

@@ -1,8 +1,8 @@
-"""The guides for those who come from the 2023 package and from DSSE say what is so.
+"""Test the migration guides from the 2023 package and from DSSE.
 
-Blocks marked ``py`` in the guides are scripts for the other package. One that is followed by a
-block of text must fail here with what that text says; the others must run. What the guide
-says of DSSE is tried where DSSE is installed.
+Blocks marked ``py`` are scripts for the other package. A script followed by a text block must
+raise the error in that block; all others must run. Statements about DSSE are tested if DSSE is
+installed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIRST_NINE = tuple(inspect.signature(DroneSwarmSearch).parameters)[:9]
 
 
 def section(page: str, title: str) -> str:
-    """The part of a page under a heading, up to the next one of its level or above."""
+    """Return the text under a heading, up to the next one of level 1 or 2."""
     found = re.search(
         rf"^(#+) {re.escape(title)}\n(.*?)(?=^#{{1,2}} |\Z)", page, re.MULTILINE | re.DOTALL
     )
@@ -44,19 +44,19 @@ def section(page: str, title: str) -> str:
 
 
 def rows(text: str) -> list[list[str]]:
-    """The cells of a text's tables, without the heads."""
+    """Return the rows of a text's tables, without their headings."""
     return [row for table in tables_of(text) for row in table[1:]]
 
 
 def code(cell: str) -> str:
-    """What a cell of a table has in code."""
+    """Return the first code span of a cell."""
     found = re.search(r"`([^`]+)`", cell)
     assert found, cell
     return found[1]
 
 
 def scripts(page: str) -> list[object]:
-    """The blocks for the other package, each with the error that it leads to here, if any."""
+    """Return the scripts for the other package, each with the error that it must raise, if any."""
     blocks = re.findall(
         r"^```py\n(.*?)^```\n(?:\n```text\n(.*?)\n```\n)?", page, re.MULTILINE | re.DOTALL
     )
@@ -64,7 +64,7 @@ def scripts(page: str) -> list[object]:
 
 
 def environment() -> DroneSwarmSearch:
-    """What the fragments of the guide call `env`."""
+    """Return the environment that the fragments of the guide use."""
     return DroneSwarmSearch(grid_size=10, n_drones=2, person_initial_position=[5, 5])
 
 
@@ -76,12 +76,11 @@ def test_script_of_2023(script, error):
         return
     with pytest.raises((Exception,)) as caught:
         exec(compile(script, "before", "exec"), names)
-    told = f"{type(caught.value).__name__}: {caught.value}"
-    assert told == error
+    assert f"{type(caught.value).__name__}: {caught.value}" == error
 
 
 def run(script: str, folder: Path, path: str = "") -> str:
-    """What a script prints, run by itself."""
+    """Run a script in its own process, and return its output."""
     done = subprocess.run(
         [sys.executable, "-c", script],
         cwd=folder,
@@ -95,7 +94,7 @@ def run(script: str, folder: Path, path: str = "") -> str:
     return done.stdout
 
 
-def test_the_file_for_the_import_path_of_its_repository(tmp_path):
+def test_import_path_of_the_2023_repository(tmp_path):
     line = re.search(r"```py\n(from DroneSwarmSearchEnvironment.env .*?)```", OF_2023, re.DOTALL)
     file = tmp_path / "core" / "environment" / "env.py"
     file.parent.mkdir(parents=True)
@@ -106,8 +105,8 @@ def test_the_file_for_the_import_path_of_its_repository(tmp_path):
 
 
 WHOLE_SCRIPTS = {
-    # Each is written as a user of the 2023 package would have, and runs here unchanged.
-    "positions and a drift of one's own": """
+    # Scripts as users of the 2023 package wrote them.
+    "start positions and a drift": """
         from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
         env = DroneSwarmSearch(20, "ansi", False, True, 3, [0.2, 0.2], [0, 5], 5, 30)
         env.reset(drones_positions=[[5, 5], [15, 5], [5, 15]], vector=(0.3, 0.3))
@@ -121,7 +120,7 @@ WHOLE_SCRIPTS = {
         (x, y), matrix = observations["drone2"]["observation"]
         assert (x, y) == (5, 15) and matrix[y][x] >= 0 and (found or score < 0)
         """,
-    "rewards of the drones picked by name": """
+    "rewards selected by drone": """
         from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
         env = DroneSwarmSearch(n_drones=2, grid_size=6)
         env.reset()
@@ -129,7 +128,7 @@ WHOLE_SCRIPTS = {
         mine = [r for key, r in rewards.items() if "drone" in key]
         assert mine == [1, 1] and rewards["total_reward"] == 2 and "total_reward" in rewards
         """,
-    "episode after episode, the vector kept": """
+    "several episodes with one vector": """
         import random
         from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
         env = DroneSwarmSearch(grid_size=8, n_drones=2, timestep_limit=12)
@@ -158,11 +157,11 @@ WHOLE_SCRIPTS = {
 
 
 @pytest.mark.parametrize("name", WHOLE_SCRIPTS)
-def test_a_whole_script_of_2023_runs_unchanged(name):
+def test_whole_script_of_2023(name):
     exec(compile(inspect.cleandoc(WHOLE_SCRIPTS[name]), name, "exec"), {})
 
 
-def test_the_table_of_parameters_has_the_first_nine_with_their_defaults():
+def test_parameters_of_2023():
     table = {code(row[0]): row[1] for row in rows(section(OF_2023, "Parameters"))}
     signature = inspect.signature(DroneSwarmSearch).parameters
     assert tuple(table) == FIRST_NINE
@@ -173,19 +172,19 @@ def test_the_table_of_parameters_has_the_first_nine_with_their_defaults():
         assert f"`{name}`" in section(OF_2023, "Parameters")
 
 
-def test_the_table_of_actions_has_them_all():
+def test_actions_of_2023():
     table = {int(code(row[0])): code(row[2]) for row in rows(section(OF_2023, "Actions"))}
     assert table == {int(action): action.name for action in Action}
     assert f"Discrete({len(Action)})" in section(OF_2023, "Actions")
 
 
-def test_the_table_of_rewards_has_every_figure():
+def test_rewards_of_2023():
     table = rows(section(OF_2023, "Rewards"))
     figures = {code(row[3]): float(code(row[2])) for row in table if row[3]}
     assert figures == dataclasses.asdict(RewardScheme())
 
 
-def test_the_table_of_endings_has_them_all():
+def test_endings_of_2023():
     table = {code(row[1]) for row in rows(section(OF_2023, "Endings"))}
     assert table == {ending.name for ending in Ending}
 
@@ -194,14 +193,19 @@ def test_the_table_of_endings_has_them_all():
 def test_attribute_of_2023(row):
     env = environment()
     env.reset()
-    there, here = row
-    if there == here:
-        assert eval(code(here), {"env": env}) is not None
-        return
+    before, now = row
     with pytest.raises(AttributeError):
-        eval(code(there), {"env": env})
-    if not here.startswith("none"):
-        assert eval(code(here), {"env": env}) is not None
+        eval(code(before), {"env": env})
+    if not now.startswith("none"):
+        assert eval(code(now), {"env": env}) is not None
+
+
+def test_unchanged_attributes_of_2023():
+    env = environment()
+    unchanged = section(OF_2023, "Attributes").split(" are")[0]
+    names = re.findall(r"`env\.(\w+)`", unchanged)
+    assert len(names) == 5
+    assert all(hasattr(env, name) for name in names)
 
 
 def test_methods_of_2023():
@@ -228,7 +232,7 @@ def test_infos_of_2023():
     assert list(info) == ["drone0", "drone1"]
 
 
-def test_the_total_is_told_once():
+def test_total_reward_of_2023():
     env = environment()
     env.reset()
     _, reward, *_ = env.step({"drone0": 5, "drone1": 5})
@@ -237,39 +241,39 @@ def test_the_total_is_told_once():
 
 
 @pytest.mark.parametrize("page", [OF_2023, OF_DSSE], ids=["2023", "dsse"])
-def test_names_that_the_guides_import_exist(page):
+def test_names_imported_in_the_guides_exist(page):
     for module, names in re.findall(r"from (DroneSwarmSearch[\w.]*) import ([\w, ]+)", page):
         for name in names.split(", "):
             assert hasattr(importlib.import_module(module), name), (module, name)
 
 
 def spreads(constant: float, drift: float, steps: list[int]) -> list[tuple[float, float]]:
-    """How far the mean has drifted from cell 20 of 61, and the standard deviation, at steps."""
+    """Return the drift of the mean from cell 20 of 61, and the standard deviation, at each step."""
     forecast = ProbabilityMatrix(61, (20, 20), (drift, 0), constant)
-    cells, told = np.arange(61), []
+    cells, result = np.arange(61), []
     for step in steps:
-        chances, _ = forecast.marginals(step)
-        mean = (chances * cells).sum()
-        told.append((mean - 20, np.sqrt((chances * (cells - mean) ** 2).sum())))
-    return told
+        columns, _ = forecast.marginals(step)
+        mean = (columns * cells).sum()
+        result.append((mean - 20, np.sqrt((columns * (cells - mean) ** 2).sum())))
+    return result
 
 
-def test_the_table_of_spreads_of_2023():
+def test_spread_of_2023():
     table = rows(section(OF_2023, "Drift and spread"))
     for constant, column in ((3, 3), (10, 6)):
-        told = spreads(constant, 0.0, [int(row[0]) for row in table])
-        assert [float(row[column]) for row in table] == [round(sd, 1) for _, sd in told]
+        expected = spreads(constant, 0.0, [int(row[0]) for row in table])
+        assert [float(row[column]) for row in table] == [round(sd, 1) for _, sd in expected]
 
 
-# From DSSE: what the guide says of this package.
+# Statements of the DSSE guide about this package.
 
 
 def dsse_parameters(name: str) -> list[list[str]]:
-    """The table of parameters in a section of the guide: name, default, what is here."""
+    """Return the parameters in a section: name, default, counterpart."""
     return [row for row in rows(section(OF_DSSE, name)) if len(row) == 3]
 
 
-def test_what_the_guide_says_of_parameters_here():
+def test_parameters_here():
     here = set(inspect.signature(DroneSwarmSearch).parameters)
     for row in dsse_parameters("Parameters") + dsse_parameters("Coverage"):
         if row[2].startswith("`"):
@@ -278,14 +282,14 @@ def test_what_the_guide_says_of_parameters_here():
     assert inspect.signature(DroneSwarmSearch).parameters["grid_size"].default == 7
 
 
-def test_what_the_guide_says_of_actions_here():
+def test_actions_here():
     table = {row[2]: row[3] for row in rows(section(OF_DSSE, "Actions")) if row[2] != "none"}
     assert {code(name): int(code(value)) for name, value in table.items()} == {
         action.name: int(action) for action in Action
     }
 
 
-def test_what_the_guide_says_of_attributes_and_wrappers_here():
+def test_attributes_and_wrappers_here():
     env = environment()
     env.reset()
     here = {"env": env, **vars(importlib.import_module("DroneSwarmSearch.wrappers"))}
@@ -298,7 +302,7 @@ def test_what_the_guide_says_of_attributes_and_wrappers_here():
         assert eval(expression, here) is not None
 
 
-def test_what_the_guide_says_of_rewards_here():
+def test_rewards_here():
     scheme = RewardScheme()
     text = section(OF_DSSE, "Rewards and endings")
     figures = (scheme.find, scheme.search, scheme.search_unlikely, scheme.timeout)
@@ -306,47 +310,46 @@ def test_what_the_guide_says_of_rewards_here():
     assert str(scheme.search_threshold) in text
 
 
-def test_the_columns_of_spreads_of_this_package_in_the_guide_from_dsse():
+def test_spread_here():
     table = rows(section(OF_DSSE, "Drift and spread"))[:4]
     steps = [int(row[0]) for row in table]
     for constant, drift, column in ((15.8, 0.1635, 3), (0.65, 0.083, 4)):
-        told = [f"{mean:.1f} and {sd:.1f}" for mean, sd in spreads(constant, drift, steps)]
-        assert [row[column] for row in table] == told
+        expected = [f"{mean:.1f} and {sd:.1f}" for mean, sd in spreads(constant, drift, steps)]
+        assert [row[column] for row in table] == expected
 
 
-def test_paths_without_diagonals():
-    """The ratio of mean distances between random cells, by the larger or by both differences."""
+def test_path_length_without_diagonals():
+    """Compare the mean Manhattan and Chebyshev distances of random cells."""
     difference = np.abs(np.subtract.outer(np.arange(200), np.arange(200))).ravel()
-    chances = np.bincount(difference) / difference.size
+    probability = np.bincount(difference) / difference.size
     cells = np.arange(200)
-    both = 2 * chances @ cells
-    larger = chances @ np.maximum.outer(cells, cells) @ chances
-    assert both / larger == pytest.approx(10 / 7, rel=1e-3)
+    manhattan = 2 * probability @ cells
+    chebyshev = probability @ np.maximum.outer(cells, cells) @ probability
+    assert manhattan / chebyshev == pytest.approx(10 / 7, rel=1e-3)
 
 
-def test_what_the_guide_says_went_wrong_has_a_test_each():
-    text = section(OF_DSSE, "What went wrong there")
-    faults = re.findall(r"^- ", text, re.MULTILINE)
+def test_each_known_problem_has_a_test():
+    text = section(OF_DSSE, "Known problems in DSSE")
+    problems = re.findall(r"^- ", text, re.MULTILINE)
     names = re.findall(r"\[`(\w+)`\]", text)
-    assert len(names) == len(faults) > 10
+    assert len(names) == len(problems) > 5
     assert all(f"test_dsse_{name}" in globals() for name in names)
 
 
-# What the guide says of DSSE, where it is installed.
+# Statements about DSSE, if it is installed.
 
 
 @pytest.fixture
 def dsse(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     module = pytest.importorskip("DSSE")
-    # Warnings are errors here, which DSSE was not written for.
     with contextlib.redirect_stdout(io.StringIO()):
         yield module
 
 
 @pytest.fixture
 def coverage(dsse, monkeypatch, tmp_path):
-    """What makes coverage environments on a map of 6 x 6, with nothing of OpenDrift but a name."""
+    """Return a function that makes coverage environments on a 6 x 6 map, with OpenDrift stubbed."""
     for name in ("opendrift", "opendrift.models", "opendrift.models.oceandrift"):
         monkeypatch.setitem(sys.modules, name, type(sys)(name))
     sys.modules["opendrift.models.oceandrift"].OceanDrift = object
@@ -379,9 +382,9 @@ def test_tables_of_parameters_of_dsse(dsse):
     ):
         table = {code(row[0]): code(row[1]) for row in dsse_parameters(title)}
         signature = inspect.signature(kind).parameters
-        assert {name: ast.literal_eval(value) for name, value in table.items()} == {
-            name: parameter.default for name, parameter in signature.items()
-        }
+        for name, value in table.items():
+            assert ast.literal_eval(value) == signature[name].default
+        assert all(f"`{name}`" in section(OF_DSSE, title) for name in signature)
 
 
 def test_table_of_actions_of_dsse(dsse):
@@ -392,7 +395,7 @@ def test_table_of_actions_of_dsse(dsse):
 
 
 def dsse_path(env, steps: int, seed: int | None = None) -> list[tuple[int, int]]:
-    """Where a person drifts in DSSE while its one drone stays in its corner."""
+    """Return the person's cells in DSSE while its drone stays in its corner."""
     env.reset(seed=seed)
     path = []
     for _ in range(steps):
@@ -407,11 +410,11 @@ def test_dsse_seeds(dsse):
 
 
 def moments(matrix) -> list[float]:
-    """Mean and standard deviation along x."""
-    chances = np.asarray(matrix, float).sum(axis=0)
-    cells = np.arange(len(chances))
-    mean = (chances * cells).sum() / chances.sum()
-    return [mean, np.sqrt((chances * (cells - mean) ** 2).sum() / chances.sum())]
+    """Return the mean and standard deviation along x."""
+    columns = np.asarray(matrix, float).sum(axis=0)
+    cells = np.arange(len(columns))
+    mean = (columns * cells).sum() / columns.sum()
+    return [mean, np.sqrt((columns * (cells - mean) ** 2).sum() / columns.sum())]
 
 
 @pytest.mark.filterwarnings("ignore:divide by zero")
@@ -436,7 +439,7 @@ def test_dsse_drift_of_the_matrix(dsse, speed, drifted, cell):
     dsse_path(env, 40)
     mean, deviation = moments(env.probability_matrix.get_matrix())
     assert mean - 30 == pytest.approx(drifted, abs=0.05)
-    assert int(speed * speed / 10 * 41) == drifted  # one step more: that of the reset
+    assert int(speed * speed / 10 * 41) == drifted  # including the step of the reset
     assert deviation == pytest.approx(0.5 + 0.05 * 40, rel=0.01)
 
 

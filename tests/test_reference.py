@@ -1,12 +1,12 @@
-"""The reference holds every public name once, and its tables say what the code says."""
+"""The API reference lists exactly the public names, and the tables match the code."""
 
 from __future__ import annotations
 
 import ast
 import importlib
+import importlib.util
 import inspect
 import re
-from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,175 +18,140 @@ import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
 
 DOCS = Path(__file__).parents[1] / "docs"
+PAGES = sorted((DOCS / "api").glob("*.rst"))
 ENVIRONMENT = (DOCS / "environment.md").read_text("utf-8")
 README = (DOCS.parent / "README.md").read_text("utf-8")
 
-PUBLIC = (
+SB3 = "DroneSwarmSearch.vector.sb3"  # only importable where Stable-Baselines3 is installed
+PUBLIC_MODULES = (
     "DroneSwarmSearch",
-    "DroneSwarmSearch.drift.belief",
-    "DroneSwarmSearch.drone_swarm_search_v0",
     "DroneSwarmSearch.env",
-    "DroneSwarmSearch._internal.errors",
-    "DroneSwarmSearch.evaluation",
-    "DroneSwarmSearch.evaluation.leaderboard",
-    "DroneSwarmSearch.evaluation.record",
-    "DroneSwarmSearch.evaluation.statistics",
-    "DroneSwarmSearch.wrappers.layouts",
-    "DroneSwarmSearch.wrappers.dictionary",
-    "DroneSwarmSearch.wrappers.flat",
-    "DroneSwarmSearch.wrappers.crops",
-    "DroneSwarmSearch.wrappers.planes",
-    "DroneSwarmSearch.wrappers.top_cells",
-    "DroneSwarmSearch._internal.mappings",
-    "DroneSwarmSearch.wrappers.masks",
-    "DroneSwarmSearch.planning",
-    "DroneSwarmSearch.planning.chain",
-    "DroneSwarmSearch.planning.exact",
-    "DroneSwarmSearch.planning.paths",
-    "DroneSwarmSearch.planning.plan",
-    "DroneSwarmSearch.policies",
-    "DroneSwarmSearch.policies.ppo",
-    "DroneSwarmSearch.drift.probability_matrix",
-    "DroneSwarmSearch.rendering.frame",
-    "DroneSwarmSearch.rules",
-    "DroneSwarmSearch.scenario",
-    "DroneSwarmSearch.training",
+    "DroneSwarmSearch.drift",
     "DroneSwarmSearch.vector",
-    "DroneSwarmSearch.vector.sb3",
+    SB3,
     "DroneSwarmSearch.wrappers",
+    "DroneSwarmSearch.policies",
+    "DroneSwarmSearch.planning",
+    "DroneSwarmSearch.evaluation",
+    "DroneSwarmSearch.training",
+    "DroneSwarmSearch.rendering",
 )
-"""The modules whose names are public. The others are the package's own affair, but for what
-the reference adds of them because public names return or take it."""
 
-MOST_WITHOUT_SECTION = 3
-"""Arguments that a docstring may leave to its sentence."""
-
-COMMANDS = {"main"}  # of the command line, which has a page of its own
+MAX_UNDESCRIBED_ARGUMENTS = 3
+"""A docstring without a list of arguments may have at most this many."""
 
 
-PAGES = sorted((DOCS / "api").glob("*.rst"))
-SB3 = "DroneSwarmSearch.vector.sb3"  # imports what may not be installed
-
-
-def described_on(page: Path) -> list[str]:
-    """Every name that a page of the reference describes, with its path."""
+def names_on(page: Path) -> list[str]:
+    """The full names of all objects documented on a page."""
     names, module = [], ""
-    for kind, given in re.findall(
-        r"^\.\. (currentmodule|auto(?:class|data|exception|function)|py:data):: ([\w.]+)",
+    for directive, name in re.findall(
+        r"^\.\. (currentmodule|auto(?:class|data|exception|function)):: ([\w.]+)",
         page.read_text("utf-8"),
         re.M,
     ):
-        if kind == "currentmodule":
-            module = given
+        if directive == "currentmodule":
+            module = name
         else:
-            names.append(given if given.startswith(f"{PUBLIC[0]}.") else f"{module}.{given}")
+            names.append(name if name.startswith("DroneSwarmSearch.") else f"{module}.{name}")
     return names
 
 
-REFERENCE = [path for page in PAGES for path in described_on(page)]
+DOCUMENTED = [name for page in PAGES for name in names_on(page)]
 
 
-CONSTANTS = [name for name in (path.rpartition(".")[2] for path in REFERENCE) if name.isupper()]
+def public_names(module: str) -> list[str]:
+    """The full names in a module's `__all__`, without importing it."""
+    spec = importlib.util.find_spec(module)
+    assert spec is not None and spec.origin is not None
+    for statement in ast.parse(Path(spec.origin).read_text("utf-8")).body:
+        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "__all__":
+            return [f"{module}.{name}" for name in ast.literal_eval(statement.value)]
+    raise AssertionError(f"{module} has no __all__")
 
 
-def found(path: str) -> Any:
-    """What a path leads to."""
-    module, _, name = path.rpartition(".")
+def load(name: str) -> Any:
+    """The object with this full name."""
+    module, _, attribute = name.rpartition(".")
     if module == SB3:
         pytest.importorskip("stable_baselines3")
-    return getattr(importlib.import_module(module), name)
+    return getattr(importlib.import_module(module), attribute)
 
 
-def identity(path: str) -> str:
-    """What tells whether two paths are of one thing: where it was defined, or the path."""
-    if path.startswith(SB3):
-        return path
-    thing = found(path)
-    defined = inspect.isclass(thing) or inspect.isfunction(thing)
-    return f"{thing.__module__}.{thing.__qualname__}" if defined else path
+def definition(name: str) -> str:
+    """Where the object is defined, so that names of one object compare equal."""
+    if name.startswith(SB3):
+        return name
+    thing = load(name)
+    is_definition = inspect.isclass(thing) or inspect.isfunction(thing)
+    return f"{thing.__module__}.{thing.__qualname__}" if is_definition else name
 
 
-@pytest.mark.parametrize("module", PUBLIC)
-def test_every_public_name_is_in_the_reference(module: str) -> None:
-    if module == SB3:
-        pytest.importorskip("stable_baselines3")
-    described = {identity(path) for path in REFERENCE}
-    names = [name for name in importlib.import_module(module).__all__ if name not in COMMANDS]
-    assert names
-    assert [name for name in names if identity(f"{module}.{name}") not in described] == []
+def test_the_reference_lists_every_public_name_once() -> None:
+    public = {definition(name) for module in PUBLIC_MODULES for name in public_names(module)}
+    assert sorted(map(definition, DOCUMENTED)) == sorted(public - {"DroneSwarmSearch.__version__"})
 
 
-def test_no_name_is_in_the_reference_twice() -> None:
-    counted = Counter(identity(path) for path in REFERENCE)
-    assert [path for path, times in counted.items() if times > 1] == []
-
-
-@pytest.mark.parametrize("path", REFERENCE)
-def test_names_in_the_reference_are_public_and_described(path: str) -> None:
-    thing = found(path)
-    module, _, name = path.rpartition(".")
-    assert name in importlib.import_module(module).__all__
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_public_names_have_docstrings(name: str) -> None:
+    """Constants have theirs below their definition."""
+    thing = load(name)
     if inspect.isfunction(thing):
-        check_docstring(thing.__doc__, thing, path)
+        check_docstring(thing.__doc__, thing, name)
     elif inspect.isclass(thing):
-        made_in = next((kind for kind in thing.__mro__ if "__init__" in vars(kind)), thing)
-        own = made_in.__module__.startswith("DroneSwarmSearch") and not hasattr(thing, "_fields")
-        words = f"{thing.__doc__}\n{made_in.__doc__}"
-        check_docstring(words, thing.__init__ if own else None, path)
-        for method, function in vars(thing).items():
-            if not method.startswith("_") and inspect.isfunction(function):
-                words = next(
-                    vars(kind)[method].__doc__
-                    for kind in thing.__mro__
-                    if method in vars(kind) and vars(kind)[method].__doc__
-                )
-                check_docstring(words, function, f"{path}.{method}")
+        check_class(thing, name)
+    else:
+        assert name.rpartition(".")[2] in documented_constants(), name
 
 
-def test_constants_in_the_reference_are_described() -> None:
-    """By the string under them, wherever that is."""
-    described: set[str] = set()
-    for module in Path(package.__file__).parent.rglob("*.py"):
-        for statement, text in pairwise(ast.parse(module.read_text("utf-8")).body):
-            if isinstance(statement, (ast.Assign, ast.AnnAssign)) and isinstance(text, ast.Expr):
-                described |= {*re.findall(r"\w+", ast.unparse(statement).partition(" = ")[0])}
-    assert {*CONSTANTS} - described == set()
+def check_class(thing: type, name: str) -> None:
+    """Check the docstrings of a class, its constructor's arguments and its methods."""
+    owner = next((base for base in thing.__mro__ if "__init__" in vars(base)), thing)
+    is_ours = owner.__module__.startswith("DroneSwarmSearch") and not hasattr(thing, "_fields")
+    text = f"{thing.__doc__}\n{owner.__doc__}"
+    check_docstring(text, thing.__init__ if is_ours else None, name)
+    for method, function in vars(thing).items():
+        if not method.startswith("_") and inspect.isfunction(function):
+            inherited = [
+                vars(base)[method].__doc__ for base in thing.__mro__ if method in vars(base)
+            ]
+            check_docstring(next(filter(None, inherited), None), function, f"{name}.{method}")
 
 
-def check_docstring(text: str | None, function: Any, path: str) -> None:
-    """A sentence that says what something is, and words about every argument."""
-    assert text, path
-    assert re.match(r".*[.:;]$", text.split("\n")[0]), f"{path}: {text.splitlines()[0]}"
-    given = [] if function is None else [*inspect.signature(function).parameters.values()]
-    named = [p.name for p in given if p.kind is not p.VAR_POSITIONAL and p.name != "self"]
+def check_docstring(text: str | None, function: Any, name: str) -> None:
+    """Check for a summary sentence, and for a description of every argument."""
+    assert text, name
+    assert re.match(r".*[.:;]$", text.split("\n")[0]), f"{name}: {text.splitlines()[0]}"
+    parameters = [] if function is None else [*inspect.signature(function).parameters.values()]
+    names = [p.name for p in parameters if p.kind is not p.VAR_POSITIONAL and p.name != "self"]
     if "Args:" in text or "Attributes:" in text:
-        assert [name for name in named if not re.search(rf"\b{name}\b", text)] == [], path
-    else:  # the sentence has to do
-        assert len(named) <= MOST_WITHOUT_SECTION, path
+        assert [each for each in names if not re.search(rf"\b{each}\b", text)] == [], name
+    else:
+        assert len(names) <= MAX_UNDESCRIBED_ARGUMENTS, name
 
 
-def test_the_index_names_every_page() -> None:
+def documented_constants() -> set[str]:
+    """The constants of the package with a string below their definition."""
+    names: set[str] = set()
+    for path in Path(package.__file__).parent.rglob("*.py"):
+        body = ast.parse(path.read_text("utf-8")).body
+        for statement, text in pairwise(body):
+            if isinstance(statement, (ast.Assign, ast.AnnAssign)) and isinstance(text, ast.Expr):
+                names |= {*re.findall(r"\w+", ast.unparse(statement).partition(" = ")[0])}
+    return names
+
+
+def test_the_index_lists_every_page() -> None:
     index = (DOCS / "api" / "index.rst").read_text("utf-8")
     pages = {page.stem for page in PAGES} - {"index"}
     assert set(re.findall(r":doc:`([\w-]+)`", index)) == pages
     assert set(re.findall(r"^   ([\w-]+)$", index.partition("toctree")[2], re.M)) == pages
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_the_table_of_a_page_holds_what_is_on_it(page: Path) -> None:
-    text = page.read_text("utf-8")
-    table = re.findall(r"^   ~(DroneSwarmSearch\.[\w.]+)$", text, re.M)
-    assert len(table) == len(set(table))
-    callables = {path for path in described_on(page) if not path.rpartition(".")[2].isupper()}
-    assert set(table) <= set(described_on(page))
-    assert callables - set(table) - {"DroneSwarmSearch.__version__"} == set()
-
-
-# The environment's page, and what the README has of it.
+# The tables of the environment page and of the README.
 
 
 def rows(heading: str, page: str = ENVIRONMENT) -> list[list[str]]:
-    """The cells of the first table under a heading, without its first line."""
+    """The rows of the first table under a heading, without its header."""
     section = re.split(r"\n#+ ", page.partition(f"## {heading}\n")[2], maxsplit=1)[0]
     return tables_of(section)[0][1:]
 
@@ -196,17 +161,17 @@ def rows(heading: str, page: str = ENVIRONMENT) -> list[list[str]]:
     [rows("Arguments"), rows("Parameters", README)],
     ids=["environment.md", "README.md"],
 )
-def test_arguments_are_those_of_the_signature(table: list[list[str]]) -> None:
-    told = [(row[0].strip("`"), row[1].strip("`")) for row in table]
+def test_arguments_match_the_signature(table: list[list[str]]) -> None:
+    documented = [(row[0].strip("`"), row[1].strip("`")) for row in table]
     parameters = list(inspect.signature(DroneSwarmSearch).parameters.values())
-    assert [name for name, _ in told] == [parameter.name for parameter in parameters]
-    for (_, default), parameter in zip(told, parameters, strict=True):
+    assert [name for name, _ in documented] == [parameter.name for parameter in parameters]
+    for (_, default), parameter in zip(documented, parameters, strict=True):
         assert eval(default, {"RewardScheme": RewardScheme}) == parameter.default
-    keywords = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
-    assert keywords == [name for name, _ in told][-5:]  # "The last five are keyword only."
+    keyword_only = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
+    assert keyword_only[0] == "probability_of_detection"  # as the environment page states
 
 
-def test_reset_options_are_those_that_there_are(recwarn: pytest.WarningsRecorder) -> None:
+def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
     env = DroneSwarmSearch()
     valid = {
         "drones_positions": [(1, 1)],
@@ -216,36 +181,34 @@ def test_reset_options_are_those_that_there_are(recwarn: pytest.WarningsRecorder
     assert [row[0].strip('`"') for row in rows("Reset options")] == list(valid)
     env.reset(options=valid)
     assert not recwarn
-    with pytest.warns(UserWarning, match="options may hold " + ", ".join(valid)):
+    with pytest.warns(UserWarning, match=", ".join(valid)):
         env.reset(options={"speed": 1})
 
 
-def test_actions() -> None:
-    told = [(int(value), name.strip("`")) for value, name, _ in rows("Action space")]
-    assert told == [(action.value, action.name) for action in Action]
-
-
-def test_actions_move_as_told() -> None:
+def test_actions_have_the_documented_values_and_effects() -> None:
     shifts = {"x - 1": (-1, 0), "x + 1": (1, 0), "y - 1": (0, -1), "y + 1": (0, 1)}
-    for value, _, told in rows("Action space"):
+    table = rows("Action space")
+    assert [(int(value), name.strip("`")) for value, name, _ in table] == [
+        (action.value, action.name) for action in Action
+    ]
+    for value, _, effect in table:
         env = DroneSwarmSearch()
         env.reset(seed=0, drones_positions=[(3, 3)])
         observations = env.step({"drone0": int(value)})[0]
         x, y = observations["drone0"]["observation"][0]
-        assert (x - 3, y - 3) == shifts.get(told, (0, 0))
+        assert (x - 3, y - 3) == shifts.get(effect, (0, 0))
 
 
-def test_figures_of_the_reward_table() -> None:
+def test_the_reward_table_has_the_values_of_the_default_scheme() -> None:
     scheme = RewardScheme()
-    table = {event: (reward, fields) for event, reward, fields in rows("Rewards")}
-    assert table == {
+    assert {event: (reward, fields) for event, reward, fields in rows("Rewards")} == {
         "it collided with another drone": (f"{scheme.collision:g}", "`collision`"),
         "it left the grid": (f"{scheme.leave_grid:g}", "`leave_grid`"),
         "it searched and found a person": (
             f"{scheme.find:g} + {scheme.find_early:g} (1 - t/L)",
             "`find`, `find_early`",
         ),
-        "the time is up, and it found nobody in the whole episode": (
+        "the time limit was reached, and it found nobody in this episode": (
             f"{scheme.timeout:g} - (sum of its rewards so far)",
             "`timeout`",
         ),
@@ -262,26 +225,25 @@ def test_figures_of_the_reward_table() -> None:
 
 
 def test_the_readme_has_the_same_rewards() -> None:
-    """It tells the threshold with its own words, in per cent."""
-    here = [reward for _, reward, _ in rows("Rewards")]
-    there = [reward for _, reward in rows("Rewards", README)]
-    assert len(there) == len(here) - 1
-    assert there[:3] == here[:3] and there[-1] == here[-1]
-    assert there[3] == "-(sum of its rewards so far) - 100000"
-    assert there[4] == f"{here[4]} if 100 p > 1, else {here[5]}"
+    """It has one line for both kinds of unsuccessful searches."""
+    full = [reward for _, reward, _ in rows("Rewards")]
+    short = [reward for _, reward in rows("Rewards", README)]
+    assert short == [
+        *full[:3],
+        "-(sum of its rewards so far) - 100000",
+        f"{full[4]} if 100 p > 1, else {full[5]}",
+        full[6],
+    ]
 
 
-def test_metadata() -> None:
-    first = ENVIRONMENT.partition("## Description")[0]
-    table = dict(re.findall(r"^\| ([\w ]+) \| (.+) \|$", first, re.M))
+def test_the_environment_page_has_the_metadata() -> None:
+    summary = ENVIRONMENT.partition("## Description")[0]
+    table = dict(re.findall(r"^\| ([\w ]+) \| (.+) \|$", summary, re.M))
     modes = [f'`"{mode}"`' for mode in DroneSwarmSearch.metadata["render_modes"]]
     assert table["render modes"] == ", ".join([*modes, "`None`"])
     assert table["id"].startswith(f"`{DroneSwarmSearch.metadata['name']}`")
     assert f"at most {DroneSwarmSearch.metadata['render_fps']} times a second" in ENVIRONMENT
-    modes_told = [row[0].strip("`") for row in rows("Rendering")]
-    assert modes_told == [f'"{mode}"' for mode in DroneSwarmSearch.metadata["render_modes"]] + [
-        "None"
-    ]
+    assert [row[0] for row in rows("Rendering")] == [*modes, "`None`"]
 
 
 def test_every_version_is_in_the_history() -> None:
