@@ -20,8 +20,8 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.workers import Report
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.views import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 __all__ = ["VIEWS", "checked_view", "play"]
