@@ -23,7 +23,6 @@ README = (DOCS.parent / "README.md").read_text("utf-8")
 
 PUBLIC = (
     "DroneSwarmSearch",
-    "DroneSwarmSearch.drift.belief",
     "DroneSwarmSearch.drone_swarm_search_v0",
     "DroneSwarmSearch.env",
     "DroneSwarmSearch._internal.errors",
@@ -46,7 +45,7 @@ PUBLIC = (
     "DroneSwarmSearch.planning.plan",
     "DroneSwarmSearch.policies",
     "DroneSwarmSearch.policies.ppo",
-    "DroneSwarmSearch.drift.probability_matrix",
+    "DroneSwarmSearch.drift",
     "DroneSwarmSearch.rendering.frame",
     "DroneSwarmSearch.rules",
     "DroneSwarmSearch.scenario",
