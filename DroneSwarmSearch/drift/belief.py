@@ -12,8 +12,8 @@ The functions take one belief or a batch: arrays may have trailing batch axes af
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Collection, Sequence
-from struct import Struct
 from typing import Any, TypeVar
 
 import numpy as np
@@ -34,8 +34,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 FloatOrArray = TypeVar("FloatOrArray", float, Floats)
-
-_SINGLE = Struct("f")
 
 
 def after_unsuccessful_search(
@@ -244,15 +242,15 @@ class Posteriors:
         """
         for person in missing:
             belief, cells = self._beliefs[person], self._cells[person]
-            before = [cells[cell] for cell in searched]
-            factor = 1.0 - self._detections[person]
-            for cell, value in zip(searched, before, strict=True):
-                cells[cell] = value * factor
+            missed = 1.0 - self._detections[person]
+            before = {cell: cells[cell] for cell in searched}
+            for cell, value in before.items():
+                cells[cell] = value * missed
             total = np.add.accumulate(np.add.reduce(belief, 0)).item(-1)
             if total > 0.0:
                 np.multiply(belief, 1.0 / total, belief)
             else:  # the searches contradict the belief, which stays
-                for cell, value in zip(searched, before, strict=True):
+                for cell, value in before.items():
                     cells[cell] = value
 
     def drift(self, step: int) -> None:
@@ -261,12 +259,12 @@ class Posteriors:
             self._forecasts, self._beliefs, self._shifts_y, strict=True
         ):
             block = forecast.block(step)
-            along_x, along_y = block.along_x[step - block.first], block.along_y[step - block.first]
+            along_x, stay_y, along_y = block.flows[step - block.first]
             np.multiply(belief, along_x, self._along_x)
             for cells, moved in self._shifts_x:
                 np.add(cells, moved, cells)
-            np.multiply(self._after_x, along_y[1:], self._along_y)
-            np.multiply(self._after_x, along_y[0], belief)
+            np.multiply(self._after_x, along_y, self._along_y)
+            np.multiply(self._after_x, stay_y, belief)
             for cells, moved in shifts:
                 np.add(cells, moved, cells)
 
@@ -278,9 +276,9 @@ class Posteriors:
         """
         return mean_over_missing(self._beliefs, missing).astype(np.float32)
 
-    def probability(self, cell: int, missing: Collection[int]) -> float:
-        """What `matrix` holds for a cell, y * N + x."""
-        mean: float = mean_over_missing([cells[cell] for cells in self._cells], missing)
-        rounded: float
-        (rounded,) = _SINGLE.unpack(_SINGLE.pack(mean))
-        return rounded
+    def probabilities(self, searched: Collection[int], missing: Collection[int]) -> list[float]:
+        """What `matrix` holds for some cells, y * N + x."""
+        means = [
+            mean_over_missing([cells[cell] for cells in self._cells], missing) for cell in searched
+        ]
+        return array("f", means).tolist()  # rounded to single precision
