@@ -46,8 +46,8 @@ class Block(NamedTuple):
         right: `steps.right`, flat, in the form that scalar code reads fastest.
         left: `steps.left` in the same form.
         flows: for each step, the probabilities to stay, to move right and to move left, given
-            the column: float64, shape (3, 1, N); to stay, given the row: (N, 1); and to move
-            down and to move up: (2, N, 1).
+            the column, float64, shape (3, 1, N); and to stay, to move down and to move up,
+            given the row, shape (3, N, 1).
         matrices: the matrices in groups of `ProbabilityMatrix.group_steps` steps, each group
             computed on first use.
     """
@@ -56,7 +56,7 @@ class Block(NamedTuple):
     steps: Steps
     right: memoryview
     left: memoryview
-    flows: list[tuple[Floats, Floats, Floats]]
+    flows: list[tuple[Floats, Floats]]
     matrices: list[NDArray[np.float32] | None]
 
     def matrices_at(self, step: int) -> NDArray[np.float32]:
@@ -245,9 +245,7 @@ class ProbabilityMatrix:
                 steps=steps,
                 right=right.reshape(-1).data,
                 left=left.reshape(-1).data,
-                flows=[
-                    (each[:, 0, None], each[0, 1, :, None], each[1:, 1, :, None]) for each in moves
-                ],
+                flows=[(each[:, 0, None], each[:, 1, :, None]) for each in moves],
                 matrices=[None] * (self.block_steps // self.group_steps),
             )
             _cache.put(self._key, first, block, self._step_bytes() * self.block_steps)
