@@ -97,7 +97,7 @@ class Drones:
         finders: set[int] = set()
         searches = self._searches()
         if searches:
-            observed = {drone: world.probability(cell) for cell, drone in searches.items()}
+            observed = dict(zip(searches.values(), world.probabilities(searches), strict=True))
             finders = world.search(searches)
         if not (crashed or finders or is_last):
             for drone, probability in observed.items():

@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar, overload
 
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Facts", "Infos", "Rewards", "Start"]
+__all__ = ["Infos", "Rewards", "Start"]
 
 Value = TypeVar("Value")
 Default = TypeVar("Default")
@@ -115,6 +115,7 @@ class Infos(_Answering[Any]):
         return ending if name == "ending" else step
 
     def copy(self) -> Infos:
+        """A shallow copy, with the same answers."""
         copied = Infos(self)
         copied.facts = self.facts
         return copied

@@ -12,7 +12,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import Neighbours
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
-__all__ = ["action_masks", "choose_in_turn", "swarm_masks"]
+__all__ = ["action_masks", "choose_in_turn"]
 
 _MASKS = {
     closed: np.array([*(not is_closed for is_closed in closed), 1, 1], np.int8)
