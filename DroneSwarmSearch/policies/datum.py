@@ -40,7 +40,7 @@ class Datum(NamedTuple):
     def area(self, grid_size: int) -> Rectangle:
         """The area to search: a rectangle around the datum, within the grid and the effort.
 
-        It reaches `REACH` standard deviations to each side, or as many tenths of a deviation
+        It reaches ``REACH`` standard deviations to each side, or as many tenths of a deviation
         less as the effort requires.
         """
         for tenths in range(round(10 * REACH), 0, -1):
