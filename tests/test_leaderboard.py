@@ -112,7 +112,7 @@ class TestFigures:
         assert pair.success.value == pytest.approx(0.1)
         apart = board.summaries[0].success.high - board.summaries[0].success.low
         assert pair.success.high - pair.success.low < 0.75 * apart
-        assert pair.verdict == "finds more, faster"
+        assert pair.verdict == "more successful, faster"
 
     def test_policies_are_compared_with_the_next_group_of_theory(self) -> None:
         names = ["mine", "planner", "greedy-matrix", "sector-search", "random"]
@@ -129,12 +129,12 @@ class TestFigures:
     @pytest.mark.parametrize(
         ("success", "time", "verdict"),
         [
-            ((0.1, 0.05, 0.2), (-0.1, -0.2, -0.05), "finds more, faster"),
-            ((0.1, 0.05, 0.2), (0.0, -0.1, 0.1), "finds more"),
-            ((0.0, -0.1, 0.1), (-0.1, -0.2, -0.05), "finds as many, faster"),
-            ((0.0, -0.1, 0.1), (0.1, 0.05, 0.2), "finds as many, slower"),
-            ((0.0, -0.1, 0.1), (0.0, -0.1, 0.1), "no clear difference"),
-            ((-0.1, -0.2, -0.05), (-0.1, -0.2, -0.05), "finds less"),
+            ((0.1, 0.05, 0.2), (-0.1, -0.2, -0.05), "more successful, faster"),
+            ((0.1, 0.05, 0.2), (0.0, -0.1, 0.1), "more successful"),
+            ((0.0, -0.1, 0.1), (-0.1, -0.2, -0.05), "faster"),
+            ((0.0, -0.1, 0.1), (0.1, 0.05, 0.2), "slower"),
+            ((0.0, -0.1, 0.1), (0.0, -0.1, 0.1), "not clearly different"),
+            ((-0.1, -0.2, -0.05), (-0.1, -0.2, -0.05), "less successful, faster"),
         ],
     )
     def test_verdicts_follow_from_the_intervals(
@@ -171,7 +171,7 @@ class TestPage:
         assert [row[0] for row in suite] == ["policy", "planner", "random"]
         assert suite[1][1].startswith("65.0 [")
         assert order[1][:2] == ["planner", "random"]
-        assert order[1][2] == "finds more, faster"
+        assert order[1][2] == "more successful, faster"
         assert order[1][3].startswith("+30.0 [+")
         assert order[1][4].startswith("\N{MINUS SIGN}")
         assert limits[1] == ["pond", "90.0", "0.10", "exact"]

@@ -83,14 +83,12 @@ class PairwiseComparison:
     @property
     def verdict(self) -> str:
         """The conclusion that the intervals allow."""
-        more, faster = self.success.low > 0.0, self.time.high < 0.0
-        if more:
-            return "finds more, faster" if faster else "finds more"
-        if self.success.high < 0.0:
-            return "finds less"
-        if faster:
-            return "finds as many, faster"
-        return "finds as many, slower" if self.time.low > 0.0 else "no clear difference"
+        words = []
+        if self.success.low > 0.0 or self.success.high < 0.0:
+            words.append("more successful" if self.success.low > 0.0 else "less successful")
+        if self.time.low > 0.0 or self.time.high < 0.0:
+            words.append("slower" if self.time.low > 0.0 else "faster")
+        return ", ".join(words) or "not clearly different"
 
 
 @dataclass(frozen=True, eq=False)

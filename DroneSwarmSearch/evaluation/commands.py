@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation import contest, recording, reports
 from DroneSwarmSearch.evaluation import workers as work
@@ -59,13 +58,12 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
     bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
 
     def run() -> None:
-        finished = []
         try:
             what = f"{spec.name} on {len(tasks)} search{'es' * (len(tasks) > 1)}"
             _do([*bounds, *tasks], what, options)
         finally:  # also after an error
             known = {each.search.name: each.bound for each in bounds}
-            finished += [
+            finished = [
                 task.evaluation().with_bound(known.get(task.search.name))
                 for task in tasks
                 if task.is_done
@@ -82,7 +80,6 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     """Run the leaderboard, print its main tables, and write its files."""
     store = Store(options.out / PORTIONS)
     try:
-        checks.integer("workers", options.workers, 1)
         prepared = contest.Contest(
             options.policies,
             options.searches,

@@ -123,7 +123,7 @@ def _comparisons(board: Leaderboard) -> Iterator[str]:
     """Whether the policies are in the order that theory predicts."""
     if not board.comparisons:
         return
-    rows = [["first", "second", "the first", "found, points", "time, points"]]
+    rows = [["first", "second", "the first is", "found, points", "time, points"]]
     for each in board.comparisons:
         row = [each.first, each.second, each.verdict]
         row += [_interval(each.success, 100, signed=True), _interval(each.time, 100, signed=True)]
@@ -210,12 +210,12 @@ def _how_to_read(board: Leaderboard) -> Iterator[str]:
         )
         entries.insert(2, share)
     for entry in entries:
-        first, *others = textwrap.wrap(entry, WIDTH - 2)
+        first, *others = textwrap.wrap(entry, WIDTH - 2, break_on_hyphens=False)
         yield from (f"- {first}", *(f"  {line}" for line in others))
 
 
 def _paragraph(text: str) -> list[str]:
-    return [*textwrap.wrap(text, WIDTH), ""]
+    return [*textwrap.wrap(text, WIDTH, break_on_hyphens=False), ""]
 
 
 def _plot(name: str, plots: Collection[str]) -> list[str]:
