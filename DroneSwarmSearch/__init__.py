@@ -1,7 +1,9 @@
-"""Drones search a grid at sea for shipwrecked persons who drift: a PettingZoo ParallelEnv."""
+"""Drones search a grid at sea for drifting shipwrecked persons: a PettingZoo ParallelEnv."""
+
+from importlib import import_module
+from typing import Any
 
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
@@ -10,7 +12,6 @@ __all__ = [
     "Action",
     "DroneSwarmSearch",
     "Ending",
-    "ProbabilityMatrix",
     "ResetNeeded",
     "RewardScheme",
     "Scenario",
@@ -19,3 +20,26 @@ __all__ = [
 ]
 
 __version__ = "1.0.0"
+
+_SUBMODULES = (
+    "drift",
+    "drone_swarm_search_v0",
+    "evaluation",
+    "planning",
+    "policies",
+    "rendering",
+    "training",
+    "vector",
+    "wrappers",
+)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a submodule on first access, so that `import DroneSwarmSearch` stays quick."""
+    if name in _SUBMODULES:
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_SUBMODULES})

@@ -1,60 +1,42 @@
-"""The environment: checks, random streams, the order of a step, and the dicts.
+"""The environment: actions, outcomes and rewards, drift, observations.
 
-A step goes through four phases, in this order:
+`DroneSwarmSearch.step` goes through four phases:
 
-1. all drones move or search at once, against the state they were shown;
-2. `rules` decides outcomes, rewards and whether the episode ends;
-3. the clock advances, the persons and the matrix drift;
-4. the new state is observed.
+1. all drones move or search at once, given what they observed;
+2. `rules` determines outcomes, rewards and the ending;
+3. the clock advances, and the persons and the matrix drift;
+4. the drones observe the new state.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo import AECEnv
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
-from DroneSwarmSearch import rules
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.actions import TurnBased, names_in_words, reader
+from DroneSwarmSearch._internal.actions import reader
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.mappings import Infos, Rewards, Start
 from DroneSwarmSearch._internal.streams import Streams
-from DroneSwarmSearch.observations import (
-    Observation,
-    observation_space,
-    observe,
-    state_planes,
-    state_space,
-)
+from DroneSwarmSearch._internal.turn_based import TurnBased
+from DroneSwarmSearch.drones import Drones
+from DroneSwarmSearch.observations import Observation, WithSpaces, observe, state_planes
+from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.palette import PALETTES
-from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, RewardScheme
-from DroneSwarmSearch.scenario import Scenario, scenario_of
+from DroneSwarmSearch.rules import Action, Ending, RewardScheme
+from DroneSwarmSearch.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.world import WorldState
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.rendering.painter import Painter
-    from DroneSwarmSearch.rendering.window import Window
 
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
-_SEARCH = int(Action.SEARCH)
-_EXAMPLE: dict[str, Any] = {
-    "grid_size": 15,
-    "n_drones": 3,
-    "vector": (0.15, 0.1),
-    "person_initial_position": (6, 6),
-    "disperse_constant": 3,
-    "timestep_limit": 60,
-}
 _OPTIONS = ("drones_positions", "vector", "person_initial_position")
 
 
@@ -68,56 +50,64 @@ def env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
     return OrderEnforcingWrapper(TurnBased(DroneSwarmSearch(**kwargs)))
 
 
-class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
-    """Drones search a grid at sea for shipwrecked persons who drift.
+class DroneSwarmSearch(WithSpaces):
+    """Drones search a grid at sea for drifting shipwrecked persons.
 
     ## Actions
-    `Discrete(6)`, see `rules.Action`: 0 left, 1 right, 2 up, 3 down (y grows downward),
+    `Discrete(6)`, see `rules.Action`: 0 left, 1 right, 2 up, 3 down (y increases downward),
     4 search the cell, 5 idle. Every drone needs an action in every step.
 
     ## Observations
-    `{"observation": ((x, y), matrix)}` for each drone: its own cell as Python ints, and
-    the probability matrix, float32 of shape (grid_size, grid_size), indexed [y, x],
-    summing to 1. All drones of a step share one matrix; it is read-only and never changes
-    after it was handed out. With several persons it is the mean over those still missing.
-    `state()` gives the whole truth, for centralised critics.
+    `{"observation": ((x, y), matrix)}` for each drone: its cell as Python ints, and the
+    probability matrix, float32 of shape (grid_size, grid_size), indexed [y, x], which sums
+    to 1. All drones share one matrix per step; it is read-only and never changes later. With
+    several persons, it is the mean over those still missing. `state()` returns the full
+    state, for centralised critics.
 
     ## Rewards and endings
-    The table at the top of ``rules``. At the end both terminations and truncations are True
+    See the table in `rules`. At the end of an episode, terminations and truncations are True
     for every drone, and `agents` is empty. `rewards["total_reward"]` is the sum over the
-    drones; `infos["Found"]` and `infos[drone]["Found"]` turn True when a drone finds a
-    person. Neither name is among the keys.
+    drones; it is not listed as a key.
+
+    ## Infos
+    `infos[drone]["Found"]` is True once any drone has found a person. `infos` also answers
+    look-ups of the following names, which are not listed as keys:
+
+    - "Found": the same as for each drone;
+    - "persons_found": for each person, whether the person has been found, a tuple of bool;
+    - "ending": the `Ending` of the episode, or None;
+    - "step": completed steps.
 
     ## Randomness
-    The persons' drift and the detections draw from streams of their own, so that for one
-    seed the sea is the same whatever the drones do, in that episode and in those that
-    follow it. Global random states are neither read nor moved.
+    Drift and detections draw from their own random streams: for one seed, the persons drift
+    alike whatever the drones do, in this episode and in the following ones. The environment
+    neither reads nor changes global random states.
 
     Args:
         grid_size: cells along each side of the square grid; an integer of at least 2.
-        render_mode: "human" (a window), "ansi" (`render` returns text; nothing is shown
-            by itself), "rgb_array" (`render` returns a picture) or None.
+        render_mode: "human" (a window), "ansi" (`render` returns text), "rgb_array"
+            (`render` returns a picture) or None.
         render_grid: draw lines between the cells.
-        render_gradient: colour the cells smoothly; else in three steps.
-        n_drones: from 1 to grid_size².
-        vector: drift in cells per step, (x, y), y growing downward; finite. It stays
-            until `reset` is given another.
-        person_initial_position: a person's cell (x, y) at step 0, or several cells, one
-            person each; the mission is then to find them all.
+        render_gradient: colour the cells smoothly, else in three steps.
+        n_drones: the number of drones; from 1 to grid_size².
+        vector: drift in cells per step, (x, y), y increasing downward; finite. `reset` can
+            change it.
+        person_initial_position: a person's cell (x, y) at step 0, or several cells, one for
+            each person. The mission is to find all persons.
         disperse_constant: how quickly the persons may stray from the drift; at least 0.
-        timestep_limit: the steps in an episode; at least 1.
-        probability_of_detection: the chance that a search of the right cell finds the
+        timestep_limit: the number of steps in an episode; at least 1.
+        probability_of_detection: the probability that a search of a person's cell finds the
             person, from 0 to 1; one number, or one for each person.
-        bayesian_update: whether the matrix is the exact posterior given the searches
-            made, or the drift alone.
+        bayesian_update: whether the matrix is the exact posterior given the searches so far,
+            or the drift forecast alone.
         reward_scheme: the figures of the reward table.
-        scenario: all of these but the render settings, in place of them.
+        scenario: all parameters but the render settings, instead of the arguments above.
         palette: the colours of the map: "classic" (dark red, yellow, bright green) or
             "sea" (pale to deep blue).
 
     Raises:
         TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of its limits, or given beside a scenario.
+        ValueError: an argument is out of its limits, or is given together with a scenario.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
@@ -145,67 +135,71 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         scenario: Scenario | None = None,
         palette: str = "classic",
     ) -> None:
-        parameters = {
-            "grid_size": grid_size,
-            "n_drones": n_drones,
-            "vector": vector,
-            "person_initial_position": person_initial_position,
-            "disperse_constant": disperse_constant,
-            "timestep_limit": timestep_limit,
-            "probability_of_detection": probability_of_detection,
-            "bayesian_update": bayesian_update,
-            "reward_scheme": reward_scheme,
-        }
-        self._scenario = scenario_of(scenario, parameters)
+        super().__init__()
+        self._scenario = resolve_scenario(
+            scenario,
+            grid_size=grid_size,
+            n_drones=n_drones,
+            vector=vector,
+            person_initial_position=person_initial_position,
+            disperse_constant=disperse_constant,
+            timestep_limit=timestep_limit,
+            probability_of_detection=probability_of_detection,
+            bayesian_update=bayesian_update,
+            reward_scheme=reward_scheme,
+        )
         modes = (*self.metadata["render_modes"], None)
         self.render_mode = checks.choice("render_mode", render_mode, modes)
         self.render_grid = checks.boolean("render_grid", render_grid)
         self.render_gradient = checks.boolean("render_gradient", render_gradient)
         checks.choice("palette", palette, tuple(PALETTES))
         self.palette = palette
-        self._painter: Painter | None = None
-        self._window: Window | None = None
+        self._display = Display(
+            self._scenario.grid_size,
+            render_grid=self.render_grid,
+            render_gradient=self.render_gradient,
+            palette=self.palette,
+            fps=self.metadata["render_fps"],
+        )
 
         n = self._scenario.n_drones
         self.possible_agents = [f"drone{i}" for i in range(n)]
         self.agents: list[str] = []
         self._names = tuple(self.possible_agents)
         self._read = reader(self._names)
-        self._all_step = dict.fromkeys(self._names, self._scenario.reward_scheme.step)
-        self._all_idle = bytes([Action.IDLE]) * n
+        self._neighbours, self._positions = grid_of(self._scenario.grid_size)
         self._all_false = dict.fromkeys(self._names, False)
         self._all_true = dict.fromkeys(self._names, True)
-        self._action_spaces: dict[str, gymnasium.spaces.Discrete] = {}
-        self._observation_spaces: dict[str, gymnasium.spaces.Dict] = {}
-        self._state_space: gymnasium.spaces.Box | None = None
-        self._neighbours, self._positions = grid_of(self._scenario.grid_size)
         self._start_cells = list(range(n))
-        self._last_step = self._scenario.timestep_limit - 1
         self._streams: Streams | None = None
-        self._episode = 0  # since the seed
+        self._episode = 0  # episodes since the seed
 
-        # The episode; `reset` fills it in.
-        self._search: Scenario | None = None
+        # The episode, see `reset`.
+        self._search: Scenario | None = None  # its parameters
         self._world: WorldState
-        self._cells: list[int] = []  # of the drones
-        self._chosen = b""  # the actions of the last step
+        self._drones = Drones(self._names, self._scenario)
         self._ending: Ending | None = None
-        self._found = False
-        self._finders: set[int] = set()  # drones that have found somebody
-        self._beyond_step: list[float] = []  # each drone's return less what `step` pays
 
     @classmethod
     def example(cls, **changes: Any) -> DroneSwarmSearch:
-        """A small search to try things on.
+        """A small search for first experiments.
 
-        Three drones search 15 x 15 cells for 60 steps. None starts on the person's cell, and
-        drones that act at random hardly ever find the person. `GreedyPolicy` finds the person
-        in 67 % of the episodes, and in 74 % with `bayesian_update=True`.
+        Three drones search 15 x 15 cells for 60 steps. No drone starts in the person's cell,
+        and drones that act at random hardly ever find the person. `GreedyPolicy` finds the
+        person in 67 % of the episodes, and in 74 % with `bayesian_update=True`.
 
         Args:
-            changes: arguments of the constructor in place of the example's.
+            changes: constructor arguments that replace those of the example.
         """
-        return cls(**{**_EXAMPLE, **changes})
+        example: dict[str, Any] = {
+            "grid_size": 15,
+            "n_drones": 3,
+            "vector": (0.15, 0.1),
+            "person_initial_position": (6, 6),
+            "disperse_constant": 3,
+            "timestep_limit": 60,
+        }
+        return cls(**{**example, **changes})
 
     def reset(
         self,
@@ -218,26 +212,26 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         """Begin an episode.
 
         Args:
-            seed: an integer >= 0, from which the whole episode follows, whatever else
-                runs in the process. Without one the random streams go on.
+            seed: an integer >= 0 that determines the episode and those that follow it. Without
+                a seed, the random streams continue.
             options: may hold "drones_positions" and "vector", as below, and
-                "person_initial_position", as in the constructor but for this episode
-                alone. Unknown options are warned about.
-            drones_positions: a cell (x, y) for each drone, no two alike, for this
-                episode alone. Without them drones stand from left to right from (0, 0),
-                row by row. Wins over the option.
-            vector: drift in cells per step, (x, y), for this and later episodes. Wins
-                over the option.
+                "person_initial_position", as in the constructor, for this episode only. Other
+                names cause a warning.
+            drones_positions: a different cell (x, y) for each drone, for this episode only.
+                By default, the drones stand from left to right from (0, 0), row by row.
+                Overrides the option.
+            vector: drift in cells per step, (x, y), for this episode and later ones.
+                Overrides the option.
 
         Returns:
-            The observations and the infos of every drone, as a tuple; it answers drones'
-            names with their observations, for scripts that know nothing of infos.
+            The observations and the infos of all drones, as a tuple. The tuple also answers
+            the drones' names with their observations, as the 2023 package's `reset` did.
 
         Raises:
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
-            RuntimeError: render_mode is "human" and no window can be opened. As with every
-                error, the environment is as it was.
+            RuntimeError: render_mode is "human", and no window can be opened. Errors leave
+                the environment unchanged.
         """
         scenario = search = self._scenario
         cells = self._start_cells
@@ -257,12 +251,11 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             search = search.replace(person_initial_position=person_initial_position)
         if drones_positions is not None:
             cells = scenario.drone_cells(drones_positions)
-
         if self.render_mode == "human":
-            self._get_window().open()
+            self._display.open()
 
-        # Everything is checked: from here on the environment changes. Until it is done there
-        # is no episode, so that an interrupt leaves an environment that asks for a reset.
+        # All arguments are valid; the state changes from here on. There are no agents until
+        # the new state is complete: after an interrupt, the environment needs a reset.
         self.agents = []
         self._ending = None
         if search is not self._search:
@@ -274,16 +267,14 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         if seed is not None or self._streams is None:
             self._streams = Streams.from_seed(seed)
             self._episode = 0
-        matrix = self._world.begin(self._streams, self._episode)
-        self._cells = cells
-        self._chosen = self._all_idle
-        self._found = False
-        self._finders = set()
-        self._beyond_step = [0.0] * len(cells)
+        matrix = self._world.start(self._streams, self._episode)
+        self._drones.start(cells)
         self.agents = list(self._names)
         if self.render_mode == "human":
-            self._show()
-        return Start(observe(self._names, cells, self._positions, matrix, self._found))
+            self._display.show(self.frame())
+        world = self._world
+        facts = (None, world.missing, world.persons, world.step)
+        return Start(observe(self._names, cells, self._positions, matrix, False, facts))
 
     def step(
         self, actions: Mapping[str, int]
@@ -294,150 +285,95 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             actions: an action, 0 to 5, for each drone.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos of every drone.
+            The observations, rewards, terminations, truncations and infos of all drones.
 
         Raises:
             ResetNeeded: before the first `reset`, after the end of an episode, and after an
-                exception (Ctrl-C, for example) interrupted a step or a reset.
-            TypeError: `actions` is no mapping, or an action is no integer.
-            ValueError: an action is missing, out of range, or for no drone. As with every
-                error, the environment is as it was.
+                exception (such as Ctrl-C) interrupted a step or a reset.
+            TypeError: `actions` is not a mapping, or an action is not an integer.
+            ValueError: an action is missing, out of range, or for an unknown drone. Errors
+                leave the environment unchanged.
         """
         if not self.agents:
             raise ResetNeeded(
-                "step: the episode is over, was interrupted or has not begun; call reset() first"
+                "step: no episode is running (it has not begun, has ended or was interrupted); "
+                "call reset() first"
             )
-        # 1. Every drone moves or searches.
-        cells, world = self._cells, self._world
-        chosen, targets = self._read(actions, self._neighbours, cells)
-        # Without agents until the step is complete: if it is interrupted, a reset is needed.
+        drones, world = self._drones, self._world
+        # 1. All drones move or search.
+        chosen, targets = self._read(actions, self._neighbours, drones.cells)
+        # There are no agents until the step is complete, see `reset`.
         agents, self.agents = self.agents, []
-        self._chosen = chosen
-
-        # 2. Outcomes, rewards and the end; mostly the table's last line is all there is.
-        rewards, ending = self._all_step, None
-        crashed = targets is not cells and len({OFF_GRID, *targets}) <= len(targets)
-        if crashed or _SEARCH in chosen or world.step == self._last_step:
-            rewards = rewards.copy()
-            targets, ending = self._judge(targets, crashed, rewards)
-        self._cells = targets
-
-        # 3. The clock advances, the persons and the matrix drift.
+        # 2. Outcomes, rewards and the ending.
+        rewards, ending = drones.resolve(chosen, targets, world)
+        # 3. The persons and the matrix drift.
         matrix = world.advance()
         if ending is None:
-            over = self._all_false
+            flags = self._all_false
             self.agents = agents
         else:
-            over = self._all_true
+            flags = self._all_true
             self._ending = ending
-
-        # 4. The new state is observed.
+        # 4. The drones observe the new state.
         if self.render_mode == "human":
-            self._show()
-        observations, infos = observe(self._names, targets, self._positions, matrix, self._found)
-        return observations, Rewards(rewards), over.copy(), over.copy(), infos
+            self._display.show(self.frame())
+        facts = (ending, world.missing, world.persons, world.step)
+        observations, infos = observe(
+            self._names, drones.cells, self._positions, matrix, drones.found, facts
+        )
+        return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
+
+    # The rest of PettingZoo's API.
 
     def render(self) -> Any:
-        """Show or return the present state, as `render_mode` says.
+        """Render the present state as `render_mode` says.
 
         Returns:
-            "ansi": the frame as text. "rgb_array": a picture, uint8, shape (H, W, 3).
-            "human": None; the window is drawn. None: None, with a warning.
+            "ansi": text. "rgb_array": uint8, shape (H, W, 3). "human": None; the window
+            shows the state. None: None, with a warning.
 
         Raises:
             ResetNeeded: before the first `reset`.
-            RuntimeError: "human" where no window can be opened.
+            RuntimeError: "human", and no window can be opened.
         """
         if self.render_mode is None:
             warnings.warn("render() does nothing without a render_mode", stacklevel=2)
             return None
-        frame = self.frame()
-        if self.render_mode == "ansi":
-            from DroneSwarmSearch.rendering.text import render_text
-
-            return render_text(frame)
-        if self.render_mode == "rgb_array":
-            return self._get_painter().pixels(frame)
-        self._get_window().show(frame)
-        return None
+        return self._display.render(self.frame(), self.render_mode)
 
     def close(self) -> None:
-        """Close the window, if there is one; may be called any number of times."""
-        if self._window is not None:
-            self._window.close()
+        """Close the window, if there is one; may be called repeatedly."""
+        self._display.close()
 
     def state(self) -> NDArray[np.float32]:
-        """The whole state for a centralised critic, persons included.
+        """The full state for a centralised critic, including the persons.
 
         Returns:
-            float32, shape (3, grid_size, grid_size), indexed [plane, y, x]: the matrix,
-            the number of drones and the number of missing persons in each cell.
+            float32, shape (3, grid_size, grid_size), indexed [plane, y, x]: the matrix, the
+            number of drones and the number of missing persons in each cell.
 
         Raises:
             ResetNeeded: before the first `reset`.
         """
         frame = self.frame()
-        missing = [
-            cell for cell, found in zip(frame.persons, frame.found, strict=True) if not found
-        ]
-        return state_planes(frame.matrix, frame.drones, missing)
+        persons = zip(frame.persons, frame.found, strict=True)
+        return state_planes(
+            frame.matrix, frame.drones, [cell for cell, found in persons if not found]
+        )
 
-    @property
-    def state_space(self) -> gymnasium.spaces.Box:
-        """The space that `state()` lies in."""
-        if self._state_space is None:
-            self._state_space = state_space(self.grid_size, self.n_drones)
-        return self._state_space
-
-    def observation_space(self, agent: str) -> gymnasium.spaces.Dict:
-        """The space of a drone's observations; the same object at every call."""
-        space = self._observation_spaces.get(agent)
-        if space is None:
-            self._check_name(agent)
-            space = self._observation_spaces[agent] = observation_space(self.grid_size)
-        return space
-
-    def action_space(self, agent: str) -> gymnasium.spaces.Discrete:
-        """Discrete(6), see `rules.Action`; the same object at every call."""
-        space = self._action_spaces.get(agent)
-        if space is None:
-            self._check_name(agent)
-            space = self._action_spaces[agent] = gymnasium.spaces.Discrete(len(Action))
-        return space
-
-    @property
-    def observation_spaces(self) -> dict[str, gymnasium.spaces.Dict]:
-        """`observation_space` of every drone."""
-        return {agent: self.observation_space(agent) for agent in self._names}
-
-    @property
-    def action_spaces(self) -> dict[str, gymnasium.spaces.Discrete]:
-        """`action_space` of every drone."""
-        return {agent: self.action_space(agent) for agent in self._names}
-
-    # What the environment says of itself beyond PettingZoo's API.
+    # Beyond PettingZoo's API.
 
     def get_agents(self) -> list[str]:
-        """The names of all possible drones, whether an episode is running or not."""
+        """The names of all drones, also between episodes."""
         return list(self._names)
 
     @property
     def scenario(self) -> Scenario:
-        """The parameters of the present episode, with what `reset` was given for it.
+        """The parameters of the present episode, including those given to `reset`.
 
-        Before the first `reset`, those of the constructor.
+        Before the first `reset`, the parameters of the constructor.
         """
         return self._scenario if self._search is None else self._search
-
-    @property
-    def grid_size(self) -> int:
-        """Cells along each side of the grid."""
-        return self._scenario.grid_size
-
-    @property
-    def n_drones(self) -> int:
-        """The number of drones."""
-        return self._scenario.n_drones
 
     @property
     def vector(self) -> tuple[float, float]:
@@ -450,25 +386,24 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
         return self._scenario.timestep_limit
 
     def frame(self) -> Frame:
-        """Everything a picture of the present state shows, the persons included.
+        """The present state as data for pictures, including the persons.
 
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
-        if not self.agents and self._ending is None:
-            raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
-        positions, world, finds = self._positions, self._world, self._world.finds
-        cells = (
+        cells, world = self._cells_and_world()
+        positions, finds = self._positions, world.finds
+        person_cells = (
             finds[person][1] if person in finds else world.person_cell(person)
-            for person in world.everybody
+            for person in world.persons
         )
         return Frame(
             matrix=world.matrix(),
-            drones=tuple(positions[cell] for cell in self._cells),
-            searching=tuple(action == _SEARCH for action in self._chosen),
-            persons=tuple(positions[cell] for cell in cells),
+            drones=tuple(positions[cell] for cell in cells),
+            searching=tuple(action == Action.SEARCH for action in self._drones.chosen),
+            persons=tuple(positions[cell] for cell in person_cells),
             found_by=tuple(
-                finds[person][0] if person in finds else None for person in world.everybody
+                finds[person][0] if person in finds else None for person in world.persons
             ),
             step=world.step,
             timestep_limit=self.timestep_limit,
@@ -476,133 +411,8 @@ class DroneSwarmSearch(ParallelEnv[str, Observation, int]):
             ending=self._ending,
         )
 
-    # Phase 2 of a step.
-
-    def _judge(
-        self, targets: list[int], crashed: bool, rewards: dict[str, float]
-    ) -> tuple[list[int], Ending | None]:
-        """Fill in the rewards and note who was found.
-
-        Args:
-            targets: where each drone tried to go.
-            crashed: whether a drone left the grid or collided.
-            rewards: holds the table's last line for every drone; the others are filled in.
-
-        Returns:
-            The drones' cells after moving, and why the episode ends, if it does.
-        """
-        searches = _searches(self._chosen, self._cells)
-        finders = self._world.search(searches) if searches else set()
-        ending = None
-        if crashed or finders or self._world.step == self._last_step:
-            ending = self._judge_turning_point(targets, finders, rewards)
-        else:
-            self._pay_unsuccessful_searches(searches, rewards)
-        if OFF_GRID in targets:  # who tried to leave has stayed
-            targets = [
-                cell if target == OFF_GRID else target
-                for cell, target in zip(self._cells, targets, strict=True)
-            ]
-        return targets, ending
-
-    def _judge_turning_point(
-        self, targets: list[int], finders: set[int], rewards: dict[str, float]
-    ) -> Ending | None:
-        """Judge a step in which somebody was found, drones crashed or the time is up.
-
-        Returns:
-            Why the episode ends, if it does.
-        """
-        scenario, world, chosen = self._scenario, self._world, self._chosen
-        scheme, limit = scenario.reward_scheme, scenario.timestep_limit
-        beyond, shown, t = self._beyond_step, world.probability, world.step
-        time_limit_reached = t == self._last_step
-        shared = rules.same_cell(targets)
-        crashes = {*shared, OFF_GRID}
-        for drone, target in enumerate(targets):
-            searched = chosen[drone] == _SEARCH
-            if searched or time_limit_reached or target in crashes:
-                points = rules.reward(
-                    scheme,
-                    target in shared,
-                    target == OFF_GRID,
-                    drone in finders,
-                    time_limit_reached,
-                    drone in self._finders,
-                    searched,
-                    shown(self._cells[drone]) if searched else 0.0,
-                    t,
-                    limit,
-                    scheme.step * t + beyond[drone],
-                )
-                rewards[self._names[drone]] = points
-                beyond[drone] += points - scheme.step
-        if finders:
-            self._found = True
-            self._finders |= finders
-        return rules.ending(
-            not world.missing, bool(shared), OFF_GRID in targets, time_limit_reached
-        )
-
-    def _pay_unsuccessful_searches(
-        self, searches: dict[int, int], rewards: dict[str, float]
-    ) -> None:
-        """Judge a step in which nothing happened but searches that found nobody."""
-        scheme, shown = self._scenario.reward_scheme, self._world.probability
-        for cell, drone in searches.items():
-            points = rules.unsuccessful_search_reward(scheme, shown(cell))
-            rewards[self._names[drone]] = points
-            self._beyond_step[drone] += points - scheme.step
-
-    # The window and the painter, made when first needed.
-
-    def _get_painter(self) -> Painter:
-        if self._painter is None:
-            from DroneSwarmSearch.rendering.painter import Painter
-
-            self._painter = Painter(
-                self.grid_size,
-                render_grid=self.render_grid,
-                render_gradient=self.render_gradient,
-                palette=self.palette,
-            )
-        return self._painter
-
-    def _get_window(self) -> Window:
-        if self._window is None:
-            from DroneSwarmSearch.rendering.window import Window
-
-            self._window = Window(
-                self._get_painter(), title="Drone swarm search", fps=self.metadata["render_fps"]
-            )
-        return self._window
-
-    def _show(self) -> None:
-        """Show the state that a reset or a step has led to; the episode goes on if that fails."""
-        try:
-            self._get_window().show(self.frame())
-        except RuntimeError as problem:
-            self._get_window().dismiss()
-            warnings.warn(
-                f"{problem}; the episode goes on without being shown, and the next reset "
-                "tries to open the window again",
-                stacklevel=3,
-            )
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Copies and pickles go on identically, but have no window."""
-        return {**self.__dict__, "_window": None, "_painter": None}
-
-    def _check_name(self, agent: object) -> None:
-        if agent not in self._names:
-            raise ValueError(f"agent must be one of {names_in_words(self._names)}, got {agent!r}")
-
-
-def _searches(chosen: bytes, cells: list[int]) -> dict[int, int]:
-    """The cells that are searched, each with its drone: before a step no two share one."""
-    searches = {}
-    drone = chosen.find(_SEARCH)
-    while drone >= 0:
-        searches[cells[drone]] = drone
-        drone = chosen.find(_SEARCH, drone + 1)
-    return searches
+    def _cells_and_world(self) -> tuple[list[int], WorldState]:
+        """The drones' cells and the world state, for reading only; wrappers use these."""
+        if not self.agents and self._ending is None:
+            raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
+        return self._drones.cells, self._world

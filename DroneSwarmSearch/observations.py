@@ -1,4 +1,4 @@
-"""What the drones and a centralised critic are shown, and the spaces it lies in."""
+"""Observations and the global state, and the spaces of the environment."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from typing import TypedDict
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch._internal.mappings import Infos
-from DroneSwarmSearch.scenario import Cell
+from DroneSwarmSearch._internal.actions import check_agent
+from DroneSwarmSearch._internal.mappings import Facts, Infos
+from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Observation", "observation_space", "observe", "state_planes", "state_space"]
+__all__ = ["Observation", "WithSpaces", "observe", "state_planes"]
 
 
 class Observation(TypedDict):
@@ -27,64 +30,41 @@ def observe(
     positions: Mapping[int, Cell],
     matrix: NDArray[np.float32],
     found: bool,
+    facts: Facts = (None, (), (), 0),
 ) -> tuple[dict[str, Observation], Infos]:
-    """What every drone is shown and told.
+    """Each drone's observation and info.
 
     Args:
         names: the drones' names.
-        cells: each drone's cell by number.
+        cells: each drone's cell, y * N + x.
         positions: the (x, y) of every cell.
-        matrix: the matrix shown to all of them.
-        found: whether any drone has found a person.
+        matrix: the matrix that all drones observe.
+        found: whether a drone has found a person.
+        facts: see `Infos`.
     """
     observations: dict[str, Observation] = {}
-    infos = {}  # a plain dict is filled in half the time
-    for name, cell in zip(names, cells):  # noqa: B905 (strict= would cost a tenth of it)
+    by_drone = {}  # filling a plain dict takes half the time
+    for name, cell in zip(names, cells):  # noqa: B905 (strict=True would cost a tenth)
         observations[name] = {"observation": (positions[cell], matrix)}
-        infos[name] = {"Found": found}
-    return observations, Infos(infos)
-
-
-def observation_space(grid_size: int) -> spaces.Dict:
-    """The space of `Observation`.
-
-    Args:
-        grid_size: cells along each side, N.
-
-    Returns:
-        A Dict with one entry, "observation": a Tuple of the drone's (x, y), each
-        Discrete(N), and the matrix, float32 in [0, 1] of shape (N, N), indexed [y, x].
-    """
-    position = spaces.Tuple((spaces.Discrete(grid_size), spaces.Discrete(grid_size)))
-    matrix = spaces.Box(0.0, 1.0, (grid_size, grid_size), np.float32)
-    return spaces.Dict({"observation": spaces.Tuple((position, matrix))})
-
-
-def state_space(grid_size: int, n_drones: int) -> spaces.Box:
-    """The space of `state_planes`: float32, shape (3, grid_size, grid_size).
-
-    The persons' plane has no upper bound, since a reset may bring any number of them.
-    """
-    shape = (3, grid_size, grid_size)
-    high = np.array([1.0, n_drones, np.inf], np.float32)
-    return spaces.Box(
-        np.zeros(shape, np.float32), np.broadcast_to(high[:, None, None], shape), dtype=np.float32
-    )
+        by_drone[name] = {"Found": found}
+    infos = Infos(by_drone)
+    infos.facts = facts
+    return observations, infos
 
 
 def state_planes(
     matrix: NDArray[np.float32], drones: Iterable[Cell], missing_persons: Iterable[Cell]
 ) -> NDArray[np.float32]:
-    """The whole state as planes.
+    """The global state as planes.
 
     Args:
-        matrix: the matrix that the drones are shown, shape (N, N), indexed [y, x].
+        matrix: the matrix that the drones observe, shape (N, N), indexed [y, x].
         drones: each drone's cell.
         missing_persons: the cell of each person not yet found.
 
     Returns:
-        float32, shape (3, N, N), each plane indexed [y, x]: the matrix, the number of
-        drones in each cell, the number of missing persons in each cell.
+        float32, shape (3, N, N), indexed [plane, y, x]: the matrix, the number of drones in
+        each cell, the number of missing persons in each cell.
     """
     planes = np.zeros((3, *matrix.shape), np.float32)
     planes[0] = matrix
@@ -92,3 +72,71 @@ def state_planes(
         for x, y in cells:
             plane[y, x] += 1.0
     return planes
+
+
+class WithSpaces(ParallelEnv[str, Observation, int]):
+    """The size and the spaces of `DroneSwarmSearch`; spaces are made on first use and kept."""
+
+    _scenario: Scenario
+
+    def __init__(self) -> None:
+        self._observation_spaces: dict[str, spaces.Dict] = {}
+        self._action_spaces: dict[str, spaces.Discrete] = {}
+        self._state_space: spaces.Box | None = None
+
+    @property
+    def grid_size(self) -> int:
+        """Cells along each side of the grid."""
+        return self._scenario.grid_size
+
+    @property
+    def n_drones(self) -> int:
+        """The number of drones."""
+        return self._scenario.n_drones
+
+    def observation_space(self, agent: str) -> spaces.Dict:
+        """The space of a drone's observations; the same object at every call.
+
+        A Dict with one entry, "observation": a Tuple of the drone's (x, y), each Discrete(N),
+        and the matrix, float32 in [0, 1] of shape (N, N), indexed [y, x].
+        """
+        space = self._observation_spaces.get(agent)
+        if space is None:
+            check_agent(agent, self.possible_agents)
+            n = self.grid_size
+            position = spaces.Tuple((spaces.Discrete(n), spaces.Discrete(n)))
+            matrix = spaces.Box(0.0, 1.0, (n, n), np.float32)
+            space = spaces.Dict({"observation": spaces.Tuple((position, matrix))})
+            self._observation_spaces[agent] = space
+        return space
+
+    def action_space(self, agent: str) -> spaces.Discrete:
+        """Discrete(6), see `rules.Action`; the same object at every call."""
+        space = self._action_spaces.get(agent)
+        if space is None:
+            check_agent(agent, self.possible_agents)
+            space = self._action_spaces[agent] = spaces.Discrete(len(Action))
+        return space
+
+    @property
+    def observation_spaces(self) -> dict[str, spaces.Dict]:
+        """`observation_space` of every drone."""
+        return {agent: self.observation_space(agent) for agent in self.possible_agents}
+
+    @property
+    def action_spaces(self) -> dict[str, spaces.Discrete]:
+        """`action_space` of every drone."""
+        return {agent: self.action_space(agent) for agent in self.possible_agents}
+
+    @property
+    def state_space(self) -> spaces.Box:
+        """The space of `state()`: float32, shape (3, N, N).
+
+        The persons' plane has no upper bound, because a reset may change their number.
+        """
+        if self._state_space is None:
+            shape = (3, self.grid_size, self.grid_size)
+            high = np.array([1.0, self.n_drones, np.inf], np.float32)[:, None, None]
+            low = np.zeros(shape, np.float32)
+            self._state_space = spaces.Box(low, np.broadcast_to(high, shape), dtype=np.float32)
+        return self._state_space

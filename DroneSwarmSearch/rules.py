@@ -1,25 +1,25 @@
-"""The rules of the search: actions, rewards and endings, and nothing else.
+"""The rules of the search: actions, rewards and endings.
 
-A drone's reward in a step is the first line that applies (t = steps completed
-before this one, L = timestep_limit, p = the matrix it was shown at its cell):
+A drone's reward in a step is given by the first line that applies (t: steps completed before
+this one; L: timestep_limit; p: what the matrix that it observed holds for its cell):
 
-| event                                               | reward                      |
-|-----------------------------------------------------|-----------------------------|
-| it collided                                         | -100000                     |
-| it left the grid                                    | -100000                     |
-| it searched and found a person                      | 10000 + 10000 (1 - t/L)     |
-| the time is up and it has found nobody this episode | -(its return so far) - 100000 |
+| event                                               | reward                          |
+|-----------------------------------------------------|---------------------------------|
+| it collided                                         | -100000                         |
+| it left the grid                                    | -100000                         |
+| it searched and found a person                      | 10000 + 10000 (1 - t/L)         |
+| time limit, and it has found nobody in this episode | -(its return so far) - 100000   |
 | it searched and found nobody                        | 10000 p if 100 p > 1, else -100 |
-| anything else                                       | 1                           |
+| anything else                                       | 1                               |
 
-All drones act at once, so a search counts even if another drone flies into the searcher:
-the person is found, though the searcher is paid for the collision.
+All drones act at once, so a search counts even if another drone flies into the searcher: the
+person is found, although the searcher gets the reward of the collision.
 
-The episode ends for all drones together at a collision, when a drone leaves the
-grid, when all persons are found, and with step number L.
+The episode ends for all drones together if drones collide, a drone leaves the grid or all
+persons are found, and with step number L.
 
-`reward` is that table, one drone at a time; the figures are in `RewardScheme`. Each rule
-stands here twice, for one environment and, in the plural, for arrays of them.
+`reward` implements the table for one drone; `RewardScheme` holds its figures. Each rule has a
+scalar form and, in the plural, an array form for many searches.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ Drones = NDArray[np.int64]
 
 
 class Action(IntEnum):
-    """What a drone can do in a step; y grows downward, so UP is towards row 0."""
+    """The actions of a drone; y increases downward, so UP is towards row 0."""
 
     LEFT = 0
     RIGHT = 1
@@ -64,7 +64,7 @@ class Action(IntEnum):
 
 
 class Ending(IntEnum):
-    """Why an episode ended. Batches hold the numbers; 0 is an episode that goes on."""
+    """Why an episode ended. Arrays hold the numbers; 0 stands for a running episode."""
 
     FOUND = 1
     COLLISION = 2
@@ -85,25 +85,25 @@ _DESCRIPTIONS = {
 }
 
 OFF_GRID = -1
-"""Stands for the cell a drone tried to go to when that cell is outside the grid."""
+"""The target of a move that leaves the grid."""
 
 
 @dataclass(frozen=True)
 class RewardScheme:
-    """The figures of the reward table, all in points per step and drone.
+    """The figures of the reward table, per step and drone.
 
     Attributes:
-        step: anything that no other line covers.
-        search: factor of the shown probability for a search that finds nobody.
-        search_threshold: a unsuccessful search of a cell shown with this
-            probability or less is worth `search_unlikely` instead.
+        step: a step that no other line covers.
+        search: an unsuccessful search, times the observed probability of the cell.
+        search_threshold: an unsuccessful search of a cell with this probability or less
+            gets `search_unlikely` instead.
         search_unlikely: see `search_threshold`.
         find: finding a person.
-        find_early: on top of `find`, times the share of the time limit left.
-        timeout: the return of a drone that found nobody by the time limit; to the last
-            bit with these figures and whole numbers, else to rounding.
+        find_early: added to `find`, times the remaining fraction of the time limit.
+        timeout: the return of a drone that has found nobody by the time limit; exact for
+            whole numbers such as the defaults, else up to rounding.
         leave_grid: trying to leave the grid.
-        collision: being in one cell with another drone.
+        collision: being in the same cell as another drone after moving.
 
     Raises:
         TypeError: a figure is not a real number.
@@ -131,7 +131,7 @@ class RewardScheme:
             object.__setattr__(self, field.name, number)
 
     def largest(self, timestep_limit: int) -> float:
-        """No drone is paid, or has to pay, more than this in one step.
+        """The largest absolute reward of a drone in one step.
 
         Args:
             timestep_limit: the number of steps in an episode.
@@ -147,20 +147,20 @@ class RewardScheme:
 
     @classmethod
     def sparse(cls) -> RewardScheme:
-        """1 to a drone in the step in which it finds a person, 0 in every other case."""
+        """Reward 1 to a drone that finds a person, and 0 otherwise."""
         nothing = dict.fromkeys((field.name for field in fields(cls)), 0.0)
         return cls(**{**nothing, "find": 1.0})
 
 
 def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]:
-    """Where each action leads from a cell, indexed by `Action`.
+    """The target cell of each action, indexed by `Action`.
 
     Args:
         cell: y * grid_size + x.
         grid_size: cells along each side.
 
     Returns:
-        Six cells; OFF_GRID where the move leaves the grid. SEARCH and IDLE stay.
+        Six cells; OFF_GRID for moves that leave the grid. SEARCH and IDLE stay.
     """
     y, x = divmod(cell, grid_size)
     return (
@@ -174,12 +174,12 @@ def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]
 
 
 def neighbours_of_all(grid_size: int) -> NDArray[np.int64]:
-    """`neighbours` of every cell: shape (grid_size², 6), indexed [cell, action].
+    """`neighbours` of all cells: int64, shape (grid_size², 6), indexed [cell, action].
 
     Raises:
         ValueError: the table does not fit in memory.
     """
-    # Six integers of eight bytes for each cell, twice over while the table is made.
+    # Six integers of eight bytes for each cell, and as much again while they are stacked.
     checks.fits("the table of the cells' neighbours", 96 * grid_size**2, grid_size=grid_size)
     cells = np.arange(grid_size**2)
     y, x = np.divmod(cells, grid_size)
@@ -197,10 +197,10 @@ def neighbours_of_all(grid_size: int) -> NDArray[np.int64]:
 
 
 def same_cell(targets: Sequence[int]) -> set[int]:
-    """The cells that two or more drones are in after moving: those drones have collided.
+    """The cells that hold two or more drones after moving; these drones collide.
 
-    A drone that tried to leave counts where it tried to go, so OFF_GRID is never among
-    them; two drones that exchange cells do not meet.
+    A drone that tries to leave the grid is in no cell, so OFF_GRID is never in the result. Two
+    drones that exchange cells do not collide. `vector.collisions` has the array form.
     """
     seen: set[int] = set()
     shared: set[int] = set()
@@ -230,19 +230,16 @@ def reward(
 
     Args:
         scheme: the figures.
-        collided: another drone is in its cell after moving.
-        left_grid: its move led outside the grid.
-        found: its search found a person in this step.
-        time_limit_reached: this is step number `timestep_limit`.
-        found_before: it found a person in an earlier step of the episode.
-        searched: it searched.
-        probability: what the matrix it was shown says of its cell.
+        collided: whether another drone is in its cell after moving.
+        left_grid: whether it tried to leave the grid.
+        found: whether its search found a person in this step.
+        time_limit_reached: whether this is step number `timestep_limit`.
+        found_before: whether it found a person in an earlier step of the episode.
+        searched: whether it searched.
+        probability: what the matrix that it observed holds for its cell.
         steps_before: steps completed before this one.
         timestep_limit: the number of steps in an episode.
         return_so_far: the sum of its rewards in the episode before this step.
-
-    Returns:
-        The reward, in points.
     """
     if collided:
         return scheme.collision
@@ -271,20 +268,20 @@ def rewards(
     left_grid: Drones,
     collided: Drones,
 ) -> Floats:
-    """`reward` for many drones: the table from its last line to its first, which overrules.
+    """`reward` for many drones; applies the lines from last to first, so the first one wins.
 
     Args:
         scheme: the figures.
-        drones: their number, n; below, drones are given by number, from 0 to n - 1.
-        searched: who searched.
-        probability: what each of these was shown of its cell.
-        timed_out: for whom the time is up that found nobody before this step.
-        return_so_far: the sum of each of these drones' rewards before this step.
-        found: whose search found a person.
-        steps_before: steps that each of these had completed before this one.
+        drones: the number of drones, n; the arrays below hold numbers of drones.
+        searched: the drones that searched.
+        probability: for each of these, what its matrix held for its cell.
+        timed_out: the drones at the time limit that found nobody before this step.
+        return_so_far: for each of these, the sum of its rewards before this step.
+        found: the drones whose search found a person.
+        steps_before: for each of these, steps completed before this one.
         timestep_limit: the number of steps in an episode.
-        left_grid: whose move led outside the grid.
-        collided: in whose cell another drone is after moving.
+        left_grid: the drones that tried to leave the grid.
+        collided: the drones with another drone in their cell after moving.
 
     Returns:
         float64, shape (n,).
@@ -306,7 +303,7 @@ def rewards(
 
 
 def unsuccessful_search_reward(scheme: RewardScheme, probability: float) -> float:
-    """The table's line for a search that found nobody, in a cell shown with a probability."""
+    """The reward of an unsuccessful search of a cell with an observed probability."""
     if probability > scheme.search_threshold:
         return scheme.search * probability
     return scheme.search_unlikely
@@ -315,16 +312,16 @@ def unsuccessful_search_reward(scheme: RewardScheme, probability: float) -> floa
 def ending(
     all_found: bool, any_collided: bool, any_left_grid: bool, time_limit_reached: bool
 ) -> Ending | None:
-    """Whether and why the episode ends with this step; success is named before crashes.
+    """How the episode ends with this step; success takes precedence over crashes.
 
     Args:
-        all_found: all persons have been found.
-        any_collided: drones have collided.
-        any_left_grid: a drone has left the grid.
-        time_limit_reached: this is step number `timestep_limit`.
+        all_found: whether all persons have been found.
+        any_collided: whether drones have collided.
+        any_left_grid: whether a drone has left the grid.
+        time_limit_reached: whether this is step number `timestep_limit`.
 
     Returns:
-        The reason, or None if the episode goes on.
+        The ending, or None if the episode continues.
     """
     if all_found:
         return Ending.FOUND
@@ -343,20 +340,20 @@ def endings(
     any_left_grid: Drones,
     time_limit_reached: Drones,
 ) -> NDArray[np.int8]:
-    """`ending` for many searches, which are given by number, from 0 to n - 1.
+    """`ending` for many searches.
 
     Args:
-        searches: their number, n.
-        all_found: where all persons have been found.
-        any_collided: where drones have collided.
-        any_left_grid: where a drone has left the grid.
-        time_limit_reached: where this is the last step.
+        searches: the number of searches, n; the arrays below hold numbers of searches.
+        all_found: the searches in which all persons have been found.
+        any_collided: the searches in which drones have collided.
+        any_left_grid: the searches in which a drone has left the grid.
+        time_limit_reached: the searches at the time limit.
 
     Returns:
-        int8, shape (n,), each an `Ending`, or 0.
+        int8, shape (n,): each an `Ending`, or 0.
     """
     ended = np.zeros(searches, np.int8)
-    for where, reason in (  # what comes later overrules
+    for where, reason in (  # in ascending order of precedence
         (time_limit_reached, Ending.TIME_LIMIT),
         (any_left_grid, Ending.LEFT_GRID),
         (any_collided, Ending.COLLISION),

@@ -43,7 +43,7 @@ class Scenario:
         person_initial_position: each person's cell (x, y) at step 0, a tuple of cells. A
             single cell may be given, and cells in lists or arrays.
         disperse_constant: how quickly the persons may stray; finite, at least 0
-            (`probability_matrix.dispersion_rate`).
+            (`drift.dispersion_rate`).
         timestep_limit: steps in an episode; from 1 to 2**53.
         probability_of_detection: the chance that a search of the right cell finds a
             person, from 0 to 1: a number for all persons, or a tuple with one for each.
@@ -182,21 +182,19 @@ class Scenario:
         return (detection,) * len(self.person_initial_position)
 
 
-def scenario_of(scenario: object, parameters: Mapping[str, Any]) -> Scenario:
-    """The scenario for whatever takes a scenario or its parameters, but not both.
+def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Scenario:
+    """Return the scenario itself, or a scenario made from the parameters.
 
-    Args:
-        scenario: a `Scenario`, or None.
-        parameters: by name, each as given or with its default.
+    For callables that accept either form: a parameter may only differ from its default if
+    no scenario is given.
 
     Raises:
-        TypeError: the scenario is something else, or a parameter of the wrong type.
-        ValueError: a parameter is out of its limits, or was given beside the scenario.
+        TypeError: `scenario` is not a `Scenario`, or a parameter is of the wrong type.
+        ValueError: a parameter is out of its limits, or is given together with a scenario.
     """
     if scenario is None:
         return Scenario(**parameters)
     check_alone(scenario, parameters)
-    assert isinstance(scenario, Scenario)
     return scenario
 
 

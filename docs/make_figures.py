@@ -39,9 +39,10 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ProbabilityMatrix
+from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
-from DroneSwarmSearch.drift.probability_matrix import gaussian_cdf
+from DroneSwarmSearch.drift.tables import gaussian_cdf
 from DroneSwarmSearch.policies import GreedyPolicy
 from DroneSwarmSearch.vector import SwarmVectorEnv
 

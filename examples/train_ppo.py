@@ -144,7 +144,7 @@ class Swarms:
         shown = self.batch.probabilities(rows, cells[rows, drones])
         chances[rows, drones] = self.detection * shown
 
-        real = ~self.batch.over.repeat(self.drones)
+        real = ~self.batch.ended.repeat(self.drones)
         self.seen, _, over, _, _ = self.env.step(actions.reshape(-1))
         tally.count(self)
         return {
@@ -170,7 +170,7 @@ class Tally:
         """Take in a step."""
         swarms.returns += swarms.batch.rewards.mean(axis=1)
         swarms.age += 1
-        over = swarms.batch.over
+        over = swarms.batch.ended
         if swarms.age > 2 * swarms.batch.scenario_of(0).timestep_limit:
             self.returns += swarms.returns[over].tolist()
             self.found += (swarms.batch.endings[over] == FOUND).tolist()

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from helpers import inside, target_of
 
-from DroneSwarmSearch import Action, ProbabilityMatrix, Scenario
+from DroneSwarmSearch import Action, Scenario
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.chain import Chain
 from DroneSwarmSearch.planning.exact import best_success

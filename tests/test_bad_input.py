@@ -19,10 +19,10 @@ from helpers import observed, plain, play, play_on, whole_state
 from DroneSwarmSearch import (
     Action,
     DroneSwarmSearch,
-    ProbabilityMatrix,
     ResetNeeded,
     RewardScheme,
 )
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
@@ -390,7 +390,7 @@ def test_use_before_reset(use):
 def test_step_after_the_end(actions):
     env = after_the_end()
     assert_untouched(
-        env, lambda env: refused(lambda: env.step(actions), ResetNeeded, "reset()", "over")
+        env, lambda env: refused(lambda: env.step(actions), ResetNeeded, "reset()", "ended")
     )
 
 

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import ProbabilityMatrix
-from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, normalise
+from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift.belief import (
+    after_drift,
+    after_unsuccessful_search,
+    mean_over_missing,
+    means_over_missing,
+    normalise,
+    shown_persons,
+)
 
 
 def test_oracle_of_two_cells() -> None:
@@ -87,3 +94,17 @@ def test_normalising_is_the_same_to_the_bit_alone_and_in_a_batch(size: int, batc
         assert totals[k] == normalise(alone)
         np.testing.assert_array_equal(beliefs.reshape(size, size, -1)[..., k], alone)
         assert alone.sum() == pytest.approx(float(totals[k] > 0))
+
+
+@pytest.mark.parametrize("missing", [(0, 1, 2), (0, 2), (1,), ()])
+def test_the_mean_over_missing_persons_is_the_same_for_one_search_and_a_batch(
+    missing: tuple[int, ...],
+) -> None:
+    beliefs = list(np.random.default_rng(1).random((3, 5, 5)))
+    one = mean_over_missing(beliefs, missing)
+    np.testing.assert_allclose(one, np.mean([beliefs[k] for k in missing or range(3)], axis=0))
+    is_missing = np.array([[person in missing] for person in range(3)])
+    batch = means_over_missing(
+        [b[..., None] for b in beliefs], shown_persons(is_missing)[:, None, None]
+    )
+    assert batch[..., 0].tobytes() == one.tobytes()

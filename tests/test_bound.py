@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_searches import SMALL, best, chances, flown, forecast_of, search, shortened
 
-from DroneSwarmSearch import ProbabilityMatrix
 from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.planning import SuccessBound, success_bound
 from DroneSwarmSearch.planning.bound import (

@@ -24,12 +24,13 @@ import DroneSwarmSearch.env as env_module
 from DroneSwarmSearch import (
     Action,
     DroneSwarmSearch,
+    Ending,
     ResetNeeded,
     RewardScheme,
     drone_swarm_search_v0,
 )
-from DroneSwarmSearch._internal.actions import TurnBased
 from DroneSwarmSearch._internal.mappings import Infos, Rewards
+from DroneSwarmSearch._internal.turn_based import TurnBased
 
 with warnings.catch_warnings():
     # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
@@ -172,7 +173,7 @@ def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, a
         if not over or action is not None:
             before = plain(seen_in_turn(aec))
             refused = (
-                pytest.raises(ValueError, match="action must be None once the episode is over, got")
+                pytest.raises(ValueError, match="action must be None after the episode's end, got")
                 if over
                 else pytest.raises(error, match="action must be an integer from 0 to 5, got")
             )
@@ -369,7 +370,22 @@ def test_every_public_name_is_there():
         assert getattr(package, name) is getattr(forward, name)
 
 
-# What importing and stepping do not do.
+SUBMODULES = """
+import sys
+import DroneSwarmSearch
+assert "DroneSwarmSearch.evaluation" not in sys.modules
+for name in "drift evaluation planning policies training vector wrappers".split():
+    assert getattr(DroneSwarmSearch, name) is sys.modules["DroneSwarmSearch." + name]
+    assert name in dir(DroneSwarmSearch)
+assert not hasattr(DroneSwarmSearch, "nothing")
+"""
+
+
+def test_submodules_are_imported_on_access():
+    subprocess.run([sys.executable, "-c", SUBMODULES], check=True, timeout=60)
+
+
+# Side effects of importing and stepping.
 
 HEADLESS = """
 import random, sys
@@ -434,7 +450,7 @@ def test_gymnasium_error_base():
         DroneSwarmSearch().step({"drone0": 4})
 
 
-# Rewards and infos: dicts of the drones that answer one further name.
+# Rewards and infos: dicts by drone that answer further names.
 
 
 def last_mappings() -> tuple[Rewards, Infos]:
@@ -446,6 +462,8 @@ def last_mappings() -> tuple[Rewards, Infos]:
 
 
 VALUES = {"drone0": 20_000.0, "drone1": -100.0, "drone2": 1.0}
+
+FACTS = {"Found": True, "persons_found": (True,), "ending": Ending.FOUND, "step": 1}
 
 COPIES = {
     "itself": lambda mapping: mapping,
@@ -466,14 +484,17 @@ COPIES = {
     ("which", "name", "answer", "values"),
     [
         (0, "total_reward", 19_901.0, VALUES),
-        (1, "Found", True, {agent: {"Found": True} for agent in VALUES}),
+        *(
+            (1, name, answer, {a: {"Found": True} for a in VALUES})
+            for name, answer in FACTS.items()
+        ),
     ],
-    ids=["rewards", "infos"],
+    ids=["total_reward", *FACTS],
 )
-def test_mappings(which, name, answer, values, make):
+def test_mappings_answer_further_names_which_are_not_listed(which, name, answer, values, make):
     mapping = make(last_mappings()[which])
     assert isinstance(mapping, dict)
-    # The one further name is answered on look-up ...
+    # The further name is answered on look-up ...
     assert mapping[name] == answer
     assert mapping.get(name) == mapping.get(name, "default") == answer
     assert name in mapping
@@ -525,7 +546,8 @@ def test_the_further_name_can_be_taken_away_as_a_key_could():
 
 @pytest.mark.parametrize("make", COPIES.values(), ids=COPIES)
 @pytest.mark.parametrize(
-    ("which", "name", "answer"), [(0, "total_reward", 19_901.0), (1, "Found", True)]
+    ("which", "name", "answer"),
+    [(0, "total_reward", 19_901.0), *((1, name, answer) for name, answer in FACTS.items())],
 )
 def test_the_further_name_cannot_become_a_key(which, name, answer, make):
     mapping = make(last_mappings()[which])
@@ -564,17 +586,25 @@ def test_what_reset_returns_answers_names_as_well(make):
         start[2]
 
 
-def test_found_before_and_after():
-    env = DroneSwarmSearch(n_drones=2, person_initial_position=[(0, 0), (6, 6)])
+def test_infos_state_the_facts_of_the_episode():
+    env = DroneSwarmSearch(
+        n_drones=2, person_initial_position=[(0, 0), (6, 6)], disperse_constant=0, vector=(0, 0)
+    )
+
+    def facts(infos: Infos) -> dict[str, object]:
+        return {name: infos[name] for name in FACTS}
 
     def everyone(found: bool) -> dict[str, dict[str, bool]]:
         return {agent: {"Found": found} for agent in env.possible_agents}
 
-    _, infos = env.reset(seed=1)
-    assert infos["Found"] is False and infos == everyone(False)
+    first = {"Found": False, "persons_found": (False, False), "ending": None, "step": 0}
+    _, before = env.reset(seed=1)
+    assert before == everyone(False) and facts(before) == first
     infos = env.step({"drone0": 4, "drone1": 5})[4]
-    assert infos["Found"] is True
-    infos = env.step({"drone0": 5, "drone1": 5})[4]
-    assert infos["Found"] is True and infos == everyone(True)
+    found = {"Found": True, "persons_found": (True, False), "ending": None, "step": 1}
+    assert infos == everyone(True) and facts(infos) == found
+    assert facts(env.step({"drone0": 5, "drone1": 5})[4]) == {**found, "step": 2}
+    infos = env.step({"drone0": 2, "drone1": 5})[4]
+    assert facts(infos) == {**found, "ending": Ending.LEFT_GRID, "step": 3}
     _, infos = env.reset()
-    assert infos["Found"] is False
+    assert facts(infos) == facts(before) == first

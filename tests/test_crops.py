@@ -8,8 +8,8 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.wrappers.layouts import crops as module
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
+from DroneSwarmSearch.wrappers import crops as module
+from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
 
@@ -71,7 +71,7 @@ def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -
     together = crops(*shown)
     alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_DRONES_AT_ONCE", 4)
+        patch.setattr(module, "_CHUNK_DRONES", 4)
         in_parts = crops(*shown)
     assert plain(np.concatenate(alone)) == plain(together) == plain(in_parts)
 

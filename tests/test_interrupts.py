@@ -31,7 +31,7 @@ HOME = str(Path(package.__file__).parent)
 EVENT, COARSER = ("opcode", 1) if sys.version_info < (3, 12) else ("line", 8)
 
 # Python itself never breaks off between a `with lock` block and the lock's release.
-LOCKING = {probability_matrix._Kept.get.__code__, probability_matrix._Kept.put.__code__}
+LOCKING = {probability_matrix.BlockCache.get.__code__, probability_matrix.BlockCache.put.__code__}
 
 
 def interrupted(call: Callable[[], object], at: int) -> bool:
@@ -263,7 +263,7 @@ def test_an_interrupted_step_of_a_view(
     crash.reshape(3, 2)[0] = Action.RIGHT, Action.IDLE
     expected = log(made())
     for left in interruptions(made, lambda env: env.step(crash), stride=17):
-        if left.batch.over.any() and mode != "NextStep":
+        if left.batch.ended.any() and mode != "NextStep":
             with pytest.raises(ResetNeeded):
                 left.step(np.full(left.action_space.shape, Action.IDLE))
         assert log(left) == expected

@@ -24,7 +24,8 @@ import pytest
 from helpers import tables_of
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Action, Ending, ProbabilityMatrix, RewardScheme
+from DroneSwarmSearch import Action, Ending, RewardScheme
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
 
 GUIDES = Path(__file__).parents[1] / "docs" / "guides"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from DroneSwarmSearch import ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift
 from DroneSwarmSearch.planning.chain import Chain, transitions
 from DroneSwarmSearch.planning.paths import NOWHERE, best_path, values_to_go

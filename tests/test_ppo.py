@@ -20,7 +20,7 @@ from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.ppo import LARGEST, OWN_WEIGHTS, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
+from DroneSwarmSearch.wrappers.crops import LENGTH
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
 

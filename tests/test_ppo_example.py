@@ -15,7 +15,7 @@ from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.rules import Ending
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
+from DroneSwarmSearch.wrappers.crops import LENGTH
 
 torch = pytest.importorskip("torch")
 

@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import ProbabilityMatrix
 from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift import ProbabilityMatrix, tables
 from DroneSwarmSearch.drift import probability_matrix as module
-from DroneSwarmSearch.drift.probability_matrix import dispersion_rate
+from DroneSwarmSearch.drift.tables import dispersion_rate
 
 DRIFTS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
 CONSTANTS = [0, 0.5, 3, 10, 100, 1e308]
@@ -128,10 +128,10 @@ def test_no_chance_is_negative_however_the_error_function_is_rounded(
     def rounded(z: np.ndarray) -> np.ndarray:
         return erf(z) + noise.uniform(-1e-9, 1e-9, z.shape)
 
-    monkeypatch.setattr(module, "erf", rounded)
+    monkeypatch.setattr(tables, "erf", rounded)
     of = {"start": np.array([4, 9]), "drift": np.array([0.3, -0.8])}
     constant, steps = np.array(5.0), np.arange(1.0, 41.0)[:, None]
-    cdf = module.gaussian_cdf(30, **of, disperse_constant=constant, step=steps)
+    cdf = tables.gaussian_cdf(30, **of, disperse_constant=constant, step=steps)
     assert np.diff(cdf, axis=0).min() == 0.0
 
 
@@ -170,16 +170,16 @@ def test_a_million_steps_keep_bounded_memory() -> None:
         other = ProbabilityMatrix(64, (start, 4), (0.1, 0.2), 5)
         for t in range(100):
             other.at(t)
-    kept = module._kept
+    kept = module._cache
     in_use = sum(
         matrix.nbytes
         for block, _ in kept._blocks.values()
         for matrix in block.matrices
         if matrix is not None
     )
-    assert 0 < in_use < kept._bytes <= module.KEPT_BYTES < 64 * 2**20
+    assert 0 < in_use < kept._bytes <= module.CACHE_BYTES < 64 * 2**20
     assert kept._bytes == sum(size for _, size in kept._blocks.values())
-    assert kept._bytes == sum(kept._of_forecast.values())
+    assert kept._bytes == sum(kept._bytes_by_forecast.values())
 
 
 def test_a_huge_grid_keeps_small_blocks() -> None:
@@ -216,7 +216,7 @@ def test_a_process_forked_while_another_thread_makes_tables_goes_on() -> None:
     held, forking = threading.Event(), threading.Event()
 
     def hold() -> None:
-        with module._kept.lock:
+        with module._cache.lock:
             held.set()
             forking.wait(60)
             time.sleep(0.05)

@@ -14,7 +14,8 @@ from helpers import EVENTS, INTENTS, inside, planned_actions, target_of
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, ProbabilityMatrix
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch.drift import ProbabilityMatrix
 
 Cell = tuple[int, int]
 

@@ -10,7 +10,7 @@ from helpers import plain
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
-from DroneSwarmSearch.vector.views import SearchVectorEnv
+from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 pytest.importorskip("stable_baselines3")
 

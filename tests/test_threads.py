@@ -16,7 +16,7 @@ import pytest
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
 from DroneSwarmSearch.vector.threads import run_in_parts, usual_number
-from DroneSwarmSearch.vector.views import SearchVectorEnv
+from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 

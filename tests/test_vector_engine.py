@@ -24,10 +24,10 @@ from hypothesis import strategies as st
 from DroneSwarmSearch import (
     Action,
     DroneSwarmSearch,
-    ProbabilityMatrix,
     ResetNeeded,
 )
 from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbers, stream_keys
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, forecasts, threads
@@ -109,7 +109,7 @@ class Twins:
             self.envs[row] = env
 
     def step(self, actions: Any) -> None:
-        over = self.batch.over.tolist()
+        over = self.batch.ended.tolist()
         # Matrices come with a step, or are asked for after it.
         size = self.envs[0].grid_size
         asks = self.compared % 2
@@ -139,7 +139,7 @@ class Twins:
         assert batch.rewards.tobytes() == self.rewards.tobytes()
         endings = [frame.ending for frame in frames]
         assert batch.endings.tolist() == [ending or 0 for ending in endings]
-        assert batch.over.tolist() == [ending is not None for ending in endings]
+        assert batch.ended.tolist() == [ending is not None for ending in endings]
         drones = [[list(cell) for cell in frame.drones] for frame in frames]
         assert batch.positions.tolist() == drones
         assert batch.cells.tolist() == [[y * size + x for x, y in cells] for cells in drones]
@@ -349,7 +349,7 @@ def check_case(case: Case) -> Counter[str]:
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         successful: list[set[int]] = [set() for _ in range(case.rows)]
         for turn in range(case.steps):
-            before, over = twins.frames, twins.batch.over.tolist()
+            before, over = twins.frames, twins.batch.ended.tolist()
             actions = [
                 planned(case.plans, frame, turn + row, rng) for row, frame in enumerate(before)
             ]
@@ -534,7 +534,7 @@ def test_arrays_that_are_handed_out_have_the_types_documented() -> None:
         ("rewards", np.float64, (3, 2)),
         ("endings", np.int8, (3,)),
         ("found", np.bool_, (3,)),
-        ("over", np.bool_, (3,)),
+        ("ended", np.bool_, (3,)),
         ("steps", np.int64, (3,)),
         ("positions", np.int32, (3, 2, 2)),
         ("cells", np.int64, (3, 2)),
@@ -586,7 +586,7 @@ def test_persons_walk_by_the_numbers_of_their_addresses(kind: str) -> None:
                     right, left, down, up = matrices[k].moves(step)
                     u, v = drift[row][step, k]
                     persons[k] = moved(x, u, right, left), moved(y, v, down, up)
-        assert batch.over.all()
+        assert batch.ended.all()
         batch.step(np.zeros((len(seeds), 1), int))
 
 
@@ -603,7 +603,7 @@ def test_searches_succeed_by_the_numbers_of_their_addresses(kind: str) -> None:
     detection = [[episode_numbers(r, e, steps, 2)[1] for e in range(20)] for r in range(rows)]
     episode, found = [0] * rows, np.zeros((rows, 2), bool)
     for _ in range(90):
-        before, over = batch.steps.tolist(), batch.over.tolist()
+        before, over = batch.steps.tolist(), batch.ended.tolist()
         batch.step(np.full((rows, 1), Action.SEARCH))
         for row in range(rows):
             if over[row]:
@@ -623,7 +623,7 @@ def seen(batch: SearchBatch) -> list[Any]:
     """All that can be seen of every row, the parameters included."""
     matrices = batch.matrices_of(np.arange(batch.num_rows))
     values = [
-        batch.rewards, batch.endings, batch.found, batch.over, batch.steps, batch.cells,
+        batch.rewards, batch.endings, batch.found, batch.ended, batch.steps, batch.cells,
         batch.searching, batch.missing, batch.person_cells, matrices, *batch.parameters.values(),
     ]  # fmt: skip
     return [[plain(value[row]) for value in values] for row in range(batch.num_rows)]
@@ -747,7 +747,7 @@ def test_restarted_rows_begin_their_next_episodes_and_keep_what_the_last_step_br
         actions = rng.integers(0, 6, (4, 2))
         restarted.step(actions)
         reset.step(actions)
-        if (rows := np.flatnonzero(reset.over)).size:
+        if (rows := np.flatnonzero(reset.ended)).size:
             rewards = reset.rewards.tobytes()
             endings.update(reset.endings[rows].tolist())
             restarted.restart(rows)
@@ -756,7 +756,7 @@ def test_restarted_rows_begin_their_next_episodes_and_keep_what_the_last_step_br
             reset.reset(rows=rows)
         # Rewards and endings, which come first, are what a reset alone clears.
         assert [row[2:] for row in seen(restarted)] == [row[2:] for row in seen(reset)]
-        assert not restarted.over.any()
+        assert not restarted.ended.any()
     assert endings.total() > 10
 
 
@@ -836,7 +836,7 @@ def test_sampled_parameters_given_to_single_environments_make_the_same_episodes(
     episodes = [0] * len(seeds)
     envs = [begin(row, 0) for row in range(len(seeds))]
     for _ in range(60):
-        over, actions = batch.over.tolist(), rng.choice([0, 1, 2, 3, 4, 4, 4], (len(seeds), 2))
+        over, actions = batch.ended.tolist(), rng.choice([0, 1, 2, 3, 4, 4, 4], (len(seeds), 2))
         batch.step(actions)
         for row in range(len(seeds)):
             if over[row]:
@@ -1003,7 +1003,7 @@ def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
     batch.step(np.full((3, 2), 5))
     batch.reset([4], np.array([1]))  # so that it is in mid-episode while the others end
     batch.step(np.full((3, 2), 5))
-    assert batch.over.tolist() == [True, False, True]
+    assert batch.ended.tolist() == [True, False, True]
     batch._prepare(np.arange(3))  # what is made ahead of its time is seen by nobody
     before = pickle.dumps(batch)
     monkeypatch.setattr(Switched, "told", told)
@@ -1098,7 +1098,7 @@ def test_bad_actions_are_refused_and_change_nothing(
         ([False, False], lambda: batch.step(idle)),
     ):
         go_on()
-        assert batch.over.tolist() == over
+        assert batch.ended.tolist() == over
         before = pickle.dumps(batch)
         with pytest.raises(error, match=match):
             batch.step(actions)

@@ -23,7 +23,7 @@ from layouts_by_hand import drone_by_hand, swarm_by_hand
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.vector import Buffers, DroneVectorEnv, SwarmVectorEnv
-from DroneSwarmSearch.vector.views import SearchVectorEnv
+from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers.masks import action_masks
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
@@ -423,7 +423,7 @@ def test_nothing_done_to_arrays_of_a_batch_changes_an_episode(
             log.append(plain([observations, infos, env.batch.person_cells]))
             batch = env.batch
             arrays = [
-                *observations.values(), *infos.values(), batch.rewards, batch.endings, batch.over,
+                *observations.values(), *infos.values(), batch.rewards, batch.endings, batch.ended,
                 batch.steps, batch.cells, batch.positions, batch.missing, batch.person_cells,
                 batch.searching, batch.frame(1).matrix, batch.matrices_of(np.arange(2)),
                 *batch.parameters.values(), env.action_masks(),

@@ -297,7 +297,8 @@ def test_all_else_is_the_environments(wrap: Wrap) -> None:
 
 
 def classes() -> list[type[Any]]:
-    return [getattr(all_wrappers, name) for name in all_wrappers.__all__]
+    exported = [getattr(all_wrappers, name) for name in all_wrappers.__all__]
+    return [each for each in exported if isinstance(each, type)]
 
 
 @pytest.mark.parametrize("wrapper", classes())
@@ -353,7 +354,7 @@ def test_layouts_are_the_batched_views(
         while env.agents:
             actions = [random_action(rng) for _ in agents]
             shown, rewards, *flags, _ = env.step(dict(zip(agents, actions, strict=True)))
-            over = view.batch.over.repeat(n)
+            over = view.batch.ended.repeat(n)
             if over.any():  # the other search is done
                 view.reset(options={"reset_mask": over})
             batch, paid, *ended, _ = view.step(np.array([*actions, *[Action.IDLE] * n]))

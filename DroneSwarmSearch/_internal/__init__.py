@@ -1,1 +1,1 @@
-"""Parts that the other modules share and no user opens."""
+"""Shared parts that are not public."""

@@ -1,9 +1,9 @@
-"""The error function, which NumPy has not: for arrays, in double precision.
+"""The error function for arrays in double precision, which NumPy lacks.
 
-A table holds erf and its derivative at evenly spaced points; a Taylor polynomial leads
-from the nearest point to the argument. Only additions, multiplications and look-ups are
-involved, so a value depends on its argument alone, to the last bit, whatever the shape of
-the array it stands in: one environment and a batch of thousands get the same forecasts.
+A table holds erf and its derivative at evenly spaced points; a Taylor polynomial extends from
+the nearest point to the argument. The computation uses only additions, multiplications and
+look-ups, so each value depends only on its argument, bit for bit, whatever the shape of the
+array: a single environment and a batch get the same forecasts.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ __all__ = ["erf"]
 Floats = NDArray[np.float64]
 
 _LARGEST = 6.0
-"""Here erf has rounded to 1."""
+"""erf rounds to 1 from here on."""
 
 _PER_UNIT = 1024
-"""Points per unit, a power of two so that points are exact. Half a spacing to the fifth
-power, where the polynomial is cut off, is below the precision of a double."""
+"""Points per unit, a power of two so that points are exact. The omitted terms of the polynomial
+are of order (half the spacing)⁵, which is below double precision."""
 
 _POINTS = [k / _PER_UNIT for k in range(int(_LARGEST * _PER_UNIT) + 1)]
 _VALUES = np.array([math.erf(z) for z in _POINTS])
@@ -33,14 +33,14 @@ def erf(z: Floats) -> Floats:
     """The error function, to within 3e-16.
 
     Args:
-        z: float64, of any shape; finite.
+        z: float64, any shape; finite.
     """
     size = np.minimum(np.abs(z), _LARGEST)
     nearest = np.rint(size * _PER_UNIT)
     point = nearest * (1 / _PER_UNIT)
     step = size - point
     index = nearest.astype(np.intp)
-    # Successive derivatives of erf are its first times Hermite polynomials.
+    # The higher derivatives of erf are the first one times Hermite polynomials.
     square = point * point
     factor = point * (3.0 - 2.0 * square) * (1 / 6)
     factor *= step

@@ -1,4 +1,4 @@
-"""Errors of this library's own; bad arguments raise ValueError and TypeError."""
+"""The library's own exceptions; invalid arguments raise ValueError or TypeError."""
 
 import gymnasium
 

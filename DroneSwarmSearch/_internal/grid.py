@@ -1,7 +1,7 @@
-"""The cells of a square grid by number, y * grid_size + x, and what lies around each.
+"""Look-up tables for the cells of a square grid, numbered y * grid_size + x.
 
-The tables fill themselves as cells are visited, and all environments of a grid size
-share them: looking a cell up is quicker than computing with coordinates.
+Entries are computed on first use. All environments of a grid size share the tables, because a
+look-up is faster than arithmetic with coordinates.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Entry = TypeVar("Entry")
 
 
 class _Table(dict[int, Entry]):
-    """A table by cell that fills itself; copies and pickles are the shared table again."""
+    """A table by cell, computed on first use; copies and pickles are the shared table."""
 
     def __init__(self, grid_size: int) -> None:
         super().__init__()
@@ -28,7 +28,7 @@ class _Table(dict[int, Entry]):
 
 
 class Neighbours(_Table[tuple[int, ...]]):
-    """``neighbours[cell][action]`` is where an action leads, OFF_GRID if out of the grid."""
+    """``neighbours[cell][action]`` is the target cell of an action, or OFF_GRID."""
 
     def __missing__(self, cell: int) -> tuple[int, ...]:
         self[cell] = around = neighbours(cell, self._grid_size)
@@ -45,7 +45,7 @@ class Positions(_Table[tuple[int, int]]):
 
 
 def grid_of(grid_size: int) -> tuple[Neighbours, Positions]:
-    """The tables of a grid size, made once."""
+    """The shared tables of a grid size."""
     return _shared(Neighbours, grid_size), _shared(Positions, grid_size)
 
 

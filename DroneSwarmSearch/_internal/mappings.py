@@ -1,9 +1,10 @@
-"""What `reset` and `step` return where scripts for the 2023 package look for something else.
+"""The mappings that `reset` and `step` return, with the look-ups of the 2023 package.
 
-That package put "total_reward" among the drones' rewards and "Found" among their infos. As
-ordinary keys these break trainers, which take every key for an agent; here they are answered
-on look-up and never listed. And its `reset` returned the observations alone, where PettingZoo
-now has two things; here the two are a tuple that answers drones' names as well.
+That package put "total_reward" among the drones' rewards and "Found" among their infos. RL
+libraries take every key for an agent, so here these names are answered on look-up and never
+listed; further facts about the episode are answered in the same way. The 2023 package's `reset`
+returned only the observations; here it returns (observations, infos), a tuple that also
+answers the drones' names.
 """
 
 from __future__ import annotations
@@ -11,29 +12,33 @@ from __future__ import annotations
 from collections.abc import ItemsView, Iterable, KeysView, Mapping, ValuesView
 from typing import Any, Generic, TypeVar, overload
 
+from DroneSwarmSearch.rules import Ending
+
 __all__ = ["Infos", "Rewards", "Start"]
 
 Value = TypeVar("Value")
 Default = TypeVar("Default")
+Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int]
+"""The ending or None, the missing persons, all persons, completed steps."""
 
 
 class _Answering(dict[str, Value]):
-    """A dict that answers one further name, which is not among its keys."""
+    """A dict that answers further names, which are not among its keys."""
 
     __slots__ = ()
 
-    NAME: str
+    NAMES: frozenset[str]
 
-    def _answer(self) -> Value:
+    def _answer(self, name: str) -> Value:
         raise NotImplementedError
 
     def __missing__(self, key: str) -> Value:
-        if key == self.NAME:
-            return self._answer()
+        if key in self.NAMES:
+            return self._answer(key)
         raise KeyError(key)
 
     def __contains__(self, key: object) -> bool:
-        return key == self.NAME or super().__contains__(key)
+        return super().__contains__(key) or key in self.NAMES
 
     @overload
     def get(self, key: str, default: None = None, /) -> Value | None: ...
@@ -42,15 +47,15 @@ class _Answering(dict[str, Value]):
     @overload
     def get(self, key: str, default: Default, /) -> Value | Default: ...
     def get(self, key: str, default: Any = None, /) -> Any:
-        # A plain dict's get knows nothing of __missing__.
-        return super().get(key, default) if key != self.NAME else self[key]
+        # dict.get ignores __missing__.
+        return self[key] if key in self.NAMES else super().get(key, default)
 
     def __setitem__(self, key: str, value: Value) -> None:
         self._refuse((key,))
         super().__setitem__(key, value)
 
     def setdefault(self, key: str, default: Any = None, /) -> Any:
-        return super().setdefault(key, default) if key != self.NAME else self._answer()
+        return self[key] if key in self.NAMES else super().setdefault(key, default)
 
     def update(self, *values: Any, **more: Any) -> None:
         new: dict[str, Value] = dict(*values, **more)
@@ -62,47 +67,65 @@ class _Answering(dict[str, Value]):
         return self
 
     def _refuse(self, keys: Iterable[object]) -> None:
-        if self.NAME in keys:
-            raise ValueError(f"{self.NAME!r} follows from the drones' values and cannot be set")
+        for key in keys:
+            if key in self.NAMES:
+                raise ValueError(f"{key!r} is computed on look-up and cannot be set")
 
     def __delitem__(self, key: str) -> None:
-        if key != self.NAME:  # which is not listed anyway
+        if key not in self.NAMES:  # these are not listed anyway
             super().__delitem__(key)
 
     def pop(self, key: str, *default: Any) -> Any:
-        return super().pop(key, *default) if key != self.NAME else self._answer()
+        return self[key] if key in self.NAMES else super().pop(key, *default)
 
     def copy(self) -> Any:
         return type(self)(self)
 
 
 class Rewards(_Answering[float]):
-    """Each drone's reward; ``rewards["total_reward"]`` is their sum."""
+    """Each drone's reward; ``rewards["total_reward"]`` is the sum."""
 
     __slots__ = ()
 
-    NAME = "total_reward"
+    NAMES = frozenset({"total_reward"})
 
-    def _answer(self) -> float:
+    def _answer(self, name: str) -> float:
         return sum(self.values())
 
 
 class Infos(_Answering[Any]):
-    """Each drone's info; ``infos["Found"]`` tells whether any of them says "Found"."""
+    """Each drone's info; answers "Found", "persons_found", "ending" and "step" as well.
 
-    __slots__ = ()
+    Attributes:
+        facts: from which the last three are computed.
+    """
 
-    NAME = "Found"
+    __slots__ = ("facts",)
 
-    def _answer(self) -> bool:
-        return any(info.get("Found", False) for info in self.values())
+    NAMES = frozenset({"Found", "persons_found", "ending", "step"})
+
+    facts: Facts
+
+    def _answer(self, name: str) -> Any:
+        if name == "Found":
+            return any(info.get("Found", False) for info in self.values())
+        ending, missing, persons, step = self.facts
+        if name == "persons_found":
+            return tuple(person not in missing for person in persons)
+        return ending if name == "ending" else step
+
+    def copy(self) -> Infos:
+        """A shallow copy, with the same answers."""
+        copied = Infos(self)
+        copied.facts = self.facts
+        return copied
 
 
 class Start(tuple[dict[str, Value], Infos], Generic[Value]):
-    """What `reset` returns: (observations, infos), a tuple like any other.
+    """What `reset` returns: the tuple (observations, infos).
 
-    A drone's name leads to its observation, ``env.reset()["drone0"]``, and so do `keys`,
-    `values` and `items`, as when the observations were all that `reset` returned.
+    It also answers like the observations alone: ``env.reset()["drone0"]`` is a drone's
+    observation, and there are `keys`, `values` and `items`.
     """
 
     __slots__ = ()
@@ -110,11 +133,8 @@ class Start(tuple[dict[str, Value], Infos], Generic[Value]):
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
             return self._observations[key]
-        if isinstance(key, Mapping):  # from going through it as if it were the observations
-            raise TypeError(
-                "reset() returns two things; write observations, infos = env.reset(), got a "
-                "look-up of one of them in both"
-            )
+        if isinstance(key, Mapping):  # from `for name in env.reset(): ...`
+            raise TypeError("reset() returns two mappings; write observations, infos = env.reset()")
         return super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:

@@ -1,13 +1,13 @@
-"""Random numbers: a stream for each purpose, and in it a sequence for each episode.
+"""Random streams: one for each purpose, with a sequence of uniforms for each episode.
 
-Every number has an address: the seed, the purpose, the episode (resets since the seed)
-and its place in the episode's sequence. It is computed from its address alone, so one
-environment and a batch of thousands draw the same numbers, in whatever portions, and
-what the drones did changes none of them: for one seed every policy meets the same seas.
+Each random draw is a function of the seed, the purpose, the episode (resets since the seed)
+and the index in the episode's sequence. A single environment and a batch thus draw the same
+uniforms, however many at once, and the drones' actions do not affect them: for one seed, all
+policies face the same persons (common random numbers).
 
-The sequences are those of SplitMix64 (Steele, Lea and Flood, Fast splittable
-pseudorandom number generators, OOPSLA 2014): a counter that grows by an odd constant,
-finished by a mixing function. The seed's words come from NumPy's `SeedSequence`.
+The generator is SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number
+generators, OOPSLA 2014): a counter that increases by an odd constant, followed by a mixing
+function. Seeds are expanded by NumPy's `SeedSequence`.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ __all__ = [
 Words = NDArray[np.uint64]
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-"""The counter's increment, near 2**64 / golden ratio: its multiples lie evenly spread."""
+"""The counter's increment, close to 2**64 / golden ratio, so that multiples spread evenly."""
 
 
 def _words(*values: int) -> tuple[Words, ...]:
-    """Constants as arrays without axes, which calculate faster with arrays than numbers do."""
+    """Constants as 0-d arrays, with which array arithmetic is faster than with scalars."""
     return tuple(np.array(value, np.uint64) for value in values)
 
 
@@ -51,21 +51,21 @@ _ONE = np.uint64(1)
 _LOWEST_BITS = _words(11)[0]  # a double holds the 53 above them
 
 DENOMINATOR = 2.0**53
-"""What the `numerators` of numbers are divided by."""
+"""Uniforms are `numerators` divided by this."""
 
 _UNIT = np.array(1 / DENOMINATOR)
 
-# An array call costs more than an episode of a few steps, the ordinary case of untrained
-# drones: the first numbers of an episode are computed for several episodes at once, and
-# the further ones many at a time. The pairs are (episodes, numbers of each).
+# A NumPy call costs more than an episode of a few steps, which is typical of untrained drones.
+# So the first uniforms are computed for several episodes at once, and later ones in large
+# chunks. The pairs are (episodes, uniforms of each).
 _SHORT = (32, 16)
 _LONG = (8, 256)
-_PORTION = 256
-_NEXT = np.arange(1, _PORTION + 1, dtype=np.uint64) * GOLDEN
+_CHUNK = 256
+_NEXT = np.arange(1, _CHUNK + 1, dtype=np.uint64) * GOLDEN
 
 
 def stream_keys(seed: int | None) -> Words:
-    """The keys of a seed's streams, uint64: drift, detection, sampling of scenarios.
+    """The keys of a seed's streams, uint64: drift, detection, sampling of parameters.
 
     Args:
         seed: an integer >= 0; None takes the system's entropy.
@@ -75,7 +75,7 @@ def stream_keys(seed: int | None) -> Words:
 
 
 def policy_key(seed: int) -> np.uint64:
-    """The key of a policy's numbers: with the same seed, none of an environment's streams.
+    """The key of a policy's stream, which differs from the environment's for the same seed.
 
     Args:
         seed: an integer >= 0.
@@ -95,7 +95,7 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
 
 
 def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
-    """Numbers in [0, 1), float64: those at some places of some episodes' sequences.
+    """The uniforms in [0, 1) at some places of some episodes' sequences, float64.
 
     Args:
         keys: of the episodes, see `episode_keys`; broadcast with the places.
@@ -105,24 +105,24 @@ def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
 
 
 def unit_numbers(counters: Words) -> NDArray[np.float64]:
-    """Numbers in [0, 1), float64, from words that count in steps of `GOLDEN`.
+    """The uniforms in [0, 1) of some counters, float64.
 
     Args:
-        counters: the key of an episode plus `GOLDEN` times the number's place, from 1.
+        counters: the key of an episode plus `GOLDEN` times the place, counted from 1.
     """
     drawn: NDArray[np.float64] = np.multiply(numerators(counters), _UNIT)
     return drawn
 
 
 def numerators(counters: Words) -> NDArray[np.int64]:
-    """`unit_numbers` times `DENOMINATOR`, which are integers: int64."""
+    """`unit_numbers` times `DENOMINATOR`, as integers: int64."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
     return words.view(np.int64)
 
 
 def mixed(words: Words) -> Words:
-    """SplitMix64's mixing function: its output looks random for any input; a new array."""
+    """SplitMix64's mixing function; a new array."""
     shifted = np.right_shift(words, _SHIFTS[0])
     result = np.bitwise_xor(words, shifted)
     result *= _FACTORS[0]
@@ -135,30 +135,30 @@ def mixed(words: Words) -> Words:
 
 
 class EpisodeStream:
-    """One stream, read episode after episode: uniform numbers in [0, 1) as Python floats.
+    """One stream, read episode after episode: uniforms in [0, 1) as Python floats.
 
     Args:
-        key: the stream's, see `stream_keys`.
+        key: of the stream, see `stream_keys`.
     """
 
     def __init__(self, key: np.uint64) -> None:
         self._key = np.array([[key]])
-        self._heads: list[list[float]] = []  # the first numbers of some episodes
+        self._heads: list[list[float]] = []  # the first uniforms of some episodes
         self._heads_keys: list[int] = []  # the keys of those episodes
         self._heads_first = 0  # the first of those episodes
         self._episode = -1
-        self._known: list[float] = []  # some numbers of the episode, from this place on:
+        self._known: list[float] = []  # some uniforms of the episode, from this place on:
         self._first = 0
         self._drawn = 0
         self._rows: list[list[float]] = []
         self._first_row = 0
 
     def draw(self, episode: int, count: int) -> list[float]:
-        """The next numbers of an episode.
+        """The next uniforms of an episode.
 
         Args:
             episode: the episode's number, from 0.
-            count: how many numbers.
+            count: the number of uniforms.
         """
         if episode != self._episode:
             self._begin(episode)
@@ -169,12 +169,12 @@ class EpisodeStream:
         return self._known[begin - self._first : end - self._first]
 
     def row(self, episode: int, index: int, width: int) -> list[float]:
-        """Row number `index` of an episode's numbers, laid out in rows.
+        """Row number `index` of an episode's uniforms, arranged in rows.
 
         Args:
             episode: the episode's number, as for `draw`.
-            index: the row; within an episode it never falls.
-            width: numbers in a row; the same throughout an episode.
+            index: the row; never decreases within an episode.
+            width: uniforms per row; constant within an episode.
         """
         if episode != self._episode:
             self._begin(episode)
@@ -186,12 +186,12 @@ class EpisodeStream:
 
     def _begin(self, episode: int) -> None:
         if not 0 <= episode - self._heads_first < len(self._heads):
-            # Episodes are much like the one before.
+            # Assume that the next episodes are as long as the last one.
             count, width = _LONG if self._drawn > _SHORT[1] else _SHORT
             episodes = np.arange(episode, episode + count, dtype=np.uint64)
             keys = episode_keys(self._key, episodes[:, None])
             heads = numbers(keys, np.arange(width, dtype=np.uint64)).tolist()
-            # If an interrupt comes in between, there are no heads, and they are made again.
+            # After an interrupt between these lines, the heads are made again.
             self._heads = []
             self._heads_keys = keys[:, 0].tolist()
             self._heads_first = episode
@@ -204,21 +204,21 @@ class EpisodeStream:
         self._episode = episode
 
     def _extend(self, begin: int, end: int) -> None:
-        """Know the numbers from one place to another, and some beyond."""
+        """Compute the uniforms from one place to another, and some more."""
         self._known = self._known[begin - self._first :]
         self._first = begin
         key = self._heads_keys[self._episode - self._heads_first]
-        for place in range(begin + len(self._known), end, _PORTION):
+        for place in range(begin + len(self._known), end, _CHUNK):
             counter = np.uint64((key + place * int(GOLDEN)) % 2**64)
             self._known += unit_numbers(_NEXT + counter).tolist()
 
 
 class RowGenerator:
-    """Random numbers for some rows of a batch, each row with a sequence of its own.
+    """Random draws for some rows of a batch, each from the row's own sequence.
 
-    What a row gets depends on its seed, its episode and the calls made, never on which
-    other rows are asked for at the same time. The methods are named as those of NumPy's
-    `Generator`; each result has a first axis for the rows.
+    A row's draws depend on its seed, its episode and the calls made, but not on the other
+    rows. The methods have the names of NumPy's `Generator`; results have a first axis for the
+    rows.
 
     Args:
         keys: the key of each row's sequence, see `episode_keys`; shape (n,).
@@ -232,7 +232,7 @@ class RowGenerator:
         return len(self._keys)
 
     def random(self, size: int | tuple[int, ...] = ()) -> NDArray[np.float64]:
-        """Numbers in [0, 1), float64, shape ``(n, *size)``."""
+        """Uniforms in [0, 1), float64, shape ``(n, *size)``."""
         entries = size if isinstance(size, (tuple, list, np.ndarray)) else (size,)
         shape = tuple(checks.integer("size", entry, 0) for entry in entries)
         count = math.prod(shape)
@@ -243,7 +243,7 @@ class RowGenerator:
     def uniform(
         self, low: ArrayLike = 0.0, high: ArrayLike = 1.0, size: int | tuple[int, ...] = ()
     ) -> NDArray[np.float64]:
-        """Numbers in [low, high), float64, shape ``(n, *size)``."""
+        """Uniforms in [low, high), float64, shape ``(n, *size)``."""
         low = np.asarray(low, np.float64)
         drawn: NDArray[np.float64] = low + (np.asarray(high) - low) * self.random(size)
         return drawn
@@ -254,7 +254,7 @@ class RowGenerator:
         """Integers from low to high - 1, int64, shape ``(n, *size)``.
 
         Raises:
-            TypeError: `low` or `high` does not hold integers.
+            TypeError: `low` or `high` is not an integer or an array of integers.
             ValueError: `low` is not below `high`.
         """
         lowest, end = _integers("low", low), _integers("high", high)
@@ -276,8 +276,8 @@ class Streams(NamedTuple):
     """The streams of an environment, one for each purpose.
 
     Attributes:
-        drift: moves the persons; for each step two numbers a person, for x and for y.
-        detection: decides whether searches succeed; a row a step, a number a person.
+        drift: for each step and person two uniforms, for the moves along x and y.
+        detection: for each step a row with one uniform per person, for searches.
     """
 
     drift: EpisodeStream
@@ -285,6 +285,6 @@ class Streams(NamedTuple):
 
     @classmethod
     def from_seed(cls, seed: int | None) -> Streams:
-        """Streams grown from a seed, or from the system's entropy without one."""
+        """The streams of a seed, or of the system's entropy without one."""
         drift, detection, _ = stream_keys(seed)
         return cls(EpisodeStream(drift), EpisodeStream(detection))

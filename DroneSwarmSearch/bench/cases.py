@@ -20,7 +20,7 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
-from DroneSwarmSearch.vector.views import SearchVectorEnv
+from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = [
     "ACTION_ROWS",
@@ -180,7 +180,7 @@ def _steps_of_batch(
         made = 0
         for row in islice(coming, steps):
             # Rows that are over begin anew in place of a step.
-            made += num_rows - int(np.count_nonzero(batch.over))
+            made += num_rows - int(np.count_nonzero(batch.ended))
             batch.step(row, matrices)
             look()
         return made
@@ -255,7 +255,7 @@ def _view(kind: type[SearchVectorEnv], writes: bool) -> Callable[[Size, int], Ru
         def run(steps: int) -> int:
             made = 0
             for row in islice(coming, steps):
-                made += num_envs - int(np.count_nonzero(batch.over))
+                made += num_envs - int(np.count_nonzero(batch.ended))
                 env.step(row)
             return made
 

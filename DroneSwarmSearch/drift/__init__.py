@@ -1,1 +1,6 @@
-"""Where a missing person may be, and why: forecasts, the sampler, the belief."""
+"""Where a drifting person may be: the forecast, the sampled trajectory, the posterior."""
+
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.tables import dispersion_rate
+
+__all__ = ["ProbabilityMatrix", "dispersion_rate"]

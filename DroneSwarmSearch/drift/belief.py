@@ -1,61 +1,78 @@
-"""The belief about a person after searches: Bayes' rule and drift.
+"""Bayesian updates of the belief about a missing person: searches, drift, and the mean.
 
-While nobody has searched, the belief equals the matrix of the forecast. A search of cell k
-with probability of detection q that finds nothing multiplies b(k) by 1 - q; all
-searches of a step count together, then the belief is normalised. What normalisation
-takes away is the probability that the searches would have succeeded. Then the belief
-drifts as the person does (Stone, Theory of Optimal Search, 1975, treats both).
+Before the first search, the belief equals the person's forecast. A search of cell k with
+probability of detection q that does not find the person multiplies b(k) by 1 - q. All
+searches of a step are applied together, and then the belief is normalised; the sum before
+normalisation is the probability that none of these searches finds the person. Finally, the
+belief drifts like the person (L. D. Stone, Theory of Optimal Search, 1975).
 
-Arrays may have trailing batch axes; the first two are [y, x].
+The functions take one belief or a batch: arrays may have trailing batch axes after [y, x].
+`Posteriors` is the fast form for a single search. Both agree bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from struct import Struct
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["after_drift", "after_unsuccessful_search", "normalise"]
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+
+__all__ = [
+    "Posteriors",
+    "after_drift",
+    "after_unsuccessful_search",
+    "drift",
+    "mean_over_missing",
+    "means_over_missing",
+    "normalise",
+    "shown_persons",
+]
 
 Floats = NDArray[np.float64]
+FloatOrArray = TypeVar("FloatOrArray", float, Floats)
+
+_SINGLE = Struct("f")
 
 
 def after_unsuccessful_search(
     belief: Floats, cells: Sequence[int], probability_of_detection: float
 ) -> tuple[Floats, float]:
-    """The belief about one person once a step's searches have not found that person.
+    """The belief about one person after the searches of a step have not found that person.
 
     Args:
         belief: float64, shape (N, N), indexed [y, x], sums to 1.
         cells: the searched cells, y * N + x; a cell searched twice counts twice.
-        probability_of_detection: the chance that a search of the right cell finds.
+        probability_of_detection: the probability that a search of the person's cell
+            finds the person.
 
     Returns:
-        The new belief, and the probability that these searches find nothing. Where that
-        is 0 the searches contradict the belief, which is then returned as it was.
+        The new belief, and the probability that none of these searches finds the person. If
+        that is 0, the searches contradict the belief, and the belief is returned unchanged.
     """
     after = belief.copy()
     flat = after.reshape(-1)
     for cell in cells:
         flat[cell] *= 1.0 - probability_of_detection
-    kept = float(normalise(after))
-    return (after, kept) if kept > 0.0 else (belief, 0.0)
+    missed = float(normalise(after))
+    return (after, missed) if missed > 0.0 else (belief, 0.0)
 
 
 def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
-    """Scale beliefs in place so that each sums to 1; those that are 0 everywhere stay.
+    """Scale beliefs in place so that each sums to 1; beliefs that are 0 everywhere stay.
 
     Args:
         belief: float64, shape (N, N, ...), indexed [y, x, ...].
-        which: the beliefs meant, shape (...); the others stay as well.
+        which: the beliefs to scale, bool, shape (...).
 
     Returns:
         The sums before, float64, shape (...).
     """
-    # Columns first, then one after another: an order of summation that does not depend on
-    # the batch, so that one belief and a batch of thousands agree to the last bit. NumPy
-    # sums so along a first axis, but what lies in one run of memory in another order.
+    # Sum over y first, then over x one column at a time: this order does not depend on the
+    # batch. NumPy adds in this order along a first axis, but not along contiguous memory.
     columns = belief.sum(axis=0)
     total: Floats
     if columns.size > len(columns):
@@ -63,7 +80,7 @@ def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
     else:
         total = columns.reshape(-1).cumsum()[-1].reshape(columns.shape[1:])
     factor = 1.0 / np.where(which & (total > 0.0), total, 1.0)
-    # Long runs of memory multiply faster.
+    # Contiguous arrays multiply faster than broadcast ones.
     belief *= np.broadcast_to(factor, columns.shape).copy() if factor.ndim else factor
     return total
 
@@ -75,18 +92,18 @@ def after_drift(
 
     Args:
         belief: float64, shape (N, N, ...), indexed [y, x, ...].
-        right_x: shape (N, ...): the chance to move from each column to the next higher;
-            0 in the last.
-        left_x: the same to the next lower; 0 in the first.
-        right_y: shape (N, ...): the chance to move from each row to the next higher.
-        left_y: the same to the next lower.
+        right_x: the probability of a move from each column to the next higher one, shape
+            (N, ...); 0 in the last column.
+        left_x: the same to the next lower column; 0 in the first.
+        right_y: the probability of a move from each row to the next higher one, shape (N, ...).
+        left_y: the same to the next lower row.
 
     Returns:
         float64, of the belief's shape and with its sum.
     """
     after = np.empty_like(belief)
-    spare = np.empty_like(belief), np.empty_like(belief)
-    drift(belief, (right_x, left_x), (right_y, left_y), spare, after)
+    scratch = np.empty_like(belief), np.empty_like(belief)
+    drift(belief, (right_x, left_x), (right_y, left_y), scratch, after)
     return after
 
 
@@ -94,30 +111,176 @@ def drift(
     belief: Floats,
     along_x: tuple[Floats, Floats],
     along_y: tuple[Floats, Floats],
-    spare: tuple[Floats, Floats],
+    scratch: tuple[Floats, Floats],
     after: Floats,
 ) -> None:
-    """`after_drift` in arrays that are given, all of them C-contiguous.
+    """`after_drift` into given arrays, all of them C-contiguous.
 
     Args:
-        belief: as there.
-        along_x: the chances to move to the next higher column and to the next lower one.
+        belief: as for `after_drift`.
+        along_x: the probabilities of moves to the next higher column and the next lower one.
         along_y: the same for rows.
-        spare: two arrays to work in.
-        after: for the result; it may be the belief's own array.
+        scratch: two arrays of the belief's shape, overwritten.
+        after: receives the result; may be the belief itself.
     """
-    to_higher, to_lower = spare
+    to_higher, to_lower = scratch
     cells, risen, fallen = after.reshape(-1), to_higher.reshape(-1), to_lower.reshape(-1)
     higher, lower = along_y
-    for right, left, distance in (
+    for up, down, distance in (
         (*along_x, belief[0, 0].size),
         (higher[:, None], lower[:, None], belief[0].size),
     ):
-        np.multiply(belief, right, out=to_higher)
-        np.multiply(belief, left, out=to_lower)
-        np.multiply(belief, 1.0 - right - left, out=after)
-        # Nobody leaves the grid, so what a shift carries out of one row of cells into the
-        # next is zero: everything can be shifted as one run of memory.
+        np.multiply(belief, up, out=to_higher)
+        np.multiply(belief, down, out=to_lower)
+        np.multiply(belief, 1.0 - up - down, out=after)
+        # Nobody leaves the grid, so nothing wraps around from one row to the next, and the
+        # array can be shifted as one run of memory.
         cells[distance:] += risen[:-distance]
         cells[:-distance] += fallen[distance:]
         belief = after
+
+
+def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int]) -> FloatOrArray:
+    """The mean belief about the missing persons, or about all persons if none is missing.
+
+    Args:
+        beliefs: of each person: arrays of one shape, or the numbers of a single cell.
+        missing: the numbers of the missing persons, in ascending order.
+
+    Returns:
+        Of a belief's shape; for a single person, that person's belief itself.
+    """
+    if len(beliefs) == 1:
+        return beliefs[0]
+    first, *others = (beliefs[person] for person in missing) if missing else beliefs
+    if not others:
+        return first
+    total = first
+    for belief in others:
+        total = total + belief
+    return total / (1 + len(others))
+
+
+def means_over_missing(beliefs: Sequence[Floats], shown: NDArray[np.bool_]) -> Floats:
+    """`mean_over_missing` for a batch.
+
+    Args:
+        beliefs: of each person, float64, all of one shape (...).
+        shown: see `shown_persons`; broadcasts to shape (persons, ...).
+    """
+    total = np.zeros(beliefs[0].shape)
+    for belief, counts in zip(beliefs, shown, strict=True):
+        np.add(total, belief, out=total, where=counts)
+    mean: Floats = total / shown.sum(axis=0)
+    return mean
+
+
+def shown_persons(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which persons each matrix of a batch shows: the missing ones, or all if none is missing.
+
+    Args:
+        missing: bool, shape (persons, n).
+    """
+    shown: NDArray[np.bool_] = missing | ~missing.any(axis=0)
+    return shown
+
+
+class Posteriors:
+    """The beliefs about all persons of a single search, updated in place.
+
+    The arithmetic of the functions above, operation by operation, in arrays that are
+    allocated once; `start` begins an episode's beliefs.
+
+    Args:
+        forecasts: of each person.
+        detections: each person's probability of detection.
+    """
+
+    def __init__(self, forecasts: Sequence[ProbabilityMatrix], detections: Sequence[float]) -> None:
+        size = forecasts[0].grid_size
+        self._forecasts = forecasts
+        self._detections = detections
+        self._beliefs = [np.empty((size, size)) for _ in forecasts]
+        self._make_views()
+
+    def _make_views(self) -> None:
+        size = len(self._beliefs[0])
+        self._cells: list[Any] = [belief.reshape(-1).data for belief in self._beliefs]
+        # Who stays, moves up and moves down, along x and then along y. The last array that
+        # a step writes is the belief itself, so along y only the movers need memory.
+        self._along_x = np.empty((3, size, size))
+        self._along_y = np.empty((2, size, size))
+        self._after_x = self._along_x[0]
+        stay, up, down = self._along_x.reshape(3, -1)
+        self._shifts_x = (stay[1:], up[:-1]), (stay[:-1], down[1:])
+        up, down = self._along_y.reshape(2, -1)
+        self._shifts_y = [
+            ((flat[size:], up[:-size]), (flat[:-size], down[size:]))
+            for flat in (belief.reshape(-1) for belief in self._beliefs)
+        ]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Views and scratch arrays are made anew in a copy."""
+        names = ("_forecasts", "_detections", "_beliefs")
+        return {name: self.__dict__[name] for name in names}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._make_views()
+
+    def start(self, step: int) -> None:
+        """Set all beliefs to the forecasts at a step."""
+        for forecast, belief in zip(self._forecasts, self._beliefs, strict=True):
+            block = forecast.block(step)
+            x, y = block.steps.probability[step - block.first]
+            np.multiply(y[:, None], x, belief)
+
+    def search(self, searched: Collection[int], missing: Collection[int]) -> None:
+        """Apply searches that have not found the missing persons, see `normalise`.
+
+        Args:
+            searched: the searched cells, y * N + x, each once.
+            missing: the numbers of the missing persons.
+        """
+        for person in missing:
+            belief, cells = self._beliefs[person], self._cells[person]
+            before = [cells[cell] for cell in searched]
+            factor = 1.0 - self._detections[person]
+            for cell, value in zip(searched, before, strict=True):
+                cells[cell] = value * factor
+            total = np.add.accumulate(np.add.reduce(belief, 0)).item(-1)
+            if total > 0.0:
+                np.multiply(belief, 1.0 / total, belief)
+            else:  # the searches contradict the belief, which stays
+                for cell, value in zip(searched, before, strict=True):
+                    cells[cell] = value
+
+    def drift(self, step: int) -> None:
+        """Let all beliefs drift from a step to the next, see `drift`."""
+        for forecast, belief, shifts in zip(
+            self._forecasts, self._beliefs, self._shifts_y, strict=True
+        ):
+            block = forecast.block(step)
+            along_x, along_y = block.along_x[step - block.first], block.along_y[step - block.first]
+            np.multiply(belief, along_x, self._along_x)
+            for cells, moved in self._shifts_x:
+                np.add(cells, moved, cells)
+            np.multiply(self._after_x, along_y[1:], self._along_y)
+            np.multiply(self._after_x, along_y[0], belief)
+            for cells, moved in shifts:
+                np.add(cells, moved, cells)
+
+    def matrix(self, missing: Collection[int]) -> NDArray[np.float32]:
+        """The matrix that the drones observe: float32, shape (N, N), indexed [y, x]; a new array.
+
+        Args:
+            missing: see `mean_over_missing`.
+        """
+        return mean_over_missing(self._beliefs, missing).astype(np.float32)
+
+    def probability(self, cell: int, missing: Collection[int]) -> float:
+        """What `matrix` holds for a cell, y * N + x."""
+        mean: float = mean_over_missing([cells[cell] for cells in self._cells], missing)
+        rounded: float
+        (rounded,) = _SINGLE.unpack(_SINGLE.pack(mean))
+        return rounded

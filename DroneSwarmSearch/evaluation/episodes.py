@@ -19,8 +19,7 @@ from DroneSwarmSearch.evaluation.statistics import Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.views import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 __all__ = ["VIEWS", "checked_view", "play"]

@@ -19,8 +19,8 @@ from DroneSwarmSearch.policies.knowledge import Knowledge
 from DroneSwarmSearch.policies.swarm import SwarmPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.wrappers.crops import LENGTH, CropsLayout
 from DroneSwarmSearch.wrappers.layouts import remaining_time_fraction
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH, CropsLayout
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 __all__ = ["Network", "PPOPolicy"]

@@ -13,7 +13,7 @@ from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
 from DroneSwarmSearch.rules import Ending
-from DroneSwarmSearch.scenario import scenario_of
+from DroneSwarmSearch.scenario import resolve_scenario
 from DroneSwarmSearch.training.run import INTERRUPTED
 
 __all__ = ["BASELINES", "compare_with_baselines"]
@@ -90,7 +90,7 @@ def _search(parameters: Mapping[str, Any]) -> NamedSearch:
     """The search with these parameters, the environment's defaults for all others."""
     of_scenario = dict(parameters)
     cells = of_scenario.pop("drones_positions", None)
-    scenario = scenario_of(of_scenario.pop("scenario", None), of_scenario)
+    scenario = resolve_scenario(**of_scenario)
     drones = () if cells is None else tuple((int(x), int(y)) for x, y in cells)
     return NamedSearch("exercise", "Given by its parameters.", scenario, drones)
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.wrappers.layouts.layout import own_first
+from DroneSwarmSearch.wrappers.layout import own_first
 from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["masks_of_flat"]

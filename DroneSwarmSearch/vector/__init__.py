@@ -7,6 +7,6 @@ Stable-Baselines3, which is imported with that module alone.
 
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import Sampler
-from DroneSwarmSearch.vector.views import Buffers, DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector.vector_env import Buffers, DroneVectorEnv, SwarmVectorEnv
 
 __all__ = ["Buffers", "DroneVectorEnv", "Sampler", "SearchBatch", "SwarmVectorEnv"]

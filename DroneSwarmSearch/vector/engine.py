@@ -180,7 +180,7 @@ class SearchBatch:
         self._finders = np.zeros((rows, n), np.bool_)
         self.rewards: Floats = np.zeros((rows, n))
         self._endings = np.zeros(rows, np.int8)
-        self._over = np.ones(rows, np.bool_)
+        self._ended = np.ones(rows, np.bool_)
 
     @property
     def num_rows(self) -> int:
@@ -331,7 +331,7 @@ class SearchBatch:
         """Begin episodes outside of a step."""
         drones = self._begin(rows, values, parameters)
         self._state.begin(rows)
-        self._over[rows] = False
+        self._ended[rows] = False
         self._chosen.reshape(-1)[drones] = _IDLE
 
     def _next(self, rows: Ints) -> Values:
@@ -415,7 +415,7 @@ class SearchBatch:
         chosen = self._checked(actions)
         if matrices is not None:
             self._check_receiver(matrices)
-        beginning = self._over.nonzero()[0]
+        beginning = self._ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(
                 f"step: the episodes of searches {beginning.tolist()} are over; reset them first, "
@@ -470,7 +470,7 @@ class SearchBatch:
         wanted, steps = targets.reshape(-1), self._state.step
         left_grid = (wanted == _OFF_GRID).nonzero()[0]
         collided = self._collided(targets)
-        last = np.greater(np.equal(steps, self._last_step), self._over).nonzero()[0]
+        last = np.greater(np.equal(steps, self._last_step), self._ended).nonzero()[0]
         timed_out = finders = steps_before = all_found = _NOBODY
         so_far = _NOTHING
         if last.size:
@@ -504,7 +504,7 @@ class SearchBatch:
             any_left_grid=self._row_of.take(left_grid),
             time_limit_reached=last,
         )
-        self._over = self._endings != 0
+        self._ended = self._endings != 0
         if left_grid.size:
             wanted[left_grid] = self._cells.reshape(-1).take(left_grid)
 
@@ -553,9 +553,9 @@ class SearchBatch:
         return self._endings.copy()
 
     @property
-    def over(self) -> Flags:
+    def ended(self) -> Flags:
         """Rows that begin anew in place of the next step: bool, (E,); a new array."""
-        return self._over.copy()
+        return self._ended.copy()
 
     @property
     def steps(self) -> Ints:

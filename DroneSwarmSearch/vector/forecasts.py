@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.streams import DENOMINATOR
-from DroneSwarmSearch.drift.probability_matrix import (
+from DroneSwarmSearch.drift.tables import (
     gaussian_cdf,
     moves_between,
     point_mass,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.vector.views import SearchVectorEnv
+from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = ["SB3VecEnv"]
 

@@ -1,23 +1,24 @@
-"""PettingZoo wrappers that make the environment fit for trainers; they compose.
+"""PettingZoo wrappers that adapt the environment to RL libraries; they compose.
 
-The usual stack, from the inside out:
+A typical stack:
 
     env = DroneSwarmSearch(n_drones=2, bayesian_update=True)
     env = FlatObservation(ScaledRewards(SeparateFlags(env)))
     env = ActionMask(env, in_observation=True)
 
-The batched views of `DroneSwarmSearch.vector` offer the same by their arguments.
+The environments in `DroneSwarmSearch.vector` offer the same through their arguments.
 """
 
 from DroneSwarmSearch.wrappers.action_mask import ActionMask
-from DroneSwarmSearch.wrappers.crops_observation import CropsObservation
-from DroneSwarmSearch.wrappers.dict_observation import DictObservation
-from DroneSwarmSearch.wrappers.flat_observation import FlatObservation
+from DroneSwarmSearch.wrappers.crops import CropsObservation
+from DroneSwarmSearch.wrappers.dictionary import DictObservation
+from DroneSwarmSearch.wrappers.flat import FlatObservation
+from DroneSwarmSearch.wrappers.masks import action_masks
 from DroneSwarmSearch.wrappers.other_drones import OtherDrones
-from DroneSwarmSearch.wrappers.planes_observation import PlanesObservation
+from DroneSwarmSearch.wrappers.planes import PlanesObservation
 from DroneSwarmSearch.wrappers.scaled_rewards import ScaledRewards
 from DroneSwarmSearch.wrappers.separate_flags import SeparateFlags
-from DroneSwarmSearch.wrappers.top_cells_observation import TopCellsObservation
+from DroneSwarmSearch.wrappers.top_cells import TopCellsObservation
 
 __all__ = [
     "ActionMask",
@@ -29,4 +30,5 @@ __all__ = [
     "ScaledRewards",
     "SeparateFlags",
     "TopCellsObservation",
+    "action_masks",
 ]

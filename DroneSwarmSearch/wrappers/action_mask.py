@@ -1,7 +1,8 @@
-"""Masks of the actions that are sensible, for learners that can use them."""
+"""Masks of the sensible actions, for learners that support them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,31 +11,31 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.wrappers.masks import action_masks
-from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
+from DroneSwarmSearch.wrappers.masks import swarm_masks
+from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper, Step
 
 __all__ = ["ActionMask"]
 
 
 class ActionMask(SearchWrapper):
-    """Tells every drone which actions it should not take; it may take them all the same.
+    """Adds to each drone's info a mask of sensible actions; all actions remain possible.
 
-    `infos[drone]["action_mask"]` is int8, shape (6,), indexed by `rules.Action`: 1 where an
-    action is allowed, 0 for moves that leave the grid or lead into another drone's cell.
-    Which two drones may still collide, and what right of way changes, see
-    `masks.action_masks`.
+    `infos[drone]["action_mask"]` is int8, shape (6,), indexed by `rules.Action`: 0 for moves
+    that leave the grid or lead into another drone's cell, else 1. `action_masks` explains
+    which collisions remain possible, and how right of way prevents them.
 
     Args:
         env: the environment.
-        in_observation: make observations {"observation": what they were, "action_mask":
-            the mask}, too. TorchRL wants the mask in one place alone: leave it out there.
-        right_of_way: mask moves to where a drone named earlier may be next, too: drones
-            that keep to the mask then never collide.
+        in_observation: return observations {"observation": the wrapped environment's,
+            "action_mask": the mask}, too. TorchRL needs the mask in one place only: False.
+        right_of_way: also mask moves to where a drone with a lower number may be after the
+            step; drones that follow their masks then never collide.
 
     Raises:
-        TypeError: `env` is no such environment, or a flag is neither True nor False.
+        TypeError: `env` is not such an environment, or a flag is not a bool.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class ActionMask(SearchWrapper):
         super().__init__(env)
         self.in_observation = checks.boolean("in_observation", in_observation)
         self.right_of_way = checks.boolean("right_of_way", right_of_way)
+        self._neighbours, _ = grid_of(self._search.grid_size)
         self._spaces: dict[str, spaces.Dict] = {}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -64,19 +66,31 @@ class ActionMask(SearchWrapper):
         Raises:
             ResetNeeded: before the first `reset`.
         """
-        size = self.unwrapped.grid_size
-        cells = [y * size + x for x, y in self.unwrapped.frame().drones]
-        masks = action_masks(cells, size, self.right_of_way).astype(np.int8)
-        return dict(zip(self.possible_agents, masks, strict=True))
+        cells, _ = self._search._cells_and_world()
+        masks = swarm_masks(cells, self._neighbours, self.right_of_way)
+        return dict(zip(self._names, masks, strict=True))
 
-    def _shown(self, observations: Observations, infos: Infos) -> tuple[Observations, Infos]:
-        masks = self.action_masks()
-        for agent, mask in masks.items():
-            infos[agent]["action_mask"] = mask
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None, **arguments: Any
+    ) -> tuple[Observations, Infos]:
+        """Begin an episode; takes the arguments of the wrapped environment's `reset`."""
+        observations, infos = self.env.reset(seed=seed, options=options, **arguments)
+        return self._add_masks(observations, infos), infos
+
+    def step(self, actions: Mapping[str, int]) -> Step:
+        """Let every drone act once."""
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        observations = self._add_masks(observations, infos)
+        return observations, rewards, terminations, truncations, infos
+
+    def _add_masks(self, observations: Observations, infos: Infos) -> Observations:
+        cells, _ = self._search._cells_and_world()
+        masks = swarm_masks(cells, self._neighbours, self.right_of_way)
+        for info, mask in zip(infos.values(), masks, strict=True):
+            info["action_mask"] = mask
         if not self.in_observation:
-            return observations, infos
-        with_masks = {
-            agent: {"observation": observation, "action_mask": masks[agent].copy()}
-            for agent, observation in observations.items()
+            return observations
+        return {
+            agent: {"observation": observation, "action_mask": mask.copy()}
+            for (agent, observation), mask in zip(observations.items(), masks, strict=True)
         }
-        return with_masks, infos

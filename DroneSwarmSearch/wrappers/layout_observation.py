@@ -1,7 +1,8 @@
-"""What the wrappers share that show each drone a layout in place of its observation."""
+"""The base class of the wrappers that replace observations by a layout."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -12,25 +13,26 @@ from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.mappings import Infos
-from DroneSwarmSearch.wrappers.layouts import Layout, remaining_time_fraction
-from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper
+from DroneSwarmSearch.wrappers.layout import Layout, remaining_time_fraction
+from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper, Step
 
 __all__ = ["LayoutObservation"]
 
 
 class LayoutObservation(SearchWrapper):
-    """Shows each drone what a layout shows of the environment's state.
+    """Replaces each drone's observation by a layout of the present state.
 
-    What wrappers inside it have made of the observations is replaced. Every observation is
-    a new array, and the same, to the last bit, as `DroneVectorEnv` shows in that layout.
+    Every observation is a new array. `DroneVectorEnv` returns the same arrays, bit for bit,
+    with the layout of the same name. Changes that inner wrappers made to the observations
+    are lost.
 
     Args:
         env: the environment.
-        layout: the layout's class.
-        options: its arguments beside the size of the search.
+        layout: the class of the layout.
+        options: its arguments besides the grid size and the number of drones.
 
     Raises:
-        TypeError: `env` is no such environment, or an option is of the wrong type.
+        TypeError: `env` is not such an environment, or an option is of the wrong type.
         ValueError: an option is out of its limits, or `env` has masks in its observations.
     """
 
@@ -44,29 +46,45 @@ class LayoutObservation(SearchWrapper):
                 f"env must not have masks in its observations, which {type(self).__name__} "
                 f"would replace; put ActionMask(in_observation=True) around it, got {env}"
             )
-        self.layout = layout(self.unwrapped.grid_size, self.unwrapped.n_drones, **options)
+        search = self._search
+        self.layout = layout(search.grid_size, search.n_drones, **options)
         checks.fits(
             "the drones' observations",
-            14 * spaces.flatdim(self.layout.space) * self.unwrapped.n_drones,  # and their spaces
-            grid_size=self.unwrapped.grid_size,
-            n_drones=self.unwrapped.n_drones,
+            14 * spaces.flatdim(self.layout.space) * search.n_drones,  # with their spaces
+            grid_size=search.grid_size,
+            n_drones=search.n_drones,
         )
-        self._spaces = {agent: deepcopy(self.layout.space) for agent in self.possible_agents}
+        self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The space of a drone's observations; the same object at every call."""
         space = self._spaces.get(agent)
-        return self.unwrapped.observation_space(agent) if space is None else space
+        return self._search.observation_space(agent) if space is None else space
 
-    def _shown(self, observations: Observations, infos: Infos) -> tuple[Observations, Infos]:
-        frame, drones = self.unwrapped.frame(), len(self.possible_agents)
-        positions = np.array([frame.drones], np.int32)
-        left = remaining_time_fraction([frame.step], frame.timestep_limit)
-        shown: Any = create_empty_array(self.layout.space, drones, fn=np.empty)
-        if isinstance(shown, dict):
-            out: Any = {key: array[None] for key, array in shown.items()}
-            by_drone = [{key: array[k] for key, array in shown.items()} for k in range(drones)]
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None, **arguments: Any
+    ) -> tuple[Observations, Infos]:
+        """Begin an episode; takes the arguments of the wrapped environment's `reset`."""
+        _, infos = self.env.reset(seed=seed, options=options, **arguments)
+        return self._observe(), infos
+
+    def step(self, actions: Mapping[str, int]) -> Step:
+        """Let every drone act once."""
+        _, rewards, terminations, truncations, infos = self.env.step(actions)
+        return self._observe(), rewards, terminations, truncations, infos
+
+    def _observe(self) -> Observations:
+        """Every drone's observation of the present state; new arrays."""
+        cells, world = self._search._cells_and_world()
+        matrices, index = world.loaded_matrices()
+        y, x = np.divmod(np.array(cells, np.int32), np.int32(self._search.grid_size))
+        left = remaining_time_fraction([world.step], self._search.timestep_limit)
+        arrays: Any = create_empty_array(self.layout.space, len(cells), fn=np.empty)
+        if isinstance(arrays, dict):
+            out: Any = {key: array[None] for key, array in arrays.items()}
+            by_drone = [{key: array[k] for key, array in arrays.items()} for k in range(len(cells))]
         else:
-            out, by_drone = shown[None], list(shown)
-        self.layout.write(positions, frame.matrix[None].copy(), left, out)
-        return dict(zip(self.possible_agents, by_drone, strict=True)), infos
+            out, by_drone = arrays[None], list(arrays)
+        positions = np.stack([x, y], axis=-1)[None]
+        self.layout.write(positions, matrices[index : index + 1].copy(), left, out)
+        return dict(zip(self._names, by_drone, strict=True))

@@ -1,41 +1,48 @@
-"""Which actions are sensible: masks that keep drones on the grid and out of each other."""
+"""Action masks, which keep drones on the grid and apart from each other."""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.grid import Neighbours
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
 __all__ = ["action_masks", "choose_in_turn"]
+
+_MASKS = {
+    closed: np.array([*(not is_closed for is_closed in closed), 1, 1], np.int8)
+    for closed in product((False, True), repeat=4)
+}
+"""The mask of a drone by which of its four moves are closed."""
 
 
 def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> NDArray[np.bool_]:
     """Which actions each drone of some swarms is allowed.
 
-    A move is masked that leaves the grid or leads into a cell where another drone is.
-    Searching and idling are always allowed. So no drone leaves the grid, but two may still
-    collide by moving into the same empty cell.
+    Moves that leave the grid or lead into another drone's cell are masked; searching and
+    idling are always allowed. Drones then never leave the grid, but two may still collide by
+    moving into the same empty cell.
 
-    With right of way that cannot happen either, whatever drones choose independently of
-    each other: a drone gives way to those before it and is not allowed to move within a
-    step of any of their cells, where they may be next. Two drones can only meet in a cell
-    that the later one moves into, which is then beyond the reach of the earlier one, or in
-    one where the later one has stayed, which the earlier one may not move into.
+    Right of way prevents that too, whatever the drones choose independently: each drone gives
+    way to the drones with lower numbers, and may not move to a cell within one step of
+    theirs. A later drone thus never enters a cell that an earlier one may enter, and an
+    earlier drone never enters the present cell of a later one.
 
     Args:
         cells: every drone's cell, y * grid_size + x; integers, shape (..., n).
         grid_size: cells along each side.
-        right_of_way: mask moves to where an earlier drone may be next, too.
+        right_of_way: also mask moves to where a drone with a lower number may be next.
 
     Returns:
         bool, shape (..., n, 6), indexed by `Action`: True where allowed.
 
     Raises:
-        TypeError: the cells or the grid's size are no integers.
+        TypeError: the cells or the grid size are not integers.
         ValueError: they are out of their limits, or of another shape.
     """
     places = _checked_cells(cells, grid_size)
@@ -47,7 +54,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     masks = np.ones((*by_swarm.shape, len(Action)), np.bool_)
     masks[..., :4] = ~_closed(by_swarm, grid_size)[swarms[..., None], ahead]
     if right_of_way:
-        # In every cell, the first of the drones that may be there next.
+        # The lowest number of the drones that may be in each cell next.
         first = np.full((len(by_swarm), grid_size**2 + 1), n, np.min_scalar_type(n))
         for drone in reversed(range(n)):
             first[swarms[:, 0], by_swarm[:, drone]] = drone
@@ -56,32 +63,54 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     return masks.reshape(*places.shape, len(Action))
 
 
+def swarm_masks(
+    cells: list[int], neighbours: Neighbours, right_of_way: bool
+) -> list[NDArray[np.int8]]:
+    """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays.
+
+    Args:
+        cells: every drone's cell.
+        neighbours: of the grid's cells.
+        right_of_way: as for `action_masks`.
+    """
+    closed = {OFF_GRID, *cells}
+    masks = []
+    for cell in cells:
+        targets = neighbours[cell]
+        left, right, up, down, _, _ = targets
+        mask = _MASKS[left in closed, right in closed, up in closed, down in closed]
+        masks.append(mask.copy())
+        if right_of_way:
+            closed.update(targets)
+    return masks
+
+
 def choose_in_turn(
     scores: NDArray[np.floating], cells: NDArray[np.integer], grid_size: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Let the drones of each swarm choose one after another, so that none collide.
+    """Let the drones of each swarm choose in turn, so that none collide.
 
-    Each takes its best-scored action among those that are open to it: no move off the grid,
-    none into a cell where another drone is, and none into one that a drone before it is
-    about to enter. Searching and idling are always open.
+    Each drone takes its best-scored action among those allowed: no move off the grid, into
+    another drone's cell, or into a cell that a drone before it is about to enter. Searching
+    and idling are always allowed.
 
-    With Gumbel noise added to logits as scores this draws from their softmax over the open
-    actions (E. J. Gumbel, Statistical theory of extreme values and some practical
-    applications, 1954), so that a policy trained on it samples exactly what it is paid for.
+    With logits plus Gumbel noise as scores, the choices are samples of the softmax over the
+    allowed actions (E. J. Gumbel, Statistical theory of extreme values and some practical
+    applications, 1954).
 
     Args:
-        scores: of every action of every drone, shape (swarms, n, 6), indexed by `Action`;
-            or (swarms, n, 5), where drones never idle.
+        scores: of each drone's actions, shape (swarms, n, 6), indexed by `Action`; or
+            (swarms, n, 5) if drones never idle.
         cells: every drone's cell, y * grid_size + x; shape (swarms, n).
         grid_size: cells along each side.
 
     Returns:
-        The actions, int64, shape (swarms, n); and which were open to each drone when its
-        turn came, bool, of the scores' shape.
+        The actions, int64, shape (swarms, n); and which actions each drone was allowed at its
+        turn, bool, of the scores' shape.
 
     Raises:
-        TypeError: the cells or the grid's size are no integers.
-        ValueError: they are out of their limits, or of another shape than the scores.
+        TypeError: the cells or the grid size are not integers.
+        ValueError: they are out of their limits, or do not match the scores' shape.
     """
     cells = _checked_cells(cells, grid_size)
     if cells.ndim != 2 or scores.shape not in ((*cells.shape, 5), (*cells.shape, 6)):
@@ -119,7 +148,7 @@ def _checked_cells(cells: ArrayLike, grid_size: int) -> NDArray[np.integer]:
 
 
 def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:
-    """Where nobody may move, (swarms, cells + 1), see `_targets`: off the grid, onto a drone."""
+    """The cells that no drone may enter, bool, (swarms, cells + 1), indexed as by `_targets`."""
     closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
     closed[:, -1] = True
     closed[np.arange(len(cells))[:, None], cells] = True
@@ -128,7 +157,7 @@ def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:
 
 @lru_cache(maxsize=16)
 def _targets(grid_size: int) -> NDArray[np.int64]:
-    """Where actions lead, indexed [cell, action]; the last cell + 1 stands for off the grid."""
+    """The target of each action, [cell, action]; the index after the last cell is off the grid."""
     targets = neighbours_of_all(grid_size)
     targets[targets == OFF_GRID] = grid_size**2
     targets.flags.writeable = False

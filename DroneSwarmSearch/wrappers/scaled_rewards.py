@@ -1,54 +1,57 @@
-"""Rewards of a size that networks can be trained on."""
+"""Rewards on the scale that neural networks train well on."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.mappings import Rewards
-from DroneSwarmSearch.wrappers.wrapper import SearchWrapper
+from DroneSwarmSearch.wrappers.wrapper import SearchWrapper, Step
 
 __all__ = ["ScaledRewards"]
 
 
 class ScaledRewards(SearchWrapper):
-    """All rewards times a constant.
+    """Multiplies all rewards by a constant.
 
-    The usual one is a power of two, 2**-17 = 1/131072, so that only the exponents of the
-    floating-point numbers change: nothing is lost, and `rewards / scale` is the reward of
-    the table in `rules` to the last bit. With it
+    The default is a power of two, 2**-17 = 1/131072, which is exact in floating point:
+    `rewards / scale` is the reward of the table in `rules`, bit for bit. The table becomes
 
-    - a collision, leaving the grid, and the return of a drone that has found nobody when
-      the time is up, -100000, become -0.763;
-    - finding a person, from 20000 at once down to 10000 at the limit, 0.153 to 0.0763;
-    - searching in vain where the probability p is more than 1 %, 10000 p, 0.0763 p;
-    - searching in vain elsewhere, -100, -0.000763;
-    - anything else, 1, 0.00000763.
+    - collision, leaving the grid, and the return of a drone that has found nobody by the
+      time limit: -0.763 (-100000);
+    - finding a person: 0.153 at once, down to 0.0763 at the time limit (20000 to 10000);
+    - an unsuccessful search of a cell of probability p > 1 %: 0.0763 p (10000 p);
+    - an unsuccessful search of another cell: -0.000763 (-100);
+    - anything else: 0.00000763 (1).
 
-    Which policies are better than which stays as it is.
+    The scale does not change which policies are better.
 
     Args:
         env: the environment.
-        scale: the constant; above 0. With other than powers of two rewards are rounded.
+        scale: the constant; above 0. Rewards are rounded unless it is a power of two.
 
     Raises:
-        TypeError: `env` is no such environment, or `scale` no number.
-        ValueError: `scale` is not finite, or not above 0, or rewards would overflow.
+        TypeError: `env` is not such an environment, or `scale` is not a number.
+        ValueError: `scale` is not finite, is not above 0, or makes rewards overflow.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], scale: float = 2**-17) -> None:
         super().__init__(env)
         self.scale = checks.positive("scale", scale)
-        scenario = self.unwrapped.scenario
+        scenario = self._search.scenario
         largest = scenario.reward_scheme.largest(scenario.timestep_limit)
         if math.isinf(largest * self.scale) and math.isfinite(largest):
             raise ValueError(
-                f"scale must leave rewards finite, which are up to {largest:g}, got {scale!r}"
+                f"scale must keep rewards finite, which are up to {largest:g}, got {scale!r}"
             )
 
-    def _rewards(self, rewards: Rewards) -> Rewards:
+    def step(self, actions: Mapping[str, int]) -> Step:
+        """Let every drone act once."""
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
         scale = self.scale
-        return Rewards({agent: reward * scale for agent, reward in rewards.items()})
+        scaled = Rewards({agent: reward * scale for agent, reward in rewards.items()})
+        return observations, scaled, terminations, truncations, infos

@@ -1,4 +1,4 @@
-"""What the wrappers share: whom they wrap, and where they change what passes through."""
+"""The base class of the wrappers."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from pettingzoo.utils import BaseParallelWrapper
 from DroneSwarmSearch._internal.mappings import Infos, Rewards
 from DroneSwarmSearch.env import DroneSwarmSearch
 
-__all__ = ["SearchWrapper"]
+__all__ = ["Flags", "Observations", "SearchWrapper", "Step"]
 
 Observations = dict[str, Any]
 Flags = dict[str, bool]
+Step = tuple[Observations, Rewards, Flags, Flags, Infos]
+"""What `step` returns: observations, rewards, terminations, truncations, infos."""
 
 
 class SearchWrapper(BaseParallelWrapper[str, Any, int]):
     """A wrapper of `DroneSwarmSearch`, or of a wrapper of it.
 
-    Attributes that it does not have are those of what it wraps, to the innermost:
-    `scenario`, `frame`, `state_space` and so on.
+    Attributes that the wrapper lacks are those of the wrapped environment: `scenario`,
+    `frame`, `state_space` and so on.
 
     Args:
         env: the environment.
 
     Raises:
-        TypeError: `env` is no such environment in its parallel form.
+        TypeError: `env` is not such an environment in its parallel form.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -37,20 +39,26 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
                 f"env must be a DroneSwarmSearch, or a parallel wrapper of one, got {env!r}"
             )
         super().__init__(env)
+        self._search: DroneSwarmSearch = env.unwrapped
+        self._names = tuple(env.possible_agents)
 
     def reset(
-        self, seed: int | None = None, options: Mapping[str, Any] | None = None, **given: Any
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None, **arguments: Any
     ) -> tuple[Observations, Infos]:
-        """Begin an episode; takes what the wrapped environment's `reset` takes."""
-        observations, infos = self.env.reset(seed=seed, options=options, **given)
-        return self._shown(observations, infos)
+        """Begin an episode; takes the arguments of the wrapped environment's `reset`."""
+        observations, infos = self.env.reset(seed=seed, options=options, **arguments)
+        return observations, infos
 
-    def step(self, actions: Mapping[str, int]) -> tuple[Observations, Rewards, Flags, Flags, Infos]:
+    def step(self, actions: Mapping[str, int]) -> Step:
         """Let every drone act once."""
-        observations, rewards, terminations, truncations, infos = self.env.step(actions)
-        rewards, flags = self._rewards(rewards), self._flags(terminations, truncations)
-        observations, infos = self._shown(observations, infos)
-        return observations, rewards, *flags, infos
+        step: Step = self.env.step(actions)
+        return step
+
+    @property
+    def agents(self) -> list[str]:  # faster than __getattr__
+        """The drones of the running episode; empty between episodes."""
+        agents: list[str] = self.env.agents
+        return agents
 
     @property
     def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
@@ -61,14 +69,3 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
     def action_spaces(self) -> dict[str, spaces.Space[Any]]:
         """`action_space` of every drone."""
         return {agent: self.action_space(agent) for agent in self.possible_agents}
-
-    # What a wrapper may change.
-
-    def _shown(self, observations: Observations, infos: Infos) -> tuple[Observations, Infos]:
-        return observations, infos
-
-    def _rewards(self, rewards: Rewards) -> Rewards:
-        return rewards
-
-    def _flags(self, terminations: Flags, truncations: Flags) -> tuple[Flags, Flags]:
-        return terminations, truncations

@@ -1,17 +1,21 @@
-"""How fast one environment is, as ratios taken in turns within one process.
+"""The speed of one environment, as ratios measured in turns in one process.
 
     python tests/benchmarks/bench_step.py
 
-prints, for several sizes, medians over interleaved rounds:
+prints, for several sizes, minima over interleaved rounds:
 
-- floor: what building the five dicts of a step costs, with a shared matrix, nothing else;
-- idle: steps in which nothing ends an episode before its limit, resets included;
-- moves: the drones fly to and fro, likewise;
-- random: random actions from drones spread over the grid, resets included;
-- DSSE: the same random actions in DSSE 1.1.9, where `pip install DSSE==1.1.9` has been
-  run; resets included. Its rules end episodes less often, so that it resets less.
+- floor: building the five dicts of a step with a shared matrix, and nothing else;
+- idle: steps of idle drones, including resets at the time limit;
+- moves: drones move back and forth, including resets;
+- random: random actions from drones spread over the grid, including resets;
+- DSSE: the same random actions in DSSE 1.1.9, if it is installed (`pip install DSSE==1.1.9`).
+  Its rules end episodes less often, so it resets less often.
 
-Absolute figures swing with the machine; the ratios hold.
+A second table compares the environment with and without posteriors (`bayesian_update`), and
+alone and in the README's stack of wrappers, for random actions and for drones that search in
+every step. The README's environment has posteriors.
+
+Absolute figures depend on the machine; the ratios are stable.
 """
 
 from __future__ import annotations
@@ -36,13 +40,14 @@ from DroneSwarmSearch.bench.cases import (
     steps_of_one,
 )
 from DroneSwarmSearch.bench.peers import DSSE
+from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
 SIZES = ((7, 1), (20, 1), (20, 4), (50, 11), (100, 25))
-IDLE = 5
+SEARCH, IDLE = 4, 5
 
 
 def floor(grid_size: int, n: int) -> Callable[[int], object]:
-    """The five dicts alone."""
+    """Build the five dicts of a step."""
     names = [f"drone{i}" for i in range(n)]
     positions = spread_cells(grid_size, n)
     matrix = np.zeros((grid_size, grid_size), np.float32)
@@ -71,12 +76,12 @@ def cases(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
     def ours() -> DroneSwarmSearch:
         return DroneSwarmSearch(grid_size=grid_size, n_drones=n, person_initial_position=middle)
 
-    # The drones start at the border in a row: out and back, all alike, nobody meets.
-    to_and_fro = [dict.fromkeys(names, 3), dict.fromkeys(names, 2)]
+    # The drones start in a row at the border and move in parallel.
+    back_and_forth = [dict.fromkeys(names, 3), dict.fromkeys(names, 2)]
     runs = {
         "floor": floor(grid_size, n),
         "idle": steps_of_one(ours(), [dict.fromkeys(names, IDLE)]),
-        "moves": steps_of_one(ours(), to_and_fro),
+        "moves": steps_of_one(ours(), back_and_forth),
         "random": SINGLE.make(size, 1),
     }
     with contextlib.suppress(LeftOutError):
@@ -84,9 +89,9 @@ def cases(grid_size: int, n: int) -> dict[str, Callable[[int], object]]:
     return runs
 
 
-def measure(runs: dict[str, Callable[[int], object]], rounds: int, steps: int) -> dict[str, float]:
-    """Median microseconds a step of each case, taken in turns."""
-    times: dict[str, list[float]] = {name: [] for name in runs}
+def measure(runs: dict[Any, Callable[[int], object]], rounds: int, steps: int) -> dict[Any, float]:
+    """The least microseconds per step of each case, measured in turns."""
+    times: dict[Any, list[float]] = {name: [] for name in runs}
     for run in runs.values():
         run(steps // 10)
     for _ in range(rounds):
@@ -94,11 +99,11 @@ def measure(runs: dict[str, Callable[[int], object]], rounds: int, steps: int) -
             begin = time.perf_counter()
             run(steps)
             times[name].append((time.perf_counter() - begin) / steps * 1e6)
-    return {name: statistics.median(of_run) for name, of_run in times.items()}
+    return {name: min(of_run) for name, of_run in times.items()}
 
 
 def report_steps(rounds: int, steps: int) -> None:
-    print("microseconds a step and ratios (medians)")
+    print("microseconds per step and ratios (minima)")
     print(
         f"{'grid, drones':>13} {'floor':>7} {'idle':>7} {'moves':>7} {'random':>7} {'DSSE':>7}"
         f" | {'idle/floor':>10} {'moves/floor':>11} {'DSSE/random':>11} {'DSSE/idle':>9}"
@@ -118,8 +123,50 @@ def report_steps(rounds: int, steps: int) -> None:
         )
 
 
+def report_wrappers(rounds: int, steps: int) -> None:
+    print("\nmicroseconds per step with posteriors and in the README's stack of wrappers (minima)")
+    print(
+        f"{'grid, drones':>13} {'actions':>7} {'drift':>7} {'stack':>7} {'poster.':>7} {'stack':>7}"
+        f" | {'posterior/drift':>15} {'stack speed':>12} {'with posteriors':>15}"
+    )
+    for grid_size, n in ((7, 1), (20, 4), (50, 11)):
+        names = [f"drone{i}" for i in range(n)]
+        drawn = np.random.default_rng(0).integers(0, 6, (997, n)).tolist()
+        for kind, actions in (
+            ("random", [dict(zip(names, row, strict=True)) for row in drawn]),
+            ("search", [dict.fromkeys(names, SEARCH)]),
+        ):
+            runs = {
+                (posterior, stacked): steps_of_one(
+                    environment(grid_size, n, posterior, stacked), actions
+                )
+                for posterior in (False, True)
+                for stacked in (False, True)
+            }
+            figures = measure(runs, rounds, steps)
+            drift, drift_stack, posterior, stack = figures.values()
+            print(
+                f"{grid_size:>9}, {n:>2}  {kind:>7} {drift:7.2f} {drift_stack:7.2f}"
+                f" {posterior:7.2f} {stack:7.2f} | {posterior / drift:15.2f}"
+                f" {drift / drift_stack:12.0%} {posterior / stack:15.0%}"
+            )
+
+
+def environment(grid_size: int, n: int, posterior: bool, stacked: bool) -> Any:
+    """The environment, alone or in the README's stack of wrappers."""
+    env = DroneSwarmSearch(
+        grid_size=grid_size,
+        n_drones=n,
+        person_initial_position=(grid_size // 2, grid_size // 2),
+        bayesian_update=posterior,
+    )
+    if not stacked:
+        return env
+    return ActionMask(FlatObservation(ScaledRewards(env)), right_of_way=True)
+
+
 def report_life(rounds: int) -> None:
-    """What an environment costs to make, to reset and to leave."""
+    """Print the time of constructors and resets."""
 
     def make() -> DroneSwarmSearch:
         return DroneSwarmSearch(grid_size=50, n_drones=11)
@@ -132,7 +179,7 @@ def report_life(rounds: int) -> None:
         "reset(seed=1)": lambda: env.reset(seed=1),
         "reset(vector=...)": lambda: env.reset(vector=(-0.5, -0.5)),
     }
-    print("\nmicroseconds at (50, 11), tables made")
+    print("\nmicroseconds at (50, 11), with cached tables")
     for name, task in tasks.items():
         times = []
         for _ in range(rounds * 100):
@@ -143,7 +190,7 @@ def report_life(rounds: int) -> None:
 
 
 def report_memory(count: int) -> None:
-    """Whether environments made and dropped leave memory where it was."""
+    """Print how much memory grows while environments are created and deleted."""
     try:
         import resource
     except ImportError:
@@ -165,15 +212,16 @@ def report_memory(count: int) -> None:
     before = peak()
     for _ in range(count):
         live()
-    print(f"\n{count} environments made and dropped: peak memory + {peak() - before:.1f} MiB")
+    print(f"\n{count} environments created and deleted: peak memory + {peak() - before:.1f} MiB")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds (15)")
-    parser.add_argument("--steps", type=int, default=2000, help="steps a round (2000)")
+    parser.add_argument("--steps", type=int, default=2000, help="steps per round (2000)")
     options = parser.parse_args()
     report_steps(options.rounds, options.steps)
+    report_wrappers(options.rounds, options.steps)
     report_life(options.rounds)
     report_memory(10_000)
 

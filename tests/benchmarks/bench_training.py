@@ -36,7 +36,7 @@ from DroneSwarmSearch.bench.turns import Spread, take_turns
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
-from DroneSwarmSearch.wrappers.layouts.crops import LENGTH
+from DroneSwarmSearch.wrappers.crops import LENGTH
 
 SEARCH: dict[str, Any] = {
     "grid_size": 20,

@@ -288,7 +288,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         batch.step(self._by_swarm(actions), matrices, autoreset=autoreset)
         # What the step brought, rewards and endings, outlasts a restart; states do not.
         finals: Infos = {}
-        if self._mode is AutoresetMode.SAME_STEP and (ended := batch.over.nonzero()[0]).size:
+        if self._mode is AutoresetMode.SAME_STEP and (ended := batch.ended.nonzero()[0]).size:
             finals = self._finals(ended, matrices)
             batch.restart(ended)
             if matrices is not None:

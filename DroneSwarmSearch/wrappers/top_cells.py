@@ -1,21 +1,25 @@
-"""The layout "top-cells": the likeliest cells as the drone sees them, whatever the grid."""
+"""The layout "top-cells": the likeliest cells relative to the drone, for any grid size."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.wrappers.layouts.layout import (
+from DroneSwarmSearch.wrappers.layout import (
     Layout,
     Positions,
     Singles,
     own_first,
     scaled_positions,
 )
+from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
 
-__all__ = ["TopCellsLayout", "likeliest_cells"]
+__all__ = ["TopCellsLayout", "TopCellsObservation", "likeliest_cells"]
 
 _LOW = np.uint64(2**32 - 1)
 _HALF = np.uint64(32)
@@ -24,21 +28,20 @@ _HALF = np.uint64(32)
 class TopCellsLayout(Layout):
     """For each drone a vector: float32 in [-1, 1], length 3 k + 2 n + 1.
 
-    For each of the k likeliest cells, the likeliest first, how far it lies to the right and
-    how far down, and its probability, with the maximum scaled to 1; the drone's own x and
-    y; for each of the other drones, the nearest first (in steps; of equals the first by
-    number), how far it is to the right and down; the share of the steps left. Distances
-    and positions have the grid scaled to 1.
+    For each of the k likeliest cells in descending order, its offset to the right and down
+    and its probability, with the maximum scaled to 1; the drone's own x and y; for each of the
+    other drones, the nearest in steps first (ties by number), its offset to the right and
+    down; the remaining time fraction. Offsets and positions have the grid scaled to 1.
 
     Args:
         grid_size: cells along each side, N.
         n_drones: the drones in each search, n.
-        k: how many cells; from 1 to N².
-        name: what `k` is called in errors.
+        k: the number of cells; from 1 to N².
+        name: the name of `k` in errors.
 
     Raises:
-        TypeError: k is no integer.
-        ValueError: it is out of its limits.
+        TypeError: k is not an integer.
+        ValueError: k is out of its limits.
     """
 
     def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
@@ -74,18 +77,17 @@ class TopCellsLayout(Layout):
 
 
 def likeliest_cells(matrices: Singles, k: int) -> tuple[NDArray[np.int64], Singles]:
-    """The k likeliest cells of each matrix, the likeliest first; of equals the first.
+    """The k likeliest cells of each matrix in descending order, ties by number.
 
     Args:
         matrices: float32, at least 0, shape (S, N, N).
         k: from 1 to N².
 
     Returns:
-        The cells, y * N + x, int64, and what the matrices say of them, float32; both of
-        shape (S, k).
+        The cells, y * N + x, int64, and their probabilities, float32; both of shape (S, k).
     """
-    # Floats of at least 0 are in the order of their bits: with the cell's rank behind them,
-    # counted from the last, they are integers of which no two are alike.
+    # Floats of at least 0 have the order of their bits. Followed by the cell's rank from the
+    # last, they are distinct integers.
     bits = np.ascontiguousarray(matrices).reshape(len(matrices), -1).view(np.uint32)
     n = bits.shape[1]
     keys = bits.astype(np.uint64) << _HALF
@@ -93,3 +95,25 @@ def likeliest_cells(matrices: Singles, k: int) -> tuple[NDArray[np.int64], Singl
     best = np.sort(np.partition(keys, n - k, axis=1)[:, n - k :], axis=1)[:, ::-1]
     cells = n - 1 - (best & _LOW).astype(np.int64)
     return cells, (best >> _HALF).astype(np.uint32).view(np.float32)
+
+
+class TopCellsObservation(LayoutObservation):
+    """Each drone observes the likeliest cells: float32 in [-1, 1], length 3 k + 2 n_drones + 1.
+
+    For each of the k likeliest cells in descending order (ties row by row), its offset to the
+    right and down and its probability, with the maximum scaled to 1; the drone's own x and y;
+    for each of the other drones, the nearest in steps first (ties by name), its offset to the
+    right and down; the remaining time fraction. Offsets and positions have the grid scaled to
+    1.
+
+    Args:
+        env: the environment.
+        k: the number of cells; from 1 to grid_size².
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or k is not an integer.
+        ValueError: k is out of its limits, or `env` has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
+        super().__init__(env, TopCellsLayout, k=k)

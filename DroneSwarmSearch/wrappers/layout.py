@@ -1,7 +1,7 @@
-"""What layouts have in common, and the pieces that they are made of.
+"""The base class of the observation layouts, and their building blocks.
 
-Matrices are scaled to their maximum: probabilities of single cells are small numbers,
-which networks learn from badly, and it is their shape that says where to look.
+Matrices are scaled to a maximum of 1, because the probabilities of single cells are too small
+for networks to learn from, and only their ratios show where to search.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ Observations = Any  # an array, or a dict of arrays
 
 
 class Layout(ABC):
-    """What drones are shown of many searches, S of them, that are alike in size.
+    """A layout: it writes the observations of S searches of one size into arrays.
 
     Args:
         grid_size: cells along each side, N.
         n_drones: the drones in each search, n.
 
     Attributes:
-        space: what one drone is shown; of a joint layout, what one swarm is shown.
+        space: the space of one drone's observation; for a joint layout, of one swarm's.
 
     Raises:
-        TypeError: an argument is no integer.
-        ValueError: it is out of its limits, or what is shown would not fit in memory.
+        TypeError: an argument is not an integer.
+        ValueError: it is out of its limits, or an observation does not fit in memory.
     """
 
     space: spaces.Space[Any]
@@ -54,12 +54,12 @@ class Layout(ABC):
         self.n_drones = checks.integer("n_drones", n_drones, 1, self.grid_size**2)
 
     def _check_memory(self, numbers: int) -> None:
-        """Refuse a search of which drones would be shown too many numbers for the memory."""
-        size = 10 * numbers  # the limits of a Box
+        """Raise ValueError if an observation of so many numbers does not fit in memory."""
+        size = 10 * numbers  # the bounds of a Box
         checks.fits("an observation", size, grid_size=self.grid_size, n_drones=self.n_drones)
 
     def _fractions(self, *shape: int) -> spaces.Box:
-        """The space of numbers from 0 to 1, float32."""
+        """The space of float32 arrays in [0, 1]."""
         self._check_memory(math.prod(shape))
         return spaces.Box(0.0, 1.0, shape, np.float32)
 
@@ -67,25 +67,24 @@ class Layout(ABC):
     def write(
         self, positions: Positions, matrices: Singles, left: Singles, out: Observations
     ) -> None:
-        """Write what is shown.
+        """Write observations.
 
         Args:
             positions: every drone's cell (x, y): integers, shape (S, n, 2).
-            matrices: what the drones are shown, as the environment has it: float32, shape
-                (S, N, N), indexed [y, x]. They are scratch: what is in them afterwards is
-                anything.
-            left: the share of the steps left, see `remaining_time_fraction`: float32, shape (S,).
-            out: receives it, an array of the space's dtype, with axes for the searches and
-                the drones, S and n, before the space's own; for a joint layout with one
-                for the searches alone. Where the space is a Dict, a dict of such arrays.
+            matrices: the environments' matrices: float32, shape (S, N, N), indexed [y, x];
+                used as scratch and overwritten.
+            left: see `remaining_time_fraction`: float32, shape (S,).
+            out: receives the observations: an array of the space's dtype and shape with two
+                axes in front, for the searches and the drones; for a joint layout with one,
+                for the searches. If the space is a Dict, a dict of such arrays.
         """
 
 
 class StackedLayout(Layout):
-    """What a swarm is shown in a layout without a joint form: what its drones are, stacked.
+    """The layout of whole swarms that stacks the observations of their drones.
 
     Args:
-        layout: what each drone is shown.
+        layout: the layout of the drones.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -103,7 +102,7 @@ class StackedLayout(Layout):
 
 
 def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:
-    """The share of the steps left: 1 at the beginning, 0 when the time is up.
+    """The remaining steps as a fraction of the time limit: 1 at the start, 0 at the limit.
 
     Args:
         steps: completed steps, integers of any shape.
@@ -112,12 +111,17 @@ def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:
     Returns:
         float32, of the same shape.
     """
-    share: Singles = ((timestep_limit - np.asarray(steps)) / timestep_limit).astype(np.float32)
-    return share
+    left: Singles = time_fraction(np.asarray(steps), timestep_limit).astype(np.float32)
+    return left
+
+
+def time_fraction(step: Any, timestep_limit: int) -> Any:
+    """`remaining_time_fraction` before rounding, also of a plain integer."""
+    return (timestep_limit - step) / timestep_limit
 
 
 def own_first(n_drones: int) -> NDArray[np.int64]:
-    """In which order each drone is shown the drones: itself, then the others by number.
+    """The order of the drones in each drone's observation: itself, then the others by number.
 
     Returns:
         int64, shape (n_drones, n_drones): row k is the order for drone k.
@@ -138,10 +142,10 @@ def scaled_matrices(matrices: Singles, out: Singles) -> None:
 
 
 def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None:
-    """Write positions with the grid scaled to the unit square, or offsets alike.
+    """Write positions or offsets, with the grid scaled to the unit square.
 
     Args:
-        positions: columns or rows, of any shape.
+        positions: columns and rows, of any shape.
         grid_size: cells along each side.
         out: receives them, float32, same shape.
     """
@@ -149,11 +153,11 @@ def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None
 
 
 def mark(positions: Positions, planes: Singles) -> None:
-    """Write 1 where a drone is and 0 elsewhere.
+    """Write 1 in the drones' cells and 0 elsewhere.
 
     Args:
-        positions: the cell (x, y) of every drone of a plane: shape (..., drones, 2).
-        planes: receives them, float32, shape (..., N, N).
+        positions: the cells (x, y) of the drones of each plane: shape (..., drones, 2).
+        planes: receives the planes, float32, shape (..., N, N).
     """
     planes[...] = 0.0
     leading = np.ogrid[tuple(map(slice, planes.shape[:-2]))]

@@ -1,4 +1,4 @@
-"""The layout "dict": positions and matrix by name, as the environment has them."""
+"""The layout "dict": positions and matrix by name."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.wrappers.layouts.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layout import Layout, Positions, Singles
+from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
 
-__all__ = ["DictLayout", "JointDictLayout"]
+__all__ = ["DictLayout", "DictObservation", "JointDictLayout"]
 
 
 class DictLayout(Layout):
-    """For each drone `position`, its (x, y), and `probability_matrix`.
+    """For each drone, `position`, its (x, y), and `probability_matrix`.
 
-    int32, shape (2,); float32, shape (N, N), indexed [y, x], summing to 1.
+    int32, shape (2,); float32, shape (N, N), indexed [y, x], sums to 1.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -37,9 +39,9 @@ class DictLayout(Layout):
 
 
 class JointDictLayout(Layout):
-    """For each swarm `positions`, every drone's (x, y), and `probability_matrix`.
+    """For each swarm, `positions`, every drone's (x, y), and `probability_matrix`.
 
-    int32, shape (n, 2); float32, shape (N, N), indexed [y, x], summing to 1.
+    int32, shape (n, 2); float32, shape (N, N), indexed [y, x], sums to 1.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
@@ -57,3 +59,21 @@ class JointDictLayout(Layout):
     ) -> None:
         out["positions"][...] = positions
         out["probability_matrix"][...] = matrices
+
+
+class DictObservation(LayoutObservation):
+    """Each drone observes {"position": (x, y), "probability_matrix": matrix}.
+
+    The position is int32, shape (2,). The matrix is float32, shape (N, N), indexed [y, x],
+    and sums to 1.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
+        ValueError: it has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env, DictLayout)

@@ -1,0 +1,61 @@
+"""The environment in PettingZoo's AEC form: drones choose in turn, and then all act at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pettingzoo import ParallelEnv
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.rules import Action
+
+__all__ = ["TurnBased"]
+
+
+class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
+    """PettingZoo's conversion to the AEC form, with each action validated when it is given.
+
+    PettingZoo's own conversion passes the actions on after the last drone has chosen; an
+    invalid action then blocks every further step.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env)
+        self._is_ready = False  # an episode has begun, and no call was interrupted
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
+        """Begin an episode; see `DroneSwarmSearch.reset`."""
+        before, self._is_ready = self._is_ready, False
+        try:
+            super().reset(seed=seed, options=options)
+        except (TypeError, ValueError, RuntimeError):  # validation, before any change
+            self._is_ready = before
+            raise
+        self._is_ready = True
+
+    def step(self, action: int | None) -> None:
+        """Choose the action of the drone whose turn it is.
+
+        Args:
+            action: an integer from 0 to 5; None once the drone's episode has ended.
+
+        Raises:
+            ResetNeeded: before the first `reset`, and after an interrupted step or reset.
+            TypeError: the action is not an integer.
+            ValueError: the action is out of range, or not None though the drone's episode
+                has ended. The turn does not change.
+        """
+        if not self._is_ready:
+            raise ResetNeeded(
+                "step: no episode has begun, or it was interrupted; call reset() first"
+            )
+        agent = self.agent_selection
+        if not (self.terminations[agent] or self.truncations[agent]):
+            action = checks.integer("action", action, 0, len(Action) - 1)
+        elif action is not None:
+            raise ValueError(f"action must be None after the episode's end, got {action!r}")
+        self._is_ready = False
+        super().step(action)
+        self._is_ready = True

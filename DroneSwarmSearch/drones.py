@@ -1,0 +1,143 @@
+"""The drones of an episode: their cells and returns, and the outcomes of a step."""
+
+from __future__ import annotations
+
+from operator import add
+
+from DroneSwarmSearch import rules
+from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.world import WorldState
+
+__all__ = ["Drones"]
+
+_SEARCH = int(Action.SEARCH)
+_EXACT = 2.0**53  # all integers below are exact as floats
+
+
+class Drones:
+    """The drones of a search, in one episode after another.
+
+    Args:
+        names: the drones' names.
+        scenario: the search.
+
+    Attributes:
+        cells: each drone's cell, y * N + x.
+        chosen: each drone's last action.
+        finders: the drones that have found a person in this episode.
+        found: whether any drone has.
+    """
+
+    def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
+        self._scheme = scenario.reward_scheme
+        self._timestep_limit = scenario.timestep_limit
+        self._last_step = scenario.timestep_limit - 1
+        self._names = names
+        self._step_rewards = dict.fromkeys(names, self._scheme.step)
+        self.start([])
+
+    def start(self, cells: list[int]) -> None:
+        """Start an episode with the drones in some cells."""
+        self.cells = cells
+        self.chosen = bytes([Action.IDLE]) * len(cells)
+        self.finders: set[int] = set()
+        self.found = False
+        self._returns = [0.0] * len(cells)  # each drone's sum of rewards
+        self._uneventful_steps = 0  # not yet added to the returns
+
+    def resolve(
+        self, chosen: bytes, targets: list[int], world: WorldState
+    ) -> tuple[dict[str, float], Ending | None]:
+        """Resolve the actions of a step: determine outcomes and rewards, move the drones.
+
+        Args:
+            chosen: each drone's action.
+            targets: each drone's target cell, or OFF_GRID; `cells` itself if no drone moves.
+            world: the world state, which resolves the searches.
+
+        Returns:
+            Each drone's reward, for reading only, and the ending, or None.
+        """
+        self.chosen = chosen
+        crashed = targets is not self.cells and len({OFF_GRID, *targets}) <= len(targets)
+        if not (crashed or _SEARCH in chosen or world.step == self._last_step):
+            self.cells = targets
+            self._uneventful_steps += 1
+            return self._step_rewards, None
+        self._catch_up()
+        rewards, ending = self._resolve_events(targets, crashed, world)
+        if OFF_GRID in targets:  # a drone that tries to leave the grid stays
+            pairs = zip(self.cells, targets, strict=True)
+            targets = [cell if target == OFF_GRID else target for cell, target in pairs]
+        self.cells = targets
+        if ending is None:
+            self._returns = [*map(add, self._returns, rewards.values())]
+        return rewards, ending
+
+    def _catch_up(self) -> None:
+        """Add the rewards of the uneventful steps to the returns."""
+        count, self._uneventful_steps = self._uneventful_steps, 0
+        if count:
+            self._returns = [_add_often(each, self._scheme.step, count) for each in self._returns]
+
+    def _resolve_events(
+        self, targets: list[int], crashed: bool, world: WorldState
+    ) -> tuple[dict[str, float], Ending | None]:
+        """`resolve` a step with searches, with crashes, or at the time limit.
+
+        Args:
+            targets: as for `resolve`.
+            crashed: whether a drone left the grid or collided.
+            world: as for `resolve`.
+        """
+        scheme, names, is_last = self._scheme, self._names, world.step == self._last_step
+        rewards = self._step_rewards.copy()
+        observed: dict[int, float] = {}  # by drone: the probability of the cell it searches
+        finders: set[int] = set()
+        searches = self._searches()
+        if searches:
+            observed = {drone: world.probability(cell) for cell, drone in searches.items()}
+            finders = world.search(searches)
+        if not (crashed or finders or is_last):
+            for drone, probability in observed.items():
+                rewards[names[drone]] = rules.unsuccessful_search_reward(scheme, probability)
+            return rewards, None
+        shared = rules.same_cell(targets)
+        for drone, target in enumerate(targets):
+            if is_last or target in shared or target == OFF_GRID or drone in observed:
+                rewards[names[drone]] = rules.reward(
+                    scheme,
+                    target in shared,
+                    target == OFF_GRID,
+                    drone in finders,
+                    is_last,
+                    drone in self.finders,
+                    drone in observed,
+                    observed.get(drone, 0.0),
+                    world.step,
+                    self._timestep_limit,
+                    self._returns[drone],
+                )
+        if finders:
+            self.finders |= finders
+            self.found = True
+        return rewards, rules.ending(not world.missing, bool(shared), OFF_GRID in targets, is_last)
+
+    def _searches(self) -> dict[int, int]:
+        """The searched cells, each with its drone: before a step, no two drones share a cell."""
+        searches = {}
+        drone = self.chosen.find(_SEARCH)
+        while drone >= 0:
+            searches[self.cells[drone]] = drone
+            drone = self.chosen.find(_SEARCH, drone + 1)
+        return searches
+
+
+def _add_often(total: float, value: float, count: int) -> float:
+    """Add a value a number of times, with the rounding of each single addition."""
+    if total.is_integer() and value.is_integer() and abs(total) + abs(value) * count < _EXACT:
+        return total + value * count  # all sums are exact
+    for _ in range(count):
+        total += value
+    return total
