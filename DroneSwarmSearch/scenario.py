@@ -1,12 +1,17 @@
-"""The parameters of a search: their meaning, units, defaults and limits in one place."""
+"""The parameters of a search: meaning, units, defaults and limits.
+
+`persons_of_rows` and `Scenario.drone_cells_of_rows` are the array forms of the rules for start
+cells: they validate the values of all rows of a batch at once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
@@ -14,22 +19,31 @@ from DroneSwarmSearch.rules import RewardScheme
 
 __all__ = ["Cell", "Scenario"]
 
-_MOST_STEPS = 2**53
-"""Up to here every number of steps is a float, too."""
+Ints = NDArray[np.int64]
+
+_MAX_STEPS = 2**53
+"""The largest number up to which all integers are exact as floats."""
 
 _DRONE_BYTES = 900
-"""About what the environment keeps of a drone in an episode, observations included."""
+"""Approximate memory of one drone during an episode, including its observations."""
 
 Cell = tuple[int, int]
 """(x, y): column and row; y grows downward."""
 
+_INDEPENDENT: dict[str, Callable[[str, object], object]] = {
+    "vector": checks.pair,
+    "disperse_constant": lambda name, value: checks.real(name, value, 0),
+    "timestep_limit": lambda name, value: checks.integer(name, value, 1, _MAX_STEPS),
+}
+"""The rules of parameters whose limits do not depend on other parameters."""
+
 
 @dataclass(frozen=True)
 class Scenario:
-    """The parameters of a search, validated: names, meaning and defaults as in `DroneSwarmSearch`.
+    """The parameters of a search, validated; names and defaults as in `DroneSwarmSearch`.
 
-    Whatever needs a search takes a scenario: environments, batches, policies, planning and
-    evaluation. Scenarios are equal if their parameters are, in whatever form these were given::
+    Environments, batches, policies, planning and evaluation all accept a scenario. Two
+    scenarios are equal if their parameters are, whichever form the values were given in::
 
         scenario = Scenario(grid_size=20, n_drones=4, person_initial_position=(8, 8))
         env = DroneSwarmSearch(scenario=scenario)
@@ -37,18 +51,18 @@ class Scenario:
 
     Attributes:
         grid_size: cells along each side of the square grid; at least 2.
-        n_drones: drones; from 1 to grid_size².
-        vector: drift of the persons in cells per step, (x, y); finite. What exceeds one
-            cell per step drifts one cell per step.
-        person_initial_position: each person's cell (x, y) at step 0, a tuple of cells. A
-            single cell may be given, and cells in lists or arrays.
-        disperse_constant: how quickly the persons may stray; finite, at least 0
-            (`drift.dispersion_rate`).
+        n_drones: the number of drones; from 1 to grid_size².
+        vector: the persons' drift in cells per step, (x, y); finite. Persons drift at most
+            one cell per step along each axis, even if the vector is longer.
+        person_initial_position: each person's cell (x, y) at step 0, a tuple of cells.
+            Lists, arrays and a single cell are accepted too.
+        disperse_constant: how quickly the persons may stray; finite, at least 0 (see
+            `drift.dispersion_rate`).
         timestep_limit: steps in an episode; from 1 to 2**53.
         probability_of_detection: the chance that a search of the right cell finds a
             person, from 0 to 1: a number for all persons, or a tuple with one for each.
         bayesian_update: whether the matrix is the posterior given the searches made, or
-            the drift alone.
+            the drift forecast alone.
         reward_scheme: the figures of the reward table.
 
     Raises:
@@ -71,36 +85,43 @@ class Scenario:
         drones = checks.integer("n_drones", self.n_drones, 1, size**2)
         updates = checks.boolean("bayesian_update", self.bayesian_update)
         persons = _persons(self.person_initial_position, size)
-        # The matrices before and after a step; of each person what is believed, in double.
+        # Two float32 matrices, and two float64 beliefs for each person.
         cell_bytes = 8 + 16 * len(persons) * updates
-        checks.fits("what is known of the cells", cell_bytes * size**2, grid_size=size)
+        checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
         checks.fits("the drones", _DRONE_BYTES * drones, n_drones=drones)
         if not isinstance(self.reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
-        for name, value in {
+        values = {
             "grid_size": size,
             "n_drones": drones,
-            "vector": checks.pair("vector", self.vector),
             "person_initial_position": persons,
-            "disperse_constant": checks.real("disperse_constant", self.disperse_constant, 0),
-            "timestep_limit": checks.integer("timestep_limit", self.timestep_limit, 1, _MOST_STEPS),
             "probability_of_detection": _detection(self.probability_of_detection, persons),
             "bayesian_update": updates,
-        }.items():
+        }
+        for name, rule in _INDEPENDENT.items():
+            values[name] = rule(name, getattr(self, name))
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def replace(self, **changes: Any) -> Scenario:
-        """The same scenario with other values of some parameters.
+        """Return a scenario with other values of some parameters.
 
         Raises:
             TypeError: a value is of the wrong type, or there is no such parameter.
             ValueError: a value is out of its limits.
         """
-        _check_names(changes, TypeError)
-        return replace(self, **changes)
+        if not changes.keys() <= _INDEPENDENT.keys():
+            _check_names(changes, TypeError)
+            return replace(self, **changes)
+        # Every reset of an environment with a new vector comes here: validate only that.
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        for name, value in changes.items():
+            object.__setattr__(other, name, _INDEPENDENT[name](name, value))
+        return other
 
     def to_dict(self) -> dict[str, Any]:
-        """The parameters as plain data that JSON can hold; `from_dict` reads it."""
+        """Return the parameters as plain data for JSON; `from_dict` reads it."""
         data = {each.name: getattr(self, each.name) for each in fields(self)}
         detection = self.probability_of_detection
         return {
@@ -115,10 +136,7 @@ class Scenario:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scenario:
-        """The scenario of some parameters; those that are left out have their defaults.
-
-        Args:
-            data: as from `to_dict`.
+        """Make a scenario from the output of `to_dict`; missing parameters get their defaults.
 
         Raises:
             TypeError: `data` is not a mapping, or a value is of the wrong type.
@@ -139,28 +157,42 @@ class Scenario:
         return cls(**{**data, "reward_scheme": scheme})
 
     def forecasts(self) -> tuple[ProbabilityMatrix, ...]:
-        """Every person's forecast."""
+        """The forecast of each person."""
         return tuple(
             ProbabilityMatrix(self.grid_size, cell, self.vector, self.disperse_constant)
             for cell in self.person_initial_position
         )
 
+    @property
+    def detections(self) -> tuple[float, ...]:
+        """The probability of detection of each person."""
+        detection = self.probability_of_detection
+        if isinstance(detection, tuple):
+            return detection
+        return (detection,) * len(self.person_initial_position)
+
     def drone_cells(self, drones_positions: object) -> list[int]:
-        """The drones' cells by number, y * N + x.
+        """Validate the drones' start cells.
 
         Args:
             drones_positions: a cell (x, y) for each drone.
 
+        Returns:
+            The cells as numbers, y * N + x.
+
         Raises:
-            TypeError: they are no cells.
-            ValueError: they are not as many as the drones, off the grid, or two are alike.
+            TypeError: they are not cells.
+            ValueError: a cell is off the grid, two are equal, or their number is wrong.
         """
-        name, n, size = "drones_positions", self.n_drones, self.grid_size
-        entries = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
+        return self._drone_cells("drones_positions", drones_positions)
+
+    def _drone_cells(self, name: str, positions: object) -> list[int]:
+        n, size = self.n_drones, self.grid_size
+        entries = checks.items(name, positions, f"{n} cells (x, y), one for each drone")
         if len(entries) != n:
             raise ValueError(
                 f"{name} must hold {n} cells (x, y), one for each drone, "
-                f"got {len(entries)}: {drones_positions!r}"
+                f"got {len(entries)}: {positions!r}"
             )
         first_at: dict[Cell, int] = {}
         for drone, entry in enumerate(entries):
@@ -173,13 +205,31 @@ class Scenario:
             first_at[cell] = drone
         return [y * size + x for x, y in first_at]
 
-    @property
-    def detections(self) -> tuple[float, ...]:
-        """Every person's probability of detection."""
-        detection = self.probability_of_detection
-        if isinstance(detection, tuple):
-            return detection
-        return (detection,) * len(self.person_initial_position)
+    def drone_cells_of_rows(self, drones_positions: object, rows: int) -> Ints:
+        """`drone_cells` for the rows of a batch: the same cells for all, or cells for each.
+
+        Args:
+            drones_positions: shape (n_drones, 2) or (rows, n_drones, 2).
+            rows: the number of rows.
+
+        Returns:
+            int64, shape (rows, n_drones).
+        """
+        name, n, size = "drones_positions", self.n_drones, self.grid_size
+        given = checks.numbers(name, drones_positions, f"{n} cells (x, y), one for each drone")
+        if given.ndim < 3:
+            return np.tile(np.array(self.drone_cells(drones_positions), np.int64), (rows, 1))
+        if given.shape != (rows, n, 2):
+            raise ValueError(
+                f"{name} must have the shape {(n, 2)}, or {(rows, n, 2)} with cells for each "
+                f"search; got {given.shape}"
+            )
+        x, y = np.moveaxis(checks.cells(name, given, size), -1, 0)
+        cells: Ints = y * size + x
+        ordered = np.sort(cells, axis=1)
+        for row in (ordered[:, 1:] == ordered[:, :-1]).any(axis=1).nonzero()[0]:
+            self._drone_cells(f"{name}[{row}]", given[row])
+        return cells
 
 
 def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Scenario:
@@ -194,24 +244,19 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
     """
     if scenario is None:
         return Scenario(**parameters)
-    check_alone(scenario, parameters)
-    return scenario
-
-
-def check_alone(scenario: object, parameters: Mapping[str, Any]) -> None:
-    """Refuse what is not a scenario, and parameters that were given beside one."""
     if not isinstance(scenario, Scenario):
         raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
     for name, value in parameters.items():
         if not _is_default(name, value):
             raise ValueError(
-                f"{name} must not be given beside a scenario, got {value!r}; "
+                f"{name} cannot be given together with a scenario, got {value!r}; "
                 f"use scenario.replace({name}=...)"
             )
+    return scenario
 
 
 def _is_default(name: str, value: Any) -> bool:
-    """Whether a parameter has its default, in any of the forms that it may be given in."""
+    """Whether a value is the parameter's default, in any accepted form."""
     default = getattr(_DEFAULT, name)
     if isinstance(default, RewardScheme) or isinstance(value, (str, RewardScheme)):
         return bool(value == default)
@@ -219,7 +264,7 @@ def _is_default(name: str, value: Any) -> bool:
         given = np.asarray(value)
         usual = np.asarray(default)
         return given.shape in (usual.shape, usual.shape[1:]) and bool((given == usual).all())
-    except (TypeError, ValueError):  # rows of different lengths, for one
+    except (TypeError, ValueError):  # such as rows that differ in length
         return False
 
 
@@ -231,6 +276,7 @@ def _check_names(given: Iterable[str], error: type[Exception]) -> None:
 
 
 def _persons(value: object, grid_size: int) -> tuple[Cell, ...]:
+    """The persons' start cells: one cell, or a sequence of cells."""
     name = "person_initial_position"
     entries = checks.items(name, value, "a cell (x, y) or several of them")
     if not entries:
@@ -242,7 +288,36 @@ def _persons(value: object, grid_size: int) -> tuple[Cell, ...]:
     return (checks.cell(name, value, grid_size),)
 
 
+def persons_of_rows(value: object, rows: int, grid_size: int, persons: int | None = None) -> Ints:
+    """The persons' start cells in the rows of a batch: the same for all, or cells for each.
+
+    Args:
+        value: a cell; a cell for each person, shape (persons, 2); or those of each row,
+            shape (rows, persons, 2).
+        rows: the number of rows.
+        grid_size: cells along each side.
+        persons: the number of persons, if the batch exists already.
+
+    Returns:
+        int64, shape (rows, persons, 2), x first.
+    """
+    name = "person_initial_position"
+    given = checks.numbers(name, value, "a cell (x, y), several of them, or cells for each search")
+    cells = given[None] if given.ndim == 1 else given
+    count = persons or (cells.shape[-2] if cells.ndim > 1 else 0)
+    if not count or cells.shape not in ((count, 2), (rows, count, 2)):
+        number = "persons" if persons is None else persons
+        one = "a cell (x, y), or " if persons in (None, 1) else ""
+        raise ValueError(
+            f"{name} must be {one}a cell for each person, of shape ({number}, 2), or those "
+            f"of each search, of shape ({rows}, {number}, 2); got shape {given.shape}"
+        )
+    whole = checks.cells(name, given, grid_size).reshape(cells.shape)
+    return np.broadcast_to(whole, (rows, count, 2))
+
+
 def _detection(value: object, persons: tuple[Cell, ...]) -> float | tuple[float, ...]:
+    """One probability of detection, or one for each person."""
     name = "probability_of_detection"
     if checks.is_number(value):
         return checks.real(name, value, 0, 1)

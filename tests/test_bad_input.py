@@ -1,4 +1,4 @@
-"""Bad input is refused at once, with reasons, and leaves the environment as it was."""
+"""Bad input raises an error that names it, and leaves the environment unchanged."""
 
 from __future__ import annotations
 
@@ -242,7 +242,7 @@ def refused(call: Callable[[], Any], error: type[Exception], *said: str) -> None
 
 
 def assert_untouched(env: DroneSwarmSearch, call: Callable[[DroneSwarmSearch], None]) -> None:
-    """A refused call leaves an environment as it was, now and in all that follows."""
+    """A failing call changes neither the present state nor what follows."""
     twin = copy.deepcopy(env)
     before, agents = whole_state(env), list(env.agents)
     call(env)
@@ -260,7 +260,7 @@ def assert_untouched(env: DroneSwarmSearch, call: Callable[[DroneSwarmSearch], N
 
 
 def was_seeded(env: DroneSwarmSearch) -> bool:
-    """Before the first reset there is no stream to go on from."""
+    """Before the first reset there is no random stream to continue."""
     try:
         env.frame()
     except ResetNeeded:
@@ -325,7 +325,7 @@ def test_reset_refuses(name, value, error, shown, stage):
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_reset_refuses_all_or_nothing(stage):
-    """One bad argument beside good ones: the good ones do not take effect either."""
+    """One bad argument together with good ones: none takes effect."""
 
     def bad_reset(env: DroneSwarmSearch) -> None:
         refused(
@@ -432,7 +432,7 @@ def test_reward_scheme_is_frozen():
         RewardScheme().step = 2
 
 
-# What must be taken alike: each form of an argument beside its plain form.
+# Every form of an argument is equivalent to its plain form.
 ALIKE = [
     ("vector", (0.5, -2), [[0.5, -2], np.array([0.5, -2]), np.array([0.5, -2], "f4")]),
     (

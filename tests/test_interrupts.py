@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment: after a reset, an environment or a batch is as good as new.
+"""Ctrl-C at any moment: after a reset, an environment or a batch works as a new one.
 
 An interrupt is raised at every few instructions, or lines, of the package's code in turn.
 """
@@ -35,7 +35,7 @@ LOCKING = {probability_matrix.BlockCache.get.__code__, probability_matrix.BlockC
 
 
 def interrupted(call: Callable[[], object], at: int) -> bool:
-    """Call something with Ctrl-C at an instruction of the package's; whether it came to that."""
+    """Call something, interrupted at an instruction of the package; False if it finished first."""
     instructions = itertools.count()
 
     def trace(frame: FrameType, event: str, argument: object) -> Any:
@@ -60,7 +60,7 @@ def interrupted(call: Callable[[], object], at: int) -> bool:
 def interruptions(
     make: Callable[[], Any], call: Callable[[Any], object], stride: int
 ) -> Iterator[Any]:
-    """What a call leaves behind that is interrupted, every few instructions until it is whole."""
+    """The subjects of a call that is interrupted at every few instructions, until it finishes."""
     for at in itertools.count(0, max(1, stride // COARSER)):
         subject = make()
         if not interrupted(lambda subject=subject: call(subject), at):
@@ -89,7 +89,7 @@ STEPS = {
 
 
 def future(env: DroneSwarmSearch) -> list[Any]:
-    """What can be seen of the present state, and of what comes of it."""
+    """The present state and the episode that follows from it."""
     now = [plain(env.state()), plain(env.frame().persons), env.agents, env.frame().ending]
     return [*now, play_on(env, observed(env), random.Random(5))]
 
@@ -164,7 +164,7 @@ def made_batch(parameters: dict[str, Any]) -> SearchBatch:
 
 
 def seen(batch: SearchBatch, steps: int = 7) -> list[Any]:
-    """What a batch comes to."""
+    """The results of some steps of a batch."""
     rng = np.random.default_rng(6)
     matrices = np.empty((batch.num_rows, 4, 4), np.float32)
     log = []
@@ -193,7 +193,7 @@ def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
             left.step(np.full((ROWS, 2), Action.IDLE))
         except ResetNeeded:
             asked += 1
-            for refused in (
+            for call in (
                 lambda: left.step(ACTIONS),  # noqa: B023
                 lambda: left.reset(range(2), np.arange(2)),  # noqa: B023
                 lambda: left.restart(np.arange(2)),  # noqa: B023
@@ -203,7 +203,7 @@ def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
                 lambda: left.write_matrices(np.empty((ROWS, 4, 4), np.float32)),  # noqa: B023
             ):
                 with pytest.raises(ResetNeeded, match="interrupted"):
-                    refused()
+                    call()
             continued = copy.deepcopy(left)
             continued.reset()
             seen(continued, 1)
@@ -239,7 +239,7 @@ def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
 def test_an_interrupted_step_of_a_view(
     view: type[SwarmVectorEnv] | type[DroneVectorEnv], mode: str
 ) -> None:
-    """In the same step or later: episodes that are over are not played on."""
+    """In the same step or later: ended episodes do not continue."""
 
     def made() -> Any:
         env = view(3, autoreset_mode=mode, grid_size=3, n_drones=2, timestep_limit=2)
@@ -269,17 +269,17 @@ def test_an_interrupted_step_of_a_view(
         assert log(left) == expected
 
 
-# Helpers.
+# Worker threads.
 
 
 @pytest.fixture
-def two_helpers(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = threads._Helpers()
+def two_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = threads._Workers()
     made.number = 2
-    monkeypatch.setattr(threads, "_helpers", made)
+    monkeypatch.setattr(threads, "_workers", made)
 
 
-def test_nobody_is_at_work_after_an_interrupt(two_helpers: None) -> None:
+def test_no_worker_runs_after_an_interrupt(two_workers: None) -> None:
     may_end = threading.Event()
 
     for at in itertools.count():
@@ -305,8 +305,8 @@ def test_nobody_is_at_work_after_an_interrupt(two_helpers: None) -> None:
     assert at > 50 // COARSER
 
 
-def test_another_interrupt_does_not_end_the_waiting(
-    two_helpers: None, monkeypatch: pytest.MonkeyPatch
+def test_a_second_interrupt_does_not_end_the_wait(
+    two_workers: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun, may_end, done = threading.Event(), threading.Event(), []
 
@@ -319,19 +319,19 @@ def test_another_interrupt_does_not_end_the_waiting(
         may_end.set()
         raise KeyboardInterrupt
 
-    def meanwhile() -> None:
+    def foreground() -> None:
         assert begun.wait(60)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(threads.time, "sleep", impatient)
     with pytest.raises(KeyboardInterrupt):
-        run_in_parts(work, [1], meanwhile)
+        run_in_parts(work, [1], foreground)
     assert done == [1]
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
-def test_interrupted_batches_with_helpers(
-    bayesian: bool, two_helpers: None, monkeypatch: pytest.MonkeyPatch
+def test_interrupted_batches_with_workers(
+    bayesian: bool, two_workers: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(threads, "_LEAST_BYTES", 1)
     monkeypatch.setattr(threads, "_PART_BYTES", 1)
@@ -347,7 +347,7 @@ def test_interrupted_batches_with_helpers(
         assert seen(left) == expected
 
 
-def test_an_episode_goes_on_after_an_error_of_the_sampler() -> None:
+def test_an_episode_continues_after_an_error_of_the_sampler() -> None:
     """A sampler's own error comes before anything changes: no reset is needed."""
     wrong = False
 

@@ -1,4 +1,4 @@
-"""The person's walk, for injected numbers and in distribution."""
+"""The person's random walk, for given draws and in distribution."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.person import walk
+from DroneSwarmSearch.drift.person import moves, walk
 
 
-def test_numbers_choose_right_left_and_stay() -> None:
+def test_draws_choose_right_left_and_stay() -> None:
     forecast = ProbabilityMatrix(9, (4, 4), (0.1, -0.1), 10)
     right, left, down, up = forecast.moves(0)
     eps = 1e-9
@@ -28,6 +28,25 @@ def test_a_walk_in_pieces_is_the_walk() -> None:
     first = walk(forecast, 0, 210, for_x[:8], for_y[:8])
     assert first + walk(forecast, 8, first[-1], for_x[8:], for_y[8:]) == whole
     assert len(walk(forecast, 24, 210, for_x, for_y)) == 8, "a walk ends with the block of tables"
+
+
+def test_many_persons_move_as_one_does() -> None:
+    """Probabilities and draws may both be multiplied by 2**53, with integer draws."""
+    size, persons = 9, 2000
+    forecast = ProbabilityMatrix(size, (4, 4), (0.1, -0.3), 10)
+    rng = np.random.default_rng(1)
+    draws = np.floor(rng.random((2, persons)) * 2**53) / 2**53
+    x, y = rng.integers(0, size, (2, persons))
+    right, left, down, up = forecast.moves(3)
+    for scale, kind in ((1.0, np.float64), (2.0**53, np.int64)):
+        u, v = (draws * scale).astype(kind)
+        ahead_x = x + moves(u, right[x] * scale, (right + left)[x] * scale)
+        ahead_y = y + moves(v, down[y] * scale, (down + up)[y] * scale)
+        one_by_one = [
+            walk(forecast, 3, cell, [u], [v])[0]
+            for cell, u, v in zip((y * size + x).tolist(), *draws.tolist(), strict=True)
+        ]
+        assert (ahead_y * size + ahead_x).tolist() == one_by_one
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,6 @@ PUBLIC = (
     "DroneSwarmSearch.training",
     "DroneSwarmSearch.vector",
     "DroneSwarmSearch.vector.sb3",
-    "DroneSwarmSearch.vector.vector_env",
     "DroneSwarmSearch.wrappers",
 )
 """The modules whose names are public. The others are the package's own affair, but for what

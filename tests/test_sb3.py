@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import plain
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
@@ -43,7 +43,7 @@ def made(view: type[SearchVectorEnv], num_envs: int = 3, **arguments: Any) -> SB
 
 
 def random_actions(rng: np.random.Generator, env: SB3VecEnv) -> np.ndarray:
-    """Actions for all slots; moves are rare, since they end most episodes."""
+    """Actions for all sub-environments; moves are rare, since they end most episodes."""
     shape = (env.num_envs, *env.action_space.shape)
     return rng.choice(len(Action), shape, p=[0.04, 0.11, 0.04, 0.11, 0.4, 0.3])
 
@@ -80,18 +80,18 @@ def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout
     for _ in range(80):
         actions = random_actions(rng, env)
         seen, rewards, dones, infos = env.step(actions.copy())
-        theirs, their_rewards, terminated, truncated, told = plainly.step(actions.copy())
+        theirs, their_rewards, terminated, truncated, their_infos = plainly.step(actions.copy())
         assert plain(seen) == plain(theirs)
         assert plain(rewards) == plain(their_rewards.astype(np.float32))
         assert plain(dones) == plain(terminated | truncated)
-        for slot, info in enumerate(infos):
-            if not dones[slot]:
+        for index, info in enumerate(infos):
+            if not dones[index]:
                 assert info == {}
                 continue
             ended += 1
             assert sorted(info) == ["TimeLimit.truncated", "terminal_observation"]
-            assert plain(info["terminal_observation"]) == plain(told["final_obs"][slot])
-            time_limit_reached = truncated[slot] and not terminated[slot]
+            assert plain(info["terminal_observation"]) == plain(their_infos["final_obs"][index])
+            time_limit_reached = truncated[index] and not terminated[index]
             assert info["TimeLimit.truncated"] is bool(time_limit_reached)
             time_ups += int(time_limit_reached)
     assert ended > 10
@@ -131,11 +131,11 @@ def test_monitored_returns_are_right(view: type[SearchVectorEnv]) -> None:
         _, rewards, dones, infos = env.step(random_actions(rng, env))
         returns += rewards
         lengths += 1
-        for slot in dones.nonzero()[0]:
+        for index in dones.nonzero()[0]:
             ended += 1
-            assert infos[slot]["episode"]["r"] == pytest.approx(returns[slot], rel=1e-5)
-            assert infos[slot]["episode"]["l"] == lengths[slot]
-            returns[slot], lengths[slot] = 0.0, 0
+            assert infos[index]["episode"]["r"] == pytest.approx(returns[index], rel=1e-5)
+            assert infos[index]["episode"]["l"] == lengths[index]
+            returns[index], lengths[index] = 0.0, 0
     assert ended > 5
 
 
@@ -232,7 +232,9 @@ def test_attributes_and_methods_are_the_views(view: type[SearchVectorEnv]) -> No
 
 @both_views
 @pytest.mark.parametrize("right_of_way", [False, True])
-def test_every_slot_has_a_mask_of_its_own(view: type[SearchVectorEnv], right_of_way: bool) -> None:
+def test_every_sub_environment_has_a_mask_of_its_own(
+    view: type[SearchVectorEnv], right_of_way: bool
+) -> None:
     apart = {**SMALL, "drones_positions": [(0, 0), (2, 0)]}  # both might go between
     env = SB3VecEnv(view(3, autoreset_mode="SameStep", **apart), right_of_way)
     env.reset()
@@ -269,7 +271,7 @@ def test_maskable_ppo_learns_and_keeps_to_the_masks(view: type[SearchVectorEnv])
 
 
 @both_views
-def test_spaces_are_those_of_a_slot(view: type[SearchVectorEnv]) -> None:
+def test_spaces_are_those_of_a_sub_environment(view: type[SearchVectorEnv]) -> None:
     env = made(view, 4, observation="planes")
     assert env.num_envs == env.env.num_envs == (4 if view is SwarmVectorEnv else 8)
     assert env.observation_space == env.env.single_observation_space
@@ -291,16 +293,16 @@ def test_wrappers_work(view: type[SearchVectorEnv]) -> None:
     for _ in range(60):
         actions = random_actions(rng, env)
         seen, rewards, dones, infos = env.step(actions.copy())
-        theirs, their_rewards, _, told = plainly.step(actions.copy())
+        theirs, their_rewards, _, their_infos = plainly.step(actions.copy())
         assert plain(env.get_original_obs()) == plain(theirs)
         assert plain(env.get_original_reward()) == plain(their_rewards)
         assert np.abs(seen).max() <= env.clip_obs
         assert np.abs(rewards).max() <= env.clip_reward
-        for slot in dones.nonzero()[0]:
-            last = env.unnormalize_obs(infos[slot]["terminal_observation"])
-            inside = np.abs(infos[slot]["terminal_observation"]) < env.clip_obs
+        for index in dones.nonzero()[0]:
+            last = env.unnormalize_obs(infos[index]["terminal_observation"])
+            inside = np.abs(infos[index]["terminal_observation"]) < env.clip_obs
             assert last[inside] == pytest.approx(
-                told[slot]["terminal_observation"][inside], abs=1e-4
+                their_infos[index]["terminal_observation"][inside], abs=1e-4
             )
     assert seen.std() == pytest.approx(1, abs=0.5)
 
@@ -314,6 +316,14 @@ def test_other_environments_are_refused() -> None:
         words = rf"env must have autoreset_mode='SameStep', got '{mode}'"
         with pytest.raises(ValueError, match=words):
             SB3VecEnv(DroneVectorEnv(2, autoreset_mode=mode))
+
+
+def test_rewards_that_float32_cannot_hold_are_refused() -> None:
+    scheme = RewardScheme(find=1e300)
+    how: dict[str, Any] = {"autoreset_mode": "SameStep", "reward_scheme": scheme}
+    with pytest.raises(ValueError, match=r"env must have rewards that float32 can hold.*got.*1e\+"):
+        SB3VecEnv(SwarmVectorEnv(2, **how))
+    SB3VecEnv(SwarmVectorEnv(2, **how, reward_scale=2.0**-900))
 
 
 def test_step_wait_comes_after_step_async() -> None:

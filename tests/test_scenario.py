@@ -1,4 +1,4 @@
-"""`Scenario`: validated when it is made, equal in every form, and taken wherever a search is."""
+"""`Scenario`: validated in its constructor, and accepted wherever a search is needed."""
 
 from __future__ import annotations
 
@@ -80,6 +80,27 @@ def test_bad_values_are_refused_wherever_a_scenario_is_made(name, value, error):
     assert usual == Scenario()
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("vector", (0.5, np.nan)),
+        ("vector", (-np.inf, 0.0)),
+        ("disperse_constant", -1.0),
+        ("disperse_constant", np.inf),
+        ("person_initial_position", [[0.0, 7.0]]),
+        ("person_initial_position", [[0.5, 2.0]]),
+    ],
+)
+def test_a_bad_value_of_a_row_has_the_message_of_a_bad_value(name, value):
+    with pytest.raises(ValueError, match=name) as of_one:
+        Scenario(**{name: value})
+    good = Scenario(person_initial_position=[[1, 1]])
+    values = [getattr(good, name), value, getattr(good, name)]
+    with pytest.raises(ValueError, match=name) as of_rows:
+        SearchBatch(3, **{name: values})
+    assert str(of_rows.value) == str(of_one.value).replace(name, f"{name}[1]", 1)
+
+
 def test_it_cannot_be_changed():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Scenario().grid_size = 8  # type: ignore[misc]
@@ -131,7 +152,7 @@ def test_bad_dicts_are_refused(data, error, message):
         Scenario.from_dict(data)
 
 
-# Whatever takes one.
+# Where a scenario is accepted.
 
 
 def test_an_environment_of_a_scenario_is_that_of_its_parameters():
@@ -154,7 +175,7 @@ def test_a_batch_of_a_scenario_is_that_of_its_parameters(kind: Any):
 
 
 @pytest.mark.parametrize("name", list(OTHER))
-def test_a_parameter_beside_a_scenario_is_refused(name):
+def test_a_parameter_together_with_a_scenario_is_refused(name):
     scenario, value = Scenario(**OTHER), OTHER[name]
     for kind in (
         DroneSwarmSearch,
@@ -163,12 +184,14 @@ def test_a_parameter_beside_a_scenario_is_refused(name):
         given = {name: value}
         if name == "probability_of_detection":
             given = {name: 0.5}
-        with pytest.raises(ValueError, match=rf"{name} .*beside.*replace\({name}=") as caught:
+        with pytest.raises(
+            ValueError, match=rf"{name} .*together with a scenario.*replace\({name}="
+        ) as caught:
             kind(scenario=scenario, **given)
         assert "got" in str(caught.value)
 
 
-def test_defaults_beside_a_scenario_are_not_given():
+def test_defaults_may_be_given_together_with_a_scenario():
     scenario = Scenario(**OTHER)
     usual = {"vector": np.array([-0.5, -0.5]), "person_initial_position": [[0, 0]], "grid_size": 7}
     assert DroneSwarmSearch(scenario=scenario, **usual).scenario == scenario
@@ -176,7 +199,7 @@ def test_defaults_beside_a_scenario_are_not_given():
         for other in ({}, 7, DroneSwarmSearch(), "classic"):
             with pytest.raises(TypeError, match="scenario must be a Scenario, got"):
                 kind(scenario=other)
-        with pytest.raises(ValueError, match=r"vector .*beside"):
+        with pytest.raises(ValueError, match=r"vector .*together"):
             kind(scenario=scenario, vector=[[1, 2], [3]])
 
 

@@ -1,4 +1,4 @@
-"""What helpers do beside a step is done once, wholly, and by whoever is there."""
+"""Background work is complete and done once, with any number of worker threads."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 
-def helpers(number: int) -> threads._Helpers:
-    made = threads._Helpers()
+def workers(number: int) -> threads._Workers:
+    made = threads._Workers()
     made.number = number
     return made
 
@@ -32,8 +32,8 @@ def require(fact: object) -> None:
 
 @pytest.fixture
 def two(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two helpers, wherever the test runs."""
-    monkeypatch.setattr(threads, "_helpers", helpers(2))
+    """Two workers on any machine."""
+    monkeypatch.setattr(threads, "_workers", workers(2))
 
 
 # Work in parts.
@@ -42,14 +42,14 @@ def two(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("number", [0, 1, 3])
 @pytest.mark.parametrize("parts", [0, 1, 2, 50])
 def test_every_part_is_done_once(number: int, parts: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(threads, "_helpers", helpers(number))
+    monkeypatch.setattr(threads, "_workers", workers(number))
     for _ in range(20):
         done: list[int] = []
         run_in_parts(done.append, range(parts))
         assert sorted(done) == list(range(parts))
 
 
-def test_helpers_work_beside_the_caller(two: None) -> None:
+def test_workers_run_while_the_caller_does_something_else(two: None) -> None:
     begun, may_end = threading.Event(), threading.Event()
     who = []
 
@@ -58,16 +58,16 @@ def test_helpers_work_beside_the_caller(two: None) -> None:
         begun.set()
         assert may_end.wait(60)
 
-    def meanwhile() -> None:
-        assert begun.wait(60)  # while this is still going on
+    def foreground() -> None:
+        assert begun.wait(60)  # while the work is not done
         may_end.set()
 
-    run_in_parts(work, [1], meanwhile)
+    run_in_parts(work, [1], foreground)
     assert [thread.daemon for thread in who] == [True]
     assert who != [threading.current_thread()]
 
 
-def test_helpers_are_waited_for(two: None) -> None:
+def test_the_caller_waits_for_the_workers(two: None) -> None:
     begun, may_end = threading.Event(), threading.Event()
     done = []
 
@@ -87,7 +87,7 @@ def test_helpers_are_waited_for(two: None) -> None:
     other.join()
 
 
-def test_work_not_worth_sharing_is_done_by_the_caller_at_the_end(two: None) -> None:
+def test_small_work_is_done_by_the_caller_at_the_end(two: None) -> None:
     who = []
     run_in_parts(
         lambda _: who.append(threading.current_thread()),
@@ -100,7 +100,7 @@ def test_work_not_worth_sharing_is_done_by_the_caller_at_the_end(two: None) -> N
 
 @pytest.mark.parametrize("shares", [True, False])
 @pytest.mark.parametrize("wrong", [0, 1, 2])
-def test_what_a_part_raises_is_raised_at_the_end(wrong: int, shares: bool, two: None) -> None:
+def test_an_error_of_a_part_is_raised_at_the_end(wrong: int, shares: bool, two: None) -> None:
     def work(part: int) -> None:
         if part == wrong:
             raise ArithmeticError(part)
@@ -110,7 +110,7 @@ def test_what_a_part_raises_is_raised_at_the_end(wrong: int, shares: bool, two: 
 
 
 @pytest.mark.parametrize("shares", [True, False])
-def test_what_the_caller_raises_is_raised_when_nobody_works_any_more(
+def test_an_error_of_the_caller_is_raised_after_the_workers_have_stopped(
     shares: bool, two: None
 ) -> None:
     begun: list[int] = []
@@ -121,33 +121,33 @@ def test_what_the_caller_raises_is_raised_when_nobody_works_any_more(
         time.sleep(0.001)
         done.append(part)
 
-    def meanwhile() -> None:
-        raise KeyError("meanwhile")
+    def foreground() -> None:
+        raise KeyError("foreground")
 
     for _ in range(10):
-        with pytest.raises(KeyError, match="meanwhile"):
-            run_in_parts(work, range(9), meanwhile, shares)
+        with pytest.raises(KeyError, match="foreground"):
+            run_in_parts(work, range(9), foreground, shares)
         assert sorted(begun) == sorted(done)
     if not shares:
         assert not begun
 
 
-def test_where_no_thread_can_be_started_the_caller_does_all(
+def test_without_threads_the_caller_does_all_parts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def start(thread: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
-    monkeypatch.setattr(threads, "_helpers", helpers(3))
+    monkeypatch.setattr(threads, "_workers", workers(3))
     monkeypatch.setattr(threading.Thread, "start", start)
     done: list[int] = []
     for _ in range(2):
         run_in_parts(done.append, range(4))
     assert done == [0, 1, 2, 3] * 2
-    assert threads._helpers.number == 0
+    assert threads._workers.number == 0
 
 
-# How many there are.
+# The number of threads.
 
 
 @pytest.mark.parametrize(
@@ -184,14 +184,14 @@ def test_no_thread_is_started_for_small_batches() -> None:
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 
 
-# Batches that are large enough by themselves.
+# Batches that are large enough for threads.
 
 LARGE = {"grid_size": 50, "n_drones": 2, "person_initial_position": (25, 25)}
 ROWS = 900  # matrices of 9 MB, several tiles of beliefs
 
 
 def states(batch: SearchBatch, steps: int, together: bool) -> list[bytes]:
-    """What a batch comes to; matrices are written with the steps, or after them."""
+    """The results of some steps; matrices are written with the steps, or after them."""
     rng = np.random.default_rng(5)
     matrices = np.empty((batch.num_rows, 50, 50), np.float32)
     seen = []
@@ -207,16 +207,16 @@ def states(batch: SearchBatch, steps: int, together: bool) -> list[bytes]:
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
-def test_large_batches_are_the_same_with_any_number_of_helpers(
+def test_large_batches_do_not_depend_on_the_number_of_workers(
     bayesian: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = []
     for number in (0, 1, 3):
-        monkeypatch.setattr(threads, "_helpers", helpers(number))
+        monkeypatch.setattr(threads, "_workers", workers(number))
         batch = SearchBatch(ROWS, bayesian_update=bayesian, **LARGE)
         batch.reset(range(ROWS))
         seen.append(states(batch, 6, together=True))
-        assert (threads._helpers._started > 0) == (number > 0)
+        assert (threads._workers._started > 0) == (number > 0)
     assert seen[0] == seen[1] == seen[2]
     batch = SearchBatch(ROWS, bayesian_update=bayesian, **LARGE)
     batch.reset(range(ROWS))
@@ -225,18 +225,18 @@ def test_large_batches_are_the_same_with_any_number_of_helpers(
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-def test_forked_processes_have_helpers_of_their_own(two: None) -> None:
+def test_forked_processes_have_their_own_workers(two: None) -> None:
     batch = SearchBatch(ROWS, **LARGE)
     batch.reset(range(ROWS))
     states(batch, 2, together=True)
-    assert threads._helpers._started == 2
+    assert threads._workers._started == 2
     copied = pickle.loads(pickle.dumps(batch))
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:  # pragma: no cover (in another process)
-        threads._helpers.number = 2
+        threads._workers.number = 2
         with os.fdopen(writing, "wb") as pipe:
-            pickle.dump((states(batch, 2, together=True), threads._helpers._started), pipe)
+            pickle.dump((states(batch, 2, together=True), threads._workers._started), pipe)
         os._exit(0)
     os.close(writing)
     with os.fdopen(reading, "rb") as pipe:
@@ -247,7 +247,7 @@ def test_forked_processes_have_helpers_of_their_own(two: None) -> None:
 
 
 def shown(view: type[SearchVectorEnv], **how: Any) -> list[bytes]:
-    """What a view of some small searches shows for a while, whose episodes end in between."""
+    """The observations of some small searches whose episodes end in between."""
     env = view(7, n_drones=2, timestep_limit=4, copy=False, **how)
     env.action_space.seed(3)
     seen = [pickle.dumps(env.reset(seed=3)[0])]
@@ -260,22 +260,22 @@ def shown(view: type[SearchVectorEnv], **how: Any) -> list[bytes]:
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("layout", list(LAYOUTS))
 @pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
-def test_views_show_the_same_if_threads_share_in_what_is_written(
+def test_observations_do_not_depend_on_the_number_of_threads(
     view: type[SearchVectorEnv],
     layout: str,
     mode: str,
     two: None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    alone = shown(view, observation=layout, autoreset_mode=mode)
-    assert threads._helpers._started == 0
+    without_threads = shown(view, observation=layout, autoreset_mode=mode)
+    assert threads._workers._started == 0
     monkeypatch.setattr(threads, "_LEAST_BYTES", 1)
     monkeypatch.setattr(threads, "_PART_BYTES", 1)
-    assert shown(view, observation=layout, autoreset_mode=mode) == alone
-    assert threads._helpers._started == 2
+    assert shown(view, observation=layout, autoreset_mode=mode) == without_threads
+    assert threads._workers._started == 2
 
 
-# What receives matrices.
+# Output arrays.
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,7 @@ def test_views_show_the_same_if_threads_share_in_what_is_written(
         (np.zeros((2, 7, 7), np.float32).swapaxes(1, 2), ValueError, "got one with gaps or in"),
     ],
 )
-def test_what_receives_matrices_is_checked(
+def test_the_output_array_for_matrices_is_validated(
     receiver: Any, error: type[Exception], came: str
 ) -> None:
     batch = SearchBatch(2)
@@ -302,7 +302,7 @@ def test_what_receives_matrices_is_checked(
         assert pickle.dumps(batch) == before
 
 
-def test_matrices_are_not_written_into_what_is_read_only() -> None:
+def test_matrices_are_not_written_into_read_only_arrays() -> None:
     batch = SearchBatch(2)
     batch.reset([1, 2])
     receiver = np.zeros((2, 7, 7), np.float32)

@@ -30,13 +30,17 @@ from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbe
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.vector import SearchBatch, beliefs, collisions, forecasts, threads
-from DroneSwarmSearch.vector.forecasts import (
-    DriftParameters,
-    OnTheFlyForecasts,
-    TabulatedForecasts,
-    choose_forecasts,
+from DroneSwarmSearch.vector import (
+    SearchBatch,
+    beliefs,
+    collisions,
+    on_the_fly_forecasts,
+    tabulated_forecasts,
+    threads,
 )
+from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
+from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts, choose_forecasts
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -45,10 +49,9 @@ DRONES = "drones_positions"
 CONSTANT = "disperse_constant"
 
 
-# A batch and the environments beside it.
+# A batch, and a single environment for each of its rows.
 
-# How many axes the value has that all rows share; with one axis more, each row has its own
-# or, where that axis is 1 long, all have the same.
+# The axes of a value for all rows; with one axis more, each row has its own.
 AXES = {"vector": 1, PERSON: 2, CONSTANT: 0, DRONES: 2}
 
 
@@ -63,7 +66,7 @@ def of_row(parameters: Mapping[str, Any], row: int) -> dict[str, Any]:
 
 
 class Twins:
-    """A batch, and beside each row the single environment that it should equal."""
+    """A batch, and for each row the single environment that it must reproduce."""
 
     def __init__(self, rows: int, parameters: Mapping[str, Any]) -> None:
         self.batch = SearchBatch(rows, **parameters)
@@ -109,14 +112,14 @@ class Twins:
             self.envs[row] = env
 
     def step(self, actions: Any) -> None:
-        over = self.batch.ended.tolist()
+        ended = self.batch.ended.tolist()
         # Matrices come with a step, or are asked for after it.
         size = self.envs[0].grid_size
         asks = self.compared % 2
-        self.received = np.full((len(over), size, size), NAN, np.float32) if asks else None
+        self.received = np.full((len(ended), size, size), NAN, np.float32) if asks else None
         self.batch.step(actions, self.received)
         for row, env in enumerate(self.envs):
-            if over[row]:
+            if ended[row]:
                 self._begin(row, None, {})
                 self.rewards[row] = 0.0
             else:
@@ -161,8 +164,8 @@ def fields_of(frame: Frame) -> dict[str, Any]:
     return {**vars(frame), "matrix": frame.matrix.tobytes()}
 
 
-def careless(rng: random.Random, twins: Twins) -> list[list[int]]:
-    """Actions at random, mostly searches and moves that keep to the grid."""
+def random_actions(rng: random.Random, twins: Twins) -> list[list[int]]:
+    """Random actions, mostly searches and moves that stay on the grid."""
     size = twins.envs[0].grid_size
     chosen = []
     for frame in twins.frames:
@@ -180,7 +183,7 @@ def careless(rng: random.Random, twins: Twins) -> list[list[int]]:
 
 
 def events_of(before: Frame, actions: list[int], after: Frame, successful: set[int]) -> set[str]:
-    """Those of EVENTS that happened in a step; who finds somebody joins the successful."""
+    """The EVENTS of a step; adds the drones that find a person to `successful`."""
     drones, size, n = before.drones, before.grid_size, len(before.drones)
     targets = [target_of(cell, action) for cell, action in zip(drones, actions, strict=True)]
     left = [not inside(target, size) for target in targets]
@@ -193,7 +196,7 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
     where_found = {before.persons[k] for k in persons if k not in missing}
     finders = {i for i in searches if drones[i] in {before.persons[k] for k in found}}
     last, several = after.step == after.timestep_limit, len(persons) > 1
-    collided, over = max(crowd) > 1, max(crowd) > 1 or any(left)
+    collided, crashed = max(crowd) > 1, max(crowd) > 1 or any(left)
     unsuccessful = [
         before.matrix[drones[i][::-1]]
         for i in searches
@@ -211,8 +214,8 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
         "exchange of cells": any(
             targets[i] == drones[j] and targets[j] == drones[i] for i in range(n) for j in range(i)
         ),
-        "time up": last and not over and not finders,
-        "time up, somebody had found somebody": last and not over and bool(successful),
+        "time up": last and not crashed and not finders,
+        "time up, somebody had found somebody": last and not crashed and bool(successful),
         "find in the last step": last and bool(finders),
         "find": bool(finders),
         "two persons found by one search": len(found) > len({before.persons[k] for k in found}),
@@ -237,22 +240,22 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
 
 @dataclass(frozen=True)
 class Case:
-    """A batch's parameters, which of several ways it computes in, and what is done with it."""
+    """A batch's parameters, how it computes, and what is done with it."""
 
     rows: int
     parameters: dict[str, Any]
-    followed: bool
+    on_the_fly: bool  # forecasts
     tile_rows: int
-    few_drones: int  # up to so many are compared two by two, see `collisions`
+    few_drones: int  # up to this many are compared in pairs, see `collisions`
     plans: list[list[int]]
     seed: int
     steps: int
-    resets: float  # the chance of a reset after a step
-    shared: bool  # whether threads share what they may
+    resets: float  # the probability of a reset after a step
+    shared: bool  # whether background threads take part
 
 
 class Drawn:
-    """Values of the parameters that rows may have of their own."""
+    """Random values of the parameters that may differ between rows."""
 
     def __init__(self, rng: random.Random, rows: int, size: int, n: int, persons: int) -> None:
         self.rng, self.rows, self.n, self.persons = rng, rows, n, persons
@@ -303,7 +306,7 @@ def random_case(rng: random.Random) -> Case:
     return Case(
         rows,
         parameters,
-        followed=rng.random() < 0.4,
+        on_the_fly=rng.random() < 0.4,
         tile_rows=rng.choice([1, 2, 3, 256]),
         few_drones=rng.choice([0, 32]),
         plans=[[rng.choice(INTENTS) for _ in range(rng.randint(1, 6))] for _ in range(n)],
@@ -321,41 +324,41 @@ def planned(plans: list[list[int]], frame: Frame, turn: int, rng: random.Random)
     return list(map(int, actions))
 
 
-HELPERS = threads._Helpers()
+HELPERS = threads._Workers()
 HELPERS.number = 2
 
 
-def share_all(patch: pytest.MonkeyPatch) -> None:
-    """Let threads, wherever the test runs, share what is otherwise too small for it."""
-    patch.setattr(threads, "_helpers", HELPERS)
+def use_threads(patch: pytest.MonkeyPatch) -> None:
+    """Use background threads for small arrays, too, on any machine."""
+    patch.setattr(threads, "_workers", HELPERS)
     patch.setattr(beliefs, "_LEAST_SHARED_BYTES", 0)
     patch.setattr(threads, "_LEAST_BYTES", 0)
     patch.setattr(threads, "_PART_BYTES", 100)  # so that there are several parts
 
 
 def check_case(case: Case) -> Counter[str]:
-    """Play a batch beside its environments; returns how often each of EVENTS happened."""
+    """Compare a batch with its environments; returns how often each event happened."""
     rng, events = random.Random(case.seed), Counter[str]()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
-        patch.setattr(beliefs, "_BEGUN_AT_ONCE", 2)
-        patch.setattr(forecasts, "_CHUNK_BYTES", 500)  # so that there are several
+        patch.setattr(beliefs, "_BEGIN_ROWS", 2)
+        patch.setattr(on_the_fly_forecasts, "_CHUNK_BYTES", 500)  # so that there are several
         patch.setattr(collisions, "_FEW", case.few_drones)
-        if case.followed:
-            patch.setattr(forecasts, "TABLE_BYTES", 0)
+        if case.on_the_fly:
+            patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
         if case.shared:
-            share_all(patch)
+            use_threads(patch)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         successful: list[set[int]] = [set() for _ in range(case.rows)]
         for turn in range(case.steps):
-            before, over = twins.frames, twins.batch.ended.tolist()
+            before, ended = twins.frames, twins.batch.ended.tolist()
             actions = [
                 planned(case.plans, frame, turn + row, rng) for row, frame in enumerate(before)
             ]
             twins.step(np.array(actions))
             for row, after in enumerate(twins.frames):
-                if over[row]:
+                if ended[row]:
                     successful[row] = set()
                 else:
                     events.update(events_of(before[row], actions[row], after, successful[row]))
@@ -366,9 +369,6 @@ def check_case(case: Case) -> Counter[str]:
                 twins.reset([rng.choice([None, rng.randrange(99)]) for _ in rows], rows, given)
                 for row in rows:
                     successful[row] = set()
-        assert isinstance(
-            twins.batch._state.forecasts, OnTheFlyForecasts if case.followed else TabulatedForecasts
-        )
     return events
 
 
@@ -385,7 +385,7 @@ def test_every_row_is_the_single_environment_in_thousands_of_cases(seed):
     check_case(random_case(random.Random(seed)))
 
 
-def test_all_that_can_happen_happens_alike() -> None:
+def test_every_event_occurs_in_the_comparisons() -> None:
     events: Counter[str] = Counter()
     for number in range(250):
         events += check_case(random_case(random.Random(number)))
@@ -395,24 +395,26 @@ def test_all_that_can_happen_happens_alike() -> None:
 # Kinds of forecasts, tiles of beliefs, parameters of each row, long episodes.
 
 
-@pytest.fixture(params=["tables", "followed"])
+@pytest.fixture(params=["tabulated", "on-the-fly"])
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """The forecasts that the batches of a test have."""
-    if request.param == "followed":
-        monkeypatch.setattr(forecasts, "TABLE_BYTES", 0)
+    if request.param == "on-the-fly":
+        monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
     return str(request.param)
 
 
-def has_forecasts(batch: SearchBatch, kind: str) -> bool:
-    return isinstance(
-        batch._state.forecasts, {"tables": TabulatedForecasts, "followed": OnTheFlyForecasts}[kind]
-    )
+def is_tabulated(batch: SearchBatch) -> bool:
+    """Whether a batch of one person, without posteriors, has tables."""
+    try:
+        return batch.table.size > 0
+    except ValueError:
+        return False
 
 
 def play(twins: Twins, steps: int, seed: int = 0) -> None:
     rng = random.Random(seed)
     for _ in range(steps):
-        twins.step(np.array(careless(rng, twins)))
+        twins.step(np.array(random_actions(rng, twins)))
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
@@ -442,7 +444,6 @@ def test_episodes_of_many_blocks_are_those_of_the_single_environment(
             twins.reset(rows=[1])
     assert longest == 150
     assert len(set(twins.batch.steps.tolist())) > 1
-    assert has_forecasts(twins.batch, kind)
 
 
 @pytest.mark.parametrize("tile_rows", [2, 3])
@@ -463,11 +464,6 @@ def test_beliefs_may_lie_in_several_tiles(
     )
     twins.reset(list(range(7)))
     play(twins, 60)
-    assert [tile.shape[-1] for tile in twins.batch._state._beliefs._tiles] == {
-        2: [2, 2, 2, 1],
-        3: [3, 3, 1],
-    }[tile_rows]
-    assert has_forecasts(twins.batch, kind)
 
 
 def test_searches_that_contradict_a_belief_leave_it_as_it_was(
@@ -477,14 +473,14 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     monkeypatch.setattr(beliefs, "_TILE_ROWS", 2)
     start = np.array([[[1, 1, 0], [1, 1, 0]]])
     still = np.zeros((2, 3)), np.array([0.0, 9.0, 0.0])
-    followed = OnTheFlyForecasts(4, DriftParameters(start, *still))
-    followed.assign(np.arange(3), DriftParameters(start, *still))
-    followed.begin(np.arange(3))
-    followed.advance(np.empty(0, np.int64))  # the person of row 1 may now be in any of nine cells
+    forecasts = OnTheFlyForecasts(4, DriftParameters(start, *still))
+    forecasts.assign(np.arange(3), DriftParameters(start, *still))
+    forecasts.begin(np.arange(3))
+    forecasts.advance(np.empty(0, np.int64))  # the person of row 1 may now be in any of nine cells
     known = beliefs.Beliefs(4, (1.0,), 3)
     cells = np.array([5, 5, 0])
     everybody = np.ones((1, 3), bool)
-    known.go_on(np.arange(3), cells, everybody, everybody, followed, None, lambda: None)
+    known.update(np.arange(3), cells, everybody, everybody, forecasts, None, lambda: None)
     matrices = known.matrices(np.arange(3), everybody)
     for row, cell in enumerate(cells.tolist()):
         forecast = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
@@ -523,10 +519,9 @@ def test_rows_may_have_parameters_of_their_own(kind: str, persons: int, bayesian
     assert parameters.keys() == own.keys()
     for name, value in own.items():
         np.testing.assert_array_equal(parameters[name], value)
-    assert has_forecasts(twins.batch, kind)
 
 
-def test_arrays_that_are_handed_out_have_the_types_documented() -> None:
+def test_arrays_have_the_documented_types() -> None:
     batch = SearchBatch(3, n_drones=2, person_initial_position=[(0, 0), (1, 1)])
     batch.reset([1, 2, 3])
     batch.step(np.full((3, 2), Action.SEARCH))
@@ -551,7 +546,7 @@ def test_arrays_that_are_handed_out_have_the_types_documented() -> None:
 
 
 def episode_numbers(seed: int, episode: int, count: int, persons: int) -> Any:
-    """Numbers at their addresses: drift (count, persons, 2) and detection (count, persons)."""
+    """The random draws of an episode: drift (count, persons, 2) and detection (count, persons)."""
     keys = episode_keys(stream_keys(seed)[:2, None], np.array([episode], np.uint64))
     places = np.arange(2 * count * persons, dtype=np.uint64)
     drift, detection = numbers(keys, places)
@@ -564,7 +559,7 @@ def moved(cell: int, number: float, higher: np.ndarray, lower: np.ndarray) -> in
     return cell - 1 if number < higher[cell] + lower[cell] else cell
 
 
-def test_persons_walk_by_the_numbers_of_their_addresses(kind: str) -> None:
+def test_persons_walk_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
     size, steps, starts, seeds = 9, 40, [(4, 4), (0, 8)], [3, 3, 12345]
     parameters = {"vector": (0.3, -0.2), CONSTANT: 7.0}
     batch = SearchBatch(
@@ -572,7 +567,6 @@ def test_persons_walk_by_the_numbers_of_their_addresses(kind: str) -> None:
         **parameters,
     )  # fmt: skip
     batch.reset(seeds)
-    assert has_forecasts(batch, kind)
     matrices = [ProbabilityMatrix(size, start, *parameters.values()) for start in starts]
     for episode in range(2):
         drift = [episode_numbers(seed, episode, steps, len(starts))[0] for seed in seeds]
@@ -590,23 +584,22 @@ def test_persons_walk_by_the_numbers_of_their_addresses(kind: str) -> None:
         batch.step(np.zeros((len(seeds), 1), int))
 
 
-def test_searches_succeed_by_the_numbers_of_their_addresses(kind: str) -> None:
-    """A drone sits with two persons who stay where they are, and searches without end."""
+def test_searches_succeed_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
+    """A drone keeps searching the cell of two persons who do not move."""
     steps, pods, rows = 40, (0.15, 0.05), 20
     batch = SearchBatch(
         rows, vector=(0, 0), disperse_constant=0, timestep_limit=steps,
         person_initial_position=[(0, 0), (0, 0)], probability_of_detection=pods,
     )  # fmt: skip
     batch.reset(range(rows))
-    assert has_forecasts(batch, kind)
     times = Counter[int]()
     detection = [[episode_numbers(r, e, steps, 2)[1] for e in range(20)] for r in range(rows)]
     episode, found = [0] * rows, np.zeros((rows, 2), bool)
     for _ in range(90):
-        before, over = batch.steps.tolist(), batch.ended.tolist()
+        before, ended = batch.steps.tolist(), batch.ended.tolist()
         batch.step(np.full((rows, 1), Action.SEARCH))
         for row in range(rows):
-            if over[row]:
+            if ended[row]:
                 episode[row] += 1
                 found[row] = False
             else:
@@ -660,7 +653,7 @@ def test_a_vector_given_stays_and_the_rest_is_for_the_episode(
         },
     )
     twins.reset([5, 6, 7, 8])
-    play(twins, 5)  # whoever is not reset is in mid-episode, or has just ended one
+    play(twins, 5)  # rows 0 and 2 are in mid-episode or have just ended
     usual, others = twins.batch.parameters, seen(twins.batch)
     twins.reset([None, 9], [1, 3], {name: values[name] for name in names})
     for row in (0, 2):
@@ -678,23 +671,22 @@ def test_a_vector_given_stays_and_the_rest_is_for_the_episode(
             expected_row = of_row(values, row)[name] if stays else usual[name][row]
             np.testing.assert_array_equal(value[row], expected_row)
     play(twins, 10)
-    assert has_forecasts(twins.batch, kind)
 
 
-def test_forecasts_are_followed_once_resets_have_brought_too_many(
+def test_resets_with_many_vectors_switch_to_on_the_fly_forecasts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     twins = Twins(6, {"timestep_limit": 40, "vector": (0.1, 0.2)})
     twins.reset(list(range(6)))
     play(twins, 7)
-    assert has_forecasts(twins.batch, "tables")
-    monkeypatch.setattr(forecasts, "TABLE_BYTES", 66_000)  # three forecasts of 41 steps
+    assert is_tabulated(twins.batch)
+    monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 66_000)  # three forecasts of 41 steps
     twins.reset([3], [3], {"vector": (0.3, 0.2)})
-    assert has_forecasts(twins.batch, "tables")
+    assert is_tabulated(twins.batch)
     play(twins, 5)
     vectors = np.random.default_rng(1).uniform(-1, 1, (6, 2))
     twins.reset([3, 4, 5], [3, 4, 5], {"vector": vectors})
-    assert has_forecasts(twins.batch, "followed")
+    assert not is_tabulated(twins.batch)
     play(twins, 100)
 
 
@@ -754,7 +746,7 @@ def test_restarted_rows_begin_their_next_episodes_and_keep_what_the_last_step_br
             assert restarted.endings.tobytes() == reset.endings.tobytes()
             assert restarted.rewards.tobytes() == rewards
             reset.reset(rows=rows)
-        # Rewards and endings, which come first, are what a reset alone clears.
+        # Rewards and endings, the first two, are cleared only by `reset`.
         assert [row[2:] for row in seen(restarted)] == [row[2:] for row in seen(reset)]
         assert not restarted.ended.any()
     assert endings.total() > 10
@@ -804,18 +796,18 @@ def test_what_is_sampled_depends_on_seed_and_episode_alone() -> None:
     seeds = [4, 8, 15, 16, 23]
     together = SearchBatch(5, sampler=everything_sampled, **SAMPLED)
     together.reset(seeds)
-    alone = [SearchBatch(1, sampler=everything_sampled, **SAMPLED) for _ in seeds]
-    for batch, seed in zip(alone, seeds, strict=True):
+    single = [SearchBatch(1, sampler=everything_sampled, **SAMPLED) for _ in seeds]
+    for batch, seed in zip(single, seeds, strict=True):
         batch.reset([seed])
     rng = np.random.default_rng(1)
     different = set()
     for _ in range(80):
         rows = seen(together)
-        assert rows == [seen(batch)[0] for batch in alone]
+        assert rows == [seen(batch)[0] for batch in single]
         different |= {repr(row[-4:]) for row in rows}
         actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 4], (5, 2))
         together.step(actions)
-        for row, batch in enumerate(alone):
+        for row, batch in enumerate(single):
             batch.step(actions[row : row + 1])
     assert len(different) > 40  # episodes, each with parameters of its own
 
@@ -836,10 +828,10 @@ def test_sampled_parameters_given_to_single_environments_make_the_same_episodes(
     episodes = [0] * len(seeds)
     envs = [begin(row, 0) for row in range(len(seeds))]
     for _ in range(60):
-        over, actions = batch.ended.tolist(), rng.choice([0, 1, 2, 3, 4, 4, 4], (len(seeds), 2))
+        ended, actions = batch.ended.tolist(), rng.choice([0, 1, 2, 3, 4, 4, 4], (len(seeds), 2))
         batch.step(actions)
         for row in range(len(seeds)):
-            if over[row]:
+            if ended[row]:
                 episodes[row] += 1
                 envs[row] = begin(row, episodes[row])
             else:
@@ -911,8 +903,8 @@ def test_row_numbers_go_on_and_do_not_depend_on_the_other_rows() -> None:
     together = RowGenerator(keys)
     drawn = [together.random(3), together.uniform(0, 2), together.integers(0, 100, (2, 2))]
     for row in range(3):
-        alone = RowGenerator(keys[row : row + 1])
-        again = [alone.random(3), alone.uniform(0, 2), alone.integers(0, 100, (2, 2))]
+        single = RowGenerator(keys[row : row + 1])
+        again = [single.random(3), single.uniform(0, 2), single.integers(0, 100, (2, 2))]
         assert [plain(one[0]) for one in again] == [plain(one[row]) for one in drawn]
     assert RowGenerator(keys).random(3).tolist() == drawn[0].tolist()
     assert not set(together.random(3).ravel()) & set(drawn[0].ravel())
@@ -965,15 +957,15 @@ def test_integers_stay_below_their_bound_whatever_is_drawn(
         assert rng.integers(low, high).tolist() == [expected] * 3
 
 
-class Switched:
-    """A sampler that returns or raises what it is told; copies do not carry that along."""
+class Configurable:
+    """A sampler that returns or raises a class attribute, which copies do not contain."""
 
-    told: Any = None
+    result: Any = None
 
     def __call__(self, rng: RowGenerator) -> Any:
-        if isinstance(self.told, Exception):
-            raise self.told
-        return self.told
+        if isinstance(self.result, Exception):
+            raise self.result
+        return self.result
 
 
 BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
@@ -993,20 +985,19 @@ BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("told", "error", "match"), BAD_SAMPLES)
+@pytest.mark.parametrize(("result", "error", "match"), BAD_SAMPLES)
 def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
-    told: Any, error: type[Exception], match: str, monkeypatch: pytest.MonkeyPatch
+    result: Any, error: type[Exception], match: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    batch = SearchBatch(3, n_drones=2, timestep_limit=2, sampler=Switched())
-    monkeypatch.setattr(Switched, "told", {"vector": (0.5, 0.5)})
+    batch = SearchBatch(3, n_drones=2, timestep_limit=2, sampler=Configurable())
+    monkeypatch.setattr(Configurable, "result", {"vector": (0.5, 0.5)})
     batch.reset([1, 2, 3])
     batch.step(np.full((3, 2), 5))
     batch.reset([4], np.array([1]))  # so that it is in mid-episode while the others end
     batch.step(np.full((3, 2), 5))
     assert batch.ended.tolist() == [True, False, True]
-    batch._prepare(np.arange(3))  # what is made ahead of its time is seen by nobody
-    before = pickle.dumps(batch)
-    monkeypatch.setattr(Switched, "told", told)
+    twin = copy.deepcopy(batch)
+    monkeypatch.setattr(Configurable, "result", result)
     for begin in (
         batch.reset,
         lambda: batch.reset([9], np.array([1]), {"vector": (0.1, 0.1)}),
@@ -1015,7 +1006,12 @@ def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
     ):
         with pytest.raises(error, match=match):
             begin()
-        assert pickle.dumps(batch) == before
+        assert seen(batch) == seen(twin)
+    monkeypatch.setattr(Configurable, "result", {"vector": (0.2, 0.5)})
+    for _ in range(4):
+        for each in (batch, twin):
+            each.step(np.full((3, 2), 5))
+        assert seen(batch) == seen(twin)
 
 
 # Copies.
@@ -1034,7 +1030,7 @@ COPIED: dict[str, dict[str, Any]] = {
     "through", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))]
 )
 @pytest.mark.parametrize("name", COPIED)
-def test_copies_go_on_alike_and_apart(
+def test_copies_are_equal_and_independent(
     kind: str, name: str, through: Callable[[SearchBatch], SearchBatch]
 ) -> None:
     batch = SearchBatch(
@@ -1090,15 +1086,15 @@ def test_bad_actions_are_refused_and_change_nothing(
 ) -> None:
     batch = SearchBatch(2, timestep_limit=2, bayesian_update=True)
     idle = [[Action.IDLE], [Action.IDLE]]
-    for over, go_on in (
+    for ended, call in (
         ([False, False], lambda: batch.reset([1, 2])),
         ([False, False], lambda: batch.step([[Action.RIGHT], [Action.DOWN]])),
         ([True, True], lambda: batch.step(idle)),
         ([False, True], lambda: batch.reset([3], np.array([0]))),
         ([False, False], lambda: batch.step(idle)),
     ):
-        go_on()
-        assert batch.ended.tolist() == over
+        call()
+        assert batch.ended.tolist() == ended
         before = pickle.dumps(batch)
         with pytest.raises(error, match=match):
             batch.step(actions)
@@ -1122,8 +1118,8 @@ def test_numpys_settings_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> N
     usual, while_drifting = np.getbufsize(), []
     monkeypatch.setattr(beliefs, "drift", lambda *_: while_drifting.append(np.getbufsize()))
     batch.step([[Action.SEARCH], [Action.IDLE]])
-    assert while_drifting == [beliefs._BUFFERED]
-    assert np.getbufsize() == usual != beliefs._BUFFERED
+    assert while_drifting == [beliefs._BUFFER_SIZE]
+    assert np.getbufsize() == usual != beliefs._BUFFER_SIZE
 
 
 @pytest.mark.parametrize("seeds", [[1], [1, 2, 3], []])
@@ -1162,7 +1158,7 @@ BAD_ROWS: list[tuple[Any, type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("rows", "error", "match"), BAD_ROWS)
-def test_rows_that_there_are_not_are_refused_and_change_nothing(
+def test_unknown_rows_are_refused_and_change_nothing(
     rows: Any, error: type[Exception], match: str
 ) -> None:
     batch = SearchBatch(3, bayesian_update=True)
@@ -1183,7 +1179,7 @@ def test_rows_that_there_are_not_are_refused_and_change_nothing(
         assert pickle.dumps(batch) == before
 
 
-def test_rows_have_to_rise_where_they_are_read_together() -> None:
+def test_rows_must_be_in_rising_order_when_read_together() -> None:
     batch = SearchBatch(3)
     batch.reset([1, 2, 3])
     for read in (batch.matrices_of, lambda rows: batch.probabilities(rows, [0, 0])):
@@ -1205,9 +1201,7 @@ def test_rows_have_to_rise_where_they_are_read_together() -> None:
         ([[0], [1, 2]], ValueError, "got"),
     ],
 )
-def test_cells_that_there_are_not_have_no_probability(
-    cells: Any, error: type[Exception], match: str
-) -> None:
+def test_unknown_cells_are_refused(cells: Any, error: type[Exception], match: str) -> None:
     batch = SearchBatch(3)
     batch.reset([1, 2, 3])
     with pytest.raises(error, match=f"cells must be integers from 0 to 48.*{match}"):
@@ -1284,7 +1278,7 @@ def test_the_longest_episode_there_may_be_begins_like_others() -> None:
         ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
         ("grid_size", lambda: SearchBatch(1, grid_size=150_000)),
         ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, bayesian_update=True)),
-        ("num_rows", lambda: SearchBatch(10**8, grid_size=10**4, sampler=Switched())),
+        ("num_rows", lambda: SearchBatch(10**8, grid_size=10**4, sampler=Configurable())),
         ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
     ],
 )
@@ -1345,11 +1339,11 @@ BAD_VALUES: list[tuple[Any, ...]] = [
     (PERSON, np.zeros((3, 1, 3), int), ValueError, "cell"),
     (PERSON, np.zeros((3, 0, 2), int), ValueError, "cell"),
     (PERSON, np.zeros((1, 3, 1, 2), int), ValueError, "cell"),
-    (PERSON, [[(0, 0)], [(7, 0)], [(0, 0)]], ValueError, "from 0 to 6, got 7"),
-    (PERSON, [[(0, 0)], [(0, -1)], [(0, 0)]], ValueError, "from 0 to 6, got -1"),
-    (PERSON, [[(0, 0)], [(0, 0.5)], [(0, 0)]], ValueError, "from 0 to 6, got 0.5"),
-    (PERSON, [[(0, 0)], [(0, NAN)], [(0, 0)]], ValueError, "from 0 to 6, got nan"),
-    (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got 1e\+300"),
+    (PERSON, [[(0, 0)], [(7, 0)], [(0, 0)]], ValueError, r"\[1\]\[0\] .* from 0 to 6, got \[7"),
+    (PERSON, [[(0, 0)], [(0, -1)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*-1"),
+    (PERSON, [[(0, 0)], [(0, 0.5)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*0\.5"),
+    (PERSON, [[(0, 0)], [(0, NAN)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*nan"),
+    (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*1e\+300"),
     (PERSON, (NAN, 0), ValueError, "nan"),
     (PERSON, (7, 0), ValueError, "7"),
     (PERSON, (1, 2, 3), ValueError, r"got shape \(3,\)"),
@@ -1359,16 +1353,23 @@ BAD_VALUES: list[tuple[Any, ...]] = [
     (PERSON, (True, 0), TypeError, "True"),
     (PERSON, "00", TypeError, "00"),
     (PERSON, None, TypeError, "None"),
-    (DRONES, [(0, 0)], ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
+    (DRONES, [(0, 0)], ValueError, "must hold 2 cells .* got 1: "),
+    (DRONES, np.zeros((3, 2, 3), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
     (DRONES, np.zeros((2, 2, 2), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
-    (DRONES, np.zeros((3, 2), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
-    (DRONES, [(1, 2), (1, 2)], ValueError, r"different cells, got \[\[1, 2\], \[1, 2\]\]"),
-    (DRONES, [[(0, 0), (1, 0)], [(4, 5)] * 2, [(0, 0), (0, 1)]], ValueError, r"\[4, 5\]"),
-    (DRONES, [(0, 0), (0, 7)], ValueError, "from 0 to 6, got 7"),
-    (DRONES, [(0, 0), (0, 1.5)], ValueError, "from 0 to 6, got 1.5"),
-    (DRONES, [(0, 0), (0, NAN)], ValueError, "from 0 to 6, got nan"),
+    (DRONES, np.zeros((3, 2), int), ValueError, "must hold 2 cells .* got 3: "),
+    (
+        DRONES,
+        [(1, 2), (1, 2)],
+        ValueError,
+        r"different cells, got \(1, 2\) for both drone0 and drone1",
+    ),
+    (DRONES, [[(0, 0), (1, 0)], [(4, 5)] * 2, [(0, 0), (0, 1)]], ValueError, r"\[1\] .*\(4, 5\)"),
+    (DRONES, [(0, 0), (0, 7)], ValueError, r"\[1\] .* from 0 to 6, got \(0, 7\)"),
+    (DRONES, [(0, 0), (0, 1.5)], ValueError, r"from 0 to 6, got \(0, 1\.5\)"),
+    (DRONES, [(0, 0), (0, NAN)], ValueError, r"from 0 to 6, got \(0, nan\)"),
+    (DRONES, np.full((3, 2, 2), NAN), ValueError, r"\[0\]\[0\] .* got \[nan, nan\]"),
     (DRONES, [("a", "b"), ("c", "d")], TypeError, "'a'"),
-    (DRONES, 5, ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
+    (DRONES, 5, TypeError, "2 cells .* got 5"),
 ]
 
 
@@ -1408,7 +1409,7 @@ def test_bad_values_given_to_reset_change_nothing(
         ({"reward_scheme": None}, TypeError, "reward_scheme"),
     ],
 )
-def test_what_all_rows_share_is_checked_as_for_one(
+def test_shared_parameters_have_the_single_environments_messages(
     parameters: dict[str, Any], error: type[Exception], match: str
 ) -> None:
     with pytest.raises(error, match=match) as of_one:
@@ -1439,7 +1440,7 @@ each_form = pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_the_shape_of_start_cells_says_whose_they_are(
     form: Callable[[np.ndarray], Any], rows: int, persons: int
 ) -> None:
-    """In whatever form they come, and wherever they are given."""
+    """In every form, in the constructor, in `reset` and from a sampler."""
     cells = np.random.default_rng(0).integers(0, 7, (rows, persons, 2))
     for value, expected in (
         (form(cells[0]), np.broadcast_to(cells[0], cells.shape)),
@@ -1483,7 +1484,7 @@ def test_cells_as_many_as_rows_are_not_taken_for_one_persons() -> None:
     batch = SearchBatch(3)
     batch.reset(range(3), given={PERSON: cells[:, None]})
     assert batch.parameters[PERSON].tolist() == cells[:, None].tolist()
-    words = rf"{PERSON} must be .*for each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
+    words = rf"{PERSON} must be .*of each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
     for value in (cells, cells.tolist()):
         with pytest.raises(ValueError, match=words):
             batch.reset(range(3), given={PERSON: value})
@@ -1504,7 +1505,7 @@ def test_reset_refuses_names_that_it_does_not_know(name: str) -> None:
 def test_a_reset_cannot_change_the_number_of_persons() -> None:
     batch = SearchBatch(3, person_initial_position=[(0, 0), (1, 1)])
     for cells in ([(0, 0)], (0, 0), [(0, 0)] * 3, np.zeros((3, 1, 2), int)):
-        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or these"):
+        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or those"):
             batch.reset([1, 2, 3], given={PERSON: cells})
 
 
@@ -1555,7 +1556,6 @@ def test_nothing_grows_with_the_steps(kind: str, bayesian: bool) -> None:
         4, grid_size=5, n_drones=2, timestep_limit=20, bayesian_update=bayesian,
         probability_of_detection=0.3, person_initial_position=[(2, 2), (1, 3)],
     )  # fmt: skip
-    assert has_forecasts(batch, kind)
     batch.reset(range(4))
     actions = np.random.default_rng(1).choice([1, 0, 2, 3, 4, 4, 4, 4, 5, 5], (400, 4, 2))
     tracemalloc.start()
@@ -1581,7 +1581,7 @@ def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> No
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert has_forecasts(batch, "followed")
+    assert not is_tabulated(batch)
     assert most < 2**20
 
 
@@ -1605,7 +1605,7 @@ CONSTANTS = [3.0, 0.0, 3.0]
 SIX = parameters_of(STARTS, DRIFTS, CONSTANTS)  # of the six forecasts three differ
 
 
-def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
+def check_forecasts(made: Forecasts, steps: list[int]) -> None:
     """The forecasts of the three rows at some steps are those of `ProbabilityMatrix`."""
     every = np.arange(3)
     for person in range(2):
@@ -1618,7 +1618,7 @@ def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
         matrices = np.stack([forecast.at(step) for forecast, step in zip(of, steps, strict=True)])
         assert out.tobytes() == matrices.tobytes()
         for cell in (0, 13, 35):
-            shown = made.shown(person, every, np.full(3, cell))
+            shown = made.probabilities(person, every, np.full(3, cell))
             assert shown.tolist() == matrices.reshape(3, -1)[:, cell].tolist()
         x, y = made.marginals(person, every)
         right, left, down, up = made.moves(person, slice(None))
@@ -1632,7 +1632,7 @@ def check_forecasts(made: forecasts.Forecasts, steps: list[int]) -> None:
 
 
 def check_walk(
-    made: forecasts.Forecasts,
+    made: Forecasts,
     person: int,
     axis: int,
     at: int,
@@ -1642,22 +1642,22 @@ def check_walk(
     """From a cell persons walk as their chances say, to the last bit of the numbers drawn."""
     for chances in (higher[at], higher[at] + lower[at]):
         for numerators in (np.ceil(chances * 2**53) - 1, np.ceil(chances * 2**53)):
-            luck = np.zeros((2, 2, 3), np.int64)
-            luck[person, axis] = np.clip(numerators, 0, 2**53 - 1)
-            cells = np.full(luck.shape, at)
-            made.walk(cells, luck)
+            draws = np.zeros((2, 2, 3), np.int64)
+            draws[person, axis] = np.clip(numerators, 0, 2**53 - 1)
+            cells = np.full(draws.shape, at)
+            made.walk(cells, draws)
             assert cells[person, axis].tolist() == [
                 moved(at, number, higher[:, row], lower[:, row])
-                for row, number in enumerate((luck[person, axis] * 2.0**-53).tolist())
+                for row, number in enumerate((draws[person, axis] * 2.0**-53).tolist())
             ]
 
 
 class Held:
-    """Forecasts of three rows, with places that begin and grow as those in `Seas` do."""
+    """Forecasts of three rows, with pointers that advance as in `BatchState`."""
 
-    def __init__(self, made: forecasts.Forecasts) -> None:
+    def __init__(self, made: Forecasts) -> None:
         self.forecasts = made
-        self._now, self._first = (np.zeros((len(made.growth), 3), np.int64) for _ in range(2))
+        self._now, self._first = (np.zeros((len(made.increments), 3), np.int64) for _ in range(2))
         made.bind(self._now, self._first)
         made.assign(np.arange(3), SIX)
         self.begin([0, 1, 2])
@@ -1668,7 +1668,7 @@ class Held:
 
     def advance(self, beginning: Sequence[int] = ()) -> None:
         rows = np.array(beginning, np.int64)
-        self._now += self.forecasts.growth
+        self._now += self.forecasts.increments
         self._now[:, rows] = self._first[:, rows]
         self.forecasts.advance(rows)
 
@@ -1677,7 +1677,7 @@ class Held:
     "make", [lambda: TabulatedForecasts(SIZE, 80, SIX), lambda: OnTheFlyForecasts(SIZE, SIX)]
 )
 def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
-    make: Callable[[], forecasts.Forecasts],
+    make: Callable[[], Forecasts],
 ) -> None:
     held, steps = Held(make()), [0, 0, 0]
     for step in range(80):
@@ -1695,6 +1695,11 @@ def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
     check_forecasts(again.forecasts, [70, 0, 33])
 
 
+def filled_steps(tables: TabulatedForecasts) -> int:
+    """The steps for which the tables of the three forecasts hold matrices."""
+    return int(tables.matrices.reshape(3, 101, -1).any(axis=(0, 2)).sum())
+
+
 def test_tables_fill_as_far_as_the_rows_come() -> None:
     tables = TabulatedForecasts(SIZE, 100, SIX)
     held = Held(tables)
@@ -1703,41 +1708,36 @@ def test_tables_fill_as_far_as_the_rows_come() -> None:
         held.advance()
         if step == 40:
             held.begin([0, 1, 2])
-        filled.append(tables._filled)
-    # A step ahead. Rows that began anew after step 41 have to come to step 63 for the third block.
+        filled.append(filled_steps(tables))
+    # One step ahead. Rows that restarted after step 41 must reach step 63 for the third block.
     assert filled == [32] * 30 + [64] * 70
     for _ in range(41):
         held.advance()
-        filled.append(tables._filled)
+        filled.append(filled_steps(tables))
     assert filled[100:] == [64] * 3 + [96] * 32 + [101] * 6
-    assert tables._matrices.shape[:2] == (3, 101)
+    assert len(tables.matrices) == 3 * 101
 
 
-def test_equal_forecasts_are_held_once_whatever_the_sign_of_their_zeros() -> None:
+def test_equal_forecasts_are_stored_once_even_with_signed_zeros() -> None:
     other = parameters_of([[(0, 0)]] * 3, [(0.0, 1.0), (-0.0, 1.0), (0.0, 2.0)], [0.0, -0.0, 0.0])
-    assert len(TabulatedForecasts(SIZE, 5, other)._forecasts) == 2
+    assert len(TabulatedForecasts(SIZE, 5, other).matrices) == 2 * 6
     twice = TabulatedForecasts(SIZE, 5, SIX, SIX)
-    assert len(twice._forecasts) == 3
     assert twice.matrices.shape == (3 * 6, SIZE, SIZE)
 
 
-def test_forecasts_are_tabulated_where_tables_are_small_or_asked_for(
+def test_forecasts_are_tabulated_if_tables_are_small_or_requested(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # A step of a forecast takes its matrix in single precision, and of each axis the chances of
     # every cell, and of a move up and down, and what decides moves, 8 bytes each.
     step_bytes = 4 * SIZE**2 + 2 * 5 * 8 * SIZE
-    monkeypatch.setattr(forecasts, "TABLE_BYTES", 3 * 101 * step_bytes)
+    monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 3 * 101 * step_bytes)
     assert isinstance(choose_forecasts(SIZE, 100, SIX), TabulatedForecasts)
     assert isinstance(choose_forecasts(SIZE, 101, SIX), OnTheFlyForecasts)
     assert isinstance(choose_forecasts(SIZE, 101, SIX, wants_table=True), TabulatedForecasts)
     fourth = parameters_of([[(4, 4), (5, 1)]] * 3, [(-0.5, 0.0)] * 3, [0.0] * 3)
     assert isinstance(choose_forecasts(SIZE, 100, SIX, fourth), OnTheFlyForecasts)
     assert isinstance(choose_forecasts(SIZE, 100, SIX, SIX), TabulatedForecasts)
-    tables = TabulatedForecasts(SIZE, 100, SIX)
-    chances = (tables._probability, tables._moves)
-    arrays = (tables._matrices, *chances, tables._higher, tables._either)
-    assert sum(array.nbytes for array in arrays) == forecasts.TABLE_BYTES
 
 
 # What a policy is made from.

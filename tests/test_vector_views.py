@@ -1,10 +1,13 @@
-"""Gymnasium's views of the batch, against the single environment and Gymnasium's own vectors."""
+"""The vector environments, compared with the single environment and with Gymnasium's own."""
 
 from __future__ import annotations
 
 import copy
+import dataclasses
+import inspect
 import os
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -20,7 +23,7 @@ from gymnasium.wrappers import vector as wrappers
 from helpers import overwrite, plain
 from layouts_by_hand import drone_by_hand, swarm_by_hand
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.vector import Buffers, DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
@@ -48,29 +51,31 @@ SMALL: dict[str, Any] = {
     "person_initial_position": (2, 1),
     "timestep_limit": 9,
 }
-ALONE: dict[str, Any] = {**SMALL, "grid_size": 3, "n_drones": 1, "bayesian_update": True}
-MISSION: dict[str, Any] = {
+ONE_DRONE: dict[str, Any] = {**SMALL, "grid_size": 3, "n_drones": 1, "bayesian_update": True}
+SEVERAL_PERSONS: dict[str, Any] = {
     **SMALL,
     "person_initial_position": [(2, 1), (1, 2)],
     "probability_of_detection": 0.7,
     "bayesian_update": True,
     "timestep_limit": 14,
 }
-CASES = pytest.mark.parametrize("case", [SMALL, ALONE, MISSION], ids=["small", "alone", "mission"])
+CASES = pytest.mark.parametrize(
+    "case", [SMALL, ONE_DRONE, SEVERAL_PERSONS], ids=["small", "one drone", "several persons"]
+)
 
 _CHANCES = [0.06, 0.09, 0.06, 0.09, 0.5, 0.2]  # moves are rare: they end most episodes
 
 
 def random_actions(rng: np.random.Generator, env: VectorEnv) -> np.ndarray:
-    """Actions of all slots, in the form of the batched action space."""
+    """Actions of all sub-environments, in the form of the batched action space."""
     return rng.choice(len(Action), env.action_space.shape, p=_CHANCES)
 
 
-def slot_of(observations: Any, slot: int) -> Any:
-    """What one slot is shown."""
+def env_of(observations: Any, env_index: int) -> Any:
+    """The observation of one sub-environment."""
     if isinstance(observations, Mapping):
-        return with_arrays({key: array[slot] for key, array in observations.items()})
-    return observations[slot]
+        return with_arrays({key: array[env_index] for key, array in observations.items()})
+    return observations[env_index]
 
 
 def with_arrays(observation: Any) -> Any:
@@ -81,19 +86,19 @@ def with_arrays(observation: Any) -> Any:
 
 
 def rollout(env: SearchVectorEnv, steps: int, policy_seed: int = 0) -> list[Any]:
-    """All that some steps return, as plain data; slots that are over are reset if they must be."""
+    """All that some steps return, as plain data; ended ones are reset if autoreset is disabled."""
     rng = np.random.default_rng(policy_seed)
     log = []
     for _ in range(steps):
         result = env.step(random_actions(rng, env))
-        log.append(told(result))
-        over = result[2] | result[3]
-        if env.metadata["autoreset_mode"] is AutoresetMode.DISABLED and over.any():
-            log.append(told(env.reset(options={"reset_mask": over})))
+        log.append(as_data(result))
+        dones = result[2] | result[3]
+        if env.metadata["autoreset_mode"] is AutoresetMode.DISABLED and dones.any():
+            log.append(as_data(env.reset(options={"reset_mask": dones})))
     return log
 
 
-def told(result: tuple[Any, ...]) -> Any:
+def as_data(result: tuple[Any, ...]) -> Any:
     """A result as plain data; arrays of objects as lists."""
     infos = dict(result[-1])
     if "final_obs" in infos:
@@ -102,7 +107,7 @@ def told(result: tuple[Any, ...]) -> Any:
 
 
 class Swarm(gymnasium.Env):
-    """A swarm of the single environment, as a slot of `SwarmVectorEnv` ought to be."""
+    """The single environment as a sub-environment of `SwarmVectorEnv`."""
 
     def __init__(self, separate_flags: bool = False, **parameters: Any) -> None:
         self.metadata = {}  # Gymnasium 1.1 writes the mode into it, which a class would keep
@@ -121,16 +126,16 @@ class Swarm(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         observations, infos = self.env.reset(seed=seed, options=options)
-        return self._seen(observations), self._told(np.zeros(self.env.n_drones), infos)
+        return self._seen(observations), self._infos_of(np.zeros(self.env.n_drones), infos)
 
     def step(
         self, action: np.ndarray
     ) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         names = self.env.agents
-        observations, rewards, over, _, infos = self.env.step(
+        observations, rewards, dones, _, infos = self.env.step(
             dict(zip(names, action.tolist(), strict=True))
         )
-        ended = over[names[0]]
+        ended = dones[names[0]]
         time_limit_reached = self.env.frame().ending is Ending.TIME_LIMIT
         flags = (
             (ended and not time_limit_reached, time_limit_reached)
@@ -138,15 +143,15 @@ class Swarm(gymnasium.Env):
             else (ended, ended)
         )
         by_drone = np.array([rewards[name] for name in names])
-        seen, told = self._seen(observations), self._told(by_drone, infos)
-        return seen, by_drone.sum(), *flags, told
+        seen, own_infos = self._seen(observations), self._infos_of(by_drone, infos)
+        return seen, by_drone.sum(), *flags, own_infos
 
     @staticmethod
     def _seen(observations: Mapping[str, Any]) -> dict[str, np.ndarray]:
         cells, matrices = zip(*[seen["observation"] for seen in observations.values()], strict=True)
         return {"positions": np.array(cells, np.int32), "probability_matrix": matrices[0]}
 
-    def _told(self, rewards: np.ndarray, infos: Mapping[str, Any]) -> dict[str, Any]:
+    def _infos_of(self, rewards: np.ndarray, infos: Mapping[str, Any]) -> dict[str, Any]:
         frame = self.env.frame()
         return {
             "rewards": rewards,
@@ -187,8 +192,8 @@ def test_everything_lies_in_its_space(
 
     def check(observations: Any) -> None:
         assert observations in env.observation_space
-        for slot in range(n):
-            assert slot_of(observations, slot) in env.single_observation_space
+        for env_index in range(n):
+            assert env_of(observations, env_index) in env.single_observation_space
 
     observations, infos = env.reset(seed=3)
     check(observations)
@@ -266,9 +271,9 @@ def test_both_views_show_the_same_searches(case: dict[str, Any]) -> None:
     for _ in range(60):
         for swarm in range(4):
             for drone in range(n):
-                slot = slot_of(by_drone, swarm * n + drone)
-                assert plain(slot["position"]) == plain(seen["positions"][swarm, drone])
-                assert plain(slot["probability_matrix"]) == plain(seen["probability_matrix"][swarm])
+                own = env_of(by_drone, swarm * n + drone)
+                assert plain(own["position"]) == plain(seen["positions"][swarm, drone])
+                assert plain(own["probability_matrix"]) == plain(seen["probability_matrix"][swarm])
         actions = random_actions(rng, swarms)
         seen, rewards, terminated, truncated, infos = swarms.step(actions)
         by_drone, *rest = drones.step(actions.reshape(-1))
@@ -314,14 +319,14 @@ def test_layouts_follow_from_the_dict(
         left = 1 - infos["step"] / limit
         assert plain(shown) == plain(by_hand(view, layout, seen, left))
         actions = random_actions(rng, swarms)
-        seen, _, over, _, infos = swarms.step(actions)
+        seen, _, dones, _, infos = swarms.step(actions)
         shown, *_, also = env.step(actions.reshape(env.action_space.shape))
-        for swarm in over.nonzero()[0]:
+        for swarm in dones.nonzero()[0]:
             last = {key: array[None] for key, array in infos["final_obs"][swarm].items()}
             left = 1 - infos["final_info"]["step"][swarm : swarm + 1] / limit
             per_swarm = env.num_envs // 3
-            slots = also["final_obs"][swarm * per_swarm : (swarm + 1) * per_swarm]
-            assert plain(np.stack(list(slots))) == plain(by_hand(view, layout, last, left))
+            envs = also["final_obs"][swarm * per_swarm : (swarm + 1) * per_swarm]
+            assert plain(np.stack(list(envs))) == plain(by_hand(view, layout, last, left))
             ended += 1
     assert ended > 5
 
@@ -488,32 +493,32 @@ def test_indices_need_a_table(parameters: dict[str, Any]) -> None:
 def test_swarms_are_seeded_one_by_one(view: type[SearchVectorEnv], seed: Any) -> None:
     together = view(3, **SMALL)
     n = together.num_envs // 3
-    alone = [view(1, **SMALL) for _ in range(3)]
-    first = [told(env.reset(seed=7 + i)) for i, env in enumerate(alone)]
+    singles = [view(1, **SMALL) for _ in range(3)]
+    first = [as_data(env.reset(seed=7 + i)) for i, env in enumerate(singles)]
     observations, infos = together.reset(seed=seed)
     rng = np.random.default_rng(0)
     for _ in range(40):
         for i, results in enumerate(first):
-            slots = slice(i * n, (i + 1) * n)
-            assert plain({k: v[slots] for k, v in observations.items()}) == results[0]
-            assert plain({k: v[slots] for k, v in infos.items()}) == results[-1]
+            envs = slice(i * n, (i + 1) * n)
+            assert plain({k: v[envs] for k, v in observations.items()}) == results[0]
+            assert plain({k: v[envs] for k, v in infos.items()}) == results[-1]
         actions = random_actions(rng, together)
         observations, *_, infos = together.step(actions)
-        first = [told(env.step(a)) for env, a in zip(alone, np.split(actions, 3), strict=True)]
+        first = [as_data(env.step(a)) for env, a in zip(singles, np.split(actions, 3), strict=True)]
 
 
 @pytest.mark.parametrize("form", [list, tuple, np.array])
 def test_drones_may_be_given_a_seed_each(form: Any) -> None:
-    """As whoever counts slots does: a swarm takes its first drone's."""
-    by_slot, by_swarm = (DroneVectorEnv(2, n_drones=3, grid_size=5) for _ in range(2))
-    for seeds, slots in ([7, 9], [7, 1, 2, 9, 3, 4]), ([5, 6], [5, 5, 5, 6, 6, 6]):
-        assert plain(by_slot.reset(seed=form(slots))) == plain(by_swarm.reset(seed=form(seeds)))
-        assert by_slot.np_random_seed == by_swarm.np_random_seed == seeds[0]
-        assert plain(rollout(by_slot, 20)) == plain(rollout(by_swarm, 20))
+    """With a seed for each sub-environment, a swarm takes its first drone's."""
+    by_env, by_swarm = (DroneVectorEnv(2, n_drones=3, grid_size=5) for _ in range(2))
+    for seeds, envs in ([7, 9], [7, 1, 2, 9, 3, 4]), ([5, 6], [5, 5, 5, 6, 6, 6]):
+        assert plain(by_env.reset(seed=form(envs))) == plain(by_swarm.reset(seed=form(seeds)))
+        assert by_env.np_random_seed == by_swarm.np_random_seed == seeds[0]
+        assert plain(rollout(by_env, 20)) == plain(rollout(by_swarm, 20))
     mask = np.repeat([False, True], 3)
-    by_slot.reset(seed=[None] * 3 + [8] * 3, options={"reset_mask": mask})
+    by_env.reset(seed=[None] * 3 + [8] * 3, options={"reset_mask": mask})
     by_swarm.reset(seed=[None, 8], options={"reset_mask": mask})
-    assert plain(rollout(by_slot, 20)) == plain(rollout(by_swarm, 20))
+    assert plain(rollout(by_env, 20)) == plain(rollout(by_swarm, 20))
 
 
 @both_views
@@ -522,7 +527,7 @@ def test_without_a_seed_the_episodes_go_on(view: type[SearchVectorEnv]) -> None:
     env.reset(seed=4)
     other.reset(seed=4)
     assert rollout(env, 30) == rollout(other, 30)
-    assert told(env.reset()) == told(other.reset())
+    assert as_data(env.reset()) == as_data(other.reset())
     assert rollout(env, 30) == rollout(other, 30)
 
 
@@ -582,12 +587,12 @@ def test_without_a_first_seed_np_random_goes_on() -> None:
         ("a", TypeError, r"seed must be an integer of at least 0, got 'a'"),
         (1.0, TypeError, r"seed must be an integer"),
         (True, TypeError, r"seed must be an integer"),
-        ([1, 2], ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 2"),
+        ([1, 2], ValueError, r"seed must be an integer, or 3 of them, one per swarm.*; got 2"),
         ([1, 2.0, 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 2.0"),
         (np.array([1.0, 2.0, 3.0]), TypeError, r"seed\[0\] must be an integer"),
         ([1, False, 3], TypeError, r"seed\[1\] must be an integer"),
         ([[1], [2, 3]], TypeError, r"seed\[0\] must be an integer"),
-        (range(7), ValueError, r"seed must be an integer or 3 of them, one a swarm.*; got 7"),
+        (range(7), ValueError, r"seed must be an integer, or 3 of them, one per swarm.*; got 7"),
         ({1, 2, 3}, TypeError, r"seed must be an integer"),
         ([1, None, -3], ValueError, r"seed\[2\] must be an integer of at least 0, got -3"),
         ([1, "b", 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 'b'"),
@@ -621,7 +626,7 @@ def check_infos(infos: dict[str, Any], wanted: dict[str, Any], n: int) -> None:
     Args:
         infos: of a view.
         wanted: of the swarms.
-        n: how many slots each swarm has in the view.
+        n: the sub-environments in each swarm.
     """
     keys = [key for key in wanted if not key.startswith("_") and key != "final_obs"]
     for key in keys:
@@ -639,8 +644,8 @@ def check_infos(infos: dict[str, Any], wanted: dict[str, Any], n: int) -> None:
 @all_modes
 @pytest.mark.parametrize(
     ("case", "separate"),
-    [(SMALL, False), (SMALL, True), (ALONE, False), (MISSION, True)],
-    ids=["small", "small, separate flags", "alone", "mission, separate flags"],
+    [(SMALL, False), (SMALL, True), (ONE_DRONE, False), (SEVERAL_PERSONS, True)],
+    ids=["small", "small, separate flags", "one drone", "several persons, separate flags"],
 )
 def test_episodes_end_and_begin_as_in_gymnasiums_vector(
     view: type[SearchVectorEnv], mode: AutoresetMode, case: dict[str, Any], separate: bool
@@ -664,12 +669,12 @@ def test_episodes_end_and_begin_as_in_gymnasiums_vector(
             actions.reshape(env.action_space.shape)
         )
         wanted, their_rewards, *their_flags, wanted_infos = reference.step(actions)
-        over = their_flags[0] | their_flags[1]
+        dones = their_flags[0] | their_flags[1]
         # Gymnasium's infos are by now those of the next episode where one has begun in the
         # same step; the rewards and the ending that the step brought are in the final infos.
         if "final_info" in wanted_infos:
             for key in ("rewards", "ending"):
-                wanted_infos[key][over] = wanted_infos["final_info"][key][over]
+                wanted_infos[key][dones] = wanted_infos["final_info"][key][dones]
         check_infos(infos, wanted_infos, n)
         if view is SwarmVectorEnv:
             assert plain(rewards) == plain(their_rewards)
@@ -678,18 +683,18 @@ def test_episodes_end_and_begin_as_in_gymnasiums_vector(
         assert plain(terminated) == plain(their_flags[0].repeat(n))
         assert plain(truncated) == plain(their_flags[1].repeat(n))
         met |= set(infos["ending"].tolist())
-        assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP and over.any())
+        assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP and dones.any())
         if "final_obs" in infos:
-            assert plain(infos["_final_obs"]) == plain(over.repeat(n))
-            for slot, last in enumerate(infos["final_obs"]):
-                theirs = wanted_infos["final_obs"][slot // n]
+            assert plain(infos["_final_obs"]) == plain(dones.repeat(n))
+            for env_index, last in enumerate(infos["final_obs"]):
+                theirs = wanted_infos["final_obs"][env_index // n]
                 if theirs is not None and view is DroneVectorEnv:
                     one_swarm = {key: value[None] for key, value in theirs.items()}
-                    theirs = slot_of(by_drone(one_swarm, n_drones), slot % n)
+                    theirs = env_of(by_drone(one_swarm, n_drones), env_index % n)
                 assert plain(last) == plain(theirs)
-        if mode is AutoresetMode.DISABLED and over.any():
-            observations, infos = env.reset(options={"reset_mask": over.repeat(n)})
-            wanted, wanted_infos = reference.reset(options={"reset_mask": over})
+        if mode is AutoresetMode.DISABLED and dones.any():
+            observations, infos = env.reset(options={"reset_mask": dones.repeat(n)})
+            wanted, wanted_infos = reference.reset(options={"reset_mask": dones})
             check_infos(infos, wanted_infos, n)
     possible = {Ending.FOUND, Ending.LEFT_GRID, Ending.TIME_LIMIT, 0}
     possible |= {Ending.COLLISION} if n_drones > 1 else set()
@@ -698,7 +703,7 @@ def test_episodes_end_and_begin_as_in_gymnasiums_vector(
 
 @both_views
 def test_flags_are_separate_where_asked_for(view: type[SearchVectorEnv]) -> None:
-    """By default an end is both; the time limit alone is truncation where they are separate."""
+    """By default an end is both; the time limit singles is truncation where they are separate."""
     for separate in (False, True):
         env = view(2, separate_flags=separate, grid_size=3, timestep_limit=2)
         env.reset(seed=0)
@@ -721,18 +726,18 @@ def test_without_autoreset_ended_swarms_must_be_reset(view: type[SearchVectorEnv
         env.step(np.full(env.action_space.shape, Action.IDLE))
     env.reset(seed=0)
     actions = np.array([Action.LEFT, Action.IDLE, Action.UP]).reshape(env.action_space.shape)
-    over = env.step(actions)[2]
+    dones = env.step(actions)[2]
     before = pickle.dumps(env.batch)
-    with pytest.raises(ResetNeeded, match=r"searches \[0, 2\] are over.*'reset_mask'"):
+    with pytest.raises(ResetNeeded, match=r"searches \[0, 2\] have ended.*'reset_mask'"):
         env.step(actions)
     assert pickle.dumps(env.batch) == before
     env.reset(options={"reset_mask": np.array([True, False, False])})
-    with pytest.raises(ResetNeeded, match=r"searches \[2\] are over"):
+    with pytest.raises(ResetNeeded, match=r"searches \[2\] have ended"):
         env.step(actions)
     _, infos = env.reset(options={"reset_mask": np.array([False, False, True])})
     assert infos["step"].tolist() == [0, 1, 0]
     assert infos["_step"].tolist() == [False, False, True]
-    assert over.tolist() == [True, False, True]
+    assert dones.tolist() == [True, False, True]
     env.step(np.full(env.action_space.shape, Action.IDLE))
     assert env.batch.steps.tolist() == [1, 2, 1]
 
@@ -752,7 +757,7 @@ def test_swarms_may_be_reset_one_after_the_other(view: type[SearchVectorEnv]) ->
 
 @both_views
 def test_a_partial_reset_leaves_the_others_alone(view: type[SearchVectorEnv]) -> None:
-    env, other = view(3, **MISSION), view(3, **MISSION)
+    env, other = view(3, **SEVERAL_PERSONS), view(3, **SEVERAL_PERSONS)
     env.reset(seed=3)
     other.reset(seed=3)
     n = env.num_envs // 3
@@ -785,7 +790,7 @@ def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
         with pytest.raises(error, match=rf"options\['reset_mask'\] .*{words}"):
             env.reset(options={"reset_mask": mask})
     if view is DroneVectorEnv:
-        with pytest.raises(ValueError, match="alike for all drones of a swarm"):
+        with pytest.raises(ValueError, match="equal for all drones of a swarm"):
             env.reset(options={"reset_mask": np.array([True, True, False, True])})
     assert pickle.dumps(env.batch) == before
 
@@ -832,24 +837,24 @@ def test_episode_statistics_are_right(view: type[SearchVectorEnv], mode: Autores
     for _ in range(60):
         actions = random_actions(rng, env)
         *_, infos = env.step(actions)
-        _, rewards, over, _, _ = plainly.step(actions)
+        _, rewards, dones, _, _ = plainly.step(actions)
         returns += rewards
         lengths += ~begins  # a step in which an episode begins belongs to none
-        begins = over if mode is AutoresetMode.NEXT_STEP else begins
-        if over.any():
-            assert infos["_episode"].tolist() == over.tolist()
-            assert infos["episode"]["r"][over] == pytest.approx(returns[over])
-            assert infos["episode"]["l"][over].tolist() == lengths[over].tolist()
-            returns[over], lengths[over] = 0.0, 0
-            ended += int(over.sum())
+        begins = dones if mode is AutoresetMode.NEXT_STEP else begins
+        if dones.any():
+            assert infos["_episode"].tolist() == dones.tolist()
+            assert infos["episode"]["r"][dones] == pytest.approx(returns[dones])
+            assert infos["episode"]["l"][dones].tolist() == lengths[dones].tolist()
+            returns[dones], lengths[dones] = 0.0, 0
+            ended += int(dones.sum())
             if mode is AutoresetMode.DISABLED:
-                env.reset(options={"reset_mask": over})
-                plainly.reset(options={"reset_mask": over})
+                env.reset(options={"reset_mask": dones})
+                plainly.reset(options={"reset_mask": dones})
     assert env.episode_count == ended > n
 
 
 def test_episode_statistics_are_those_of_gymnasiums_vector() -> None:
-    """With autoreset in the same step, where Gymnasium 1.1 miscounts, but both alike."""
+    """With autoreset in the same step, where Gymnasium 1.1 miscounts, but both the same."""
     mode = AutoresetMode.SAME_STEP
     env = wrappers.RecordEpisodeStatistics(SwarmVectorEnv(3, autoreset_mode=mode, **SMALL))
     reference = wrappers.RecordEpisodeStatistics(gymnasiums(3, mode, **SMALL))
@@ -891,16 +896,16 @@ def test_infos_can_be_lists(view: type[SearchVectorEnv]) -> None:
     rng, ended = np.random.default_rng(0), 0
     for _ in range(30):
         actions = random_actions(rng, env)
-        _, _, over, _, infos = env.step(actions)
+        _, _, dones, _, infos = env.step(actions)
         *_, arrays = plainly.step(actions)
-        for slot, info in enumerate(infos):
-            assert info["step"] == arrays["step"][slot]
-            assert ("final_info" in info) == ("final_obs" in info) == over[slot]
-            if over[slot]:
+        for env_index, info in enumerate(infos):
+            assert info["step"] == arrays["step"][env_index]
+            assert ("final_info" in info) == ("final_obs" in info) == dones[env_index]
+            if dones[env_index]:
                 ended += 1
                 assert info["final_info"]["ending"] in set(Ending)
-                assert info["final_info"]["step"] == arrays["final_info"]["step"][slot]
-                assert plain(info["final_obs"]) == plain(arrays["final_obs"][slot])
+                assert info["final_info"]["step"] == arrays["final_info"]["step"][env_index]
+                assert plain(info["final_obs"]) == plain(arrays["final_obs"][env_index])
     assert ended > 3
 
 
@@ -967,16 +972,16 @@ def test_what_was_returned_never_changes(
     env = view(3, observation=layout, write_matrices=writes, autoreset_mode=mode, **SMALL)
     rng = np.random.default_rng(0)
     results: list[tuple[Any, ...]] = [env.reset(seed=1)]
-    as_it_was = [told(results[0])]
+    as_it_was = [as_data(results[0])]
     for _ in range(25):
         actions = random_actions(rng, env)
         results.append(env.step(actions))
-        as_it_was.append(told(results[-1]))
-        over = results[-1][2]
-        if mode is AutoresetMode.DISABLED and over.any():
-            results.append(env.reset(options={"reset_mask": over}))
-            as_it_was.append(told(results[-1]))
-    assert [told(result) for result in results] == as_it_was
+        as_it_was.append(as_data(results[-1]))
+        dones = results[-1][2]
+        if mode is AutoresetMode.DISABLED and dones.any():
+            results.append(env.reset(options={"reset_mask": dones}))
+            as_it_was.append(as_data(results[-1]))
+    assert [as_data(result) for result in results] == as_it_was
 
 
 @both_views
@@ -984,7 +989,7 @@ def test_what_was_returned_never_changes(
 def test_what_is_returned_may_be_written_to(
     view: type[SearchVectorEnv], layout: str, writes: bool
 ) -> None:
-    """Nothing that was handed out is the environment's own memory."""
+    """No returned array is the environment's own memory."""
     env = view(3, observation=layout, write_matrices=writes, **SMALL)
     other = view(3, observation=layout, write_matrices=writes, **SMALL)
     rng = np.random.default_rng(0)
@@ -995,7 +1000,7 @@ def test_what_is_returned_may_be_written_to(
             array[...] = 3
         actions = random_actions(rng, env)
         result = env.step(actions)
-        assert told(result) == told(other.step(actions))
+        assert as_data(result) == as_data(other.step(actions))
 
 
 def arrays_in(result: Any) -> list[np.ndarray]:
@@ -1015,7 +1020,7 @@ def test_without_copies_the_same_arrays_come_back(
 ) -> None:
     parameters = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
     env, copies = view(3, copy=False, **parameters), view(3, **parameters)
-    assert told(env.reset(seed=1)) == told(copies.reset(seed=1))
+    assert as_data(env.reset(seed=1)) == as_data(copies.reset(seed=1))
     assert rollout(env, 40) == rollout(copies, 40)
     begun = arrays_in(env.reset()[0])
     idle = np.full(env.action_space.shape, Action.IDLE)
@@ -1061,7 +1066,7 @@ def test_steps_are_written_into_a_collectors_arrays(
     at = collected(env, dtype)
     rng = np.random.default_rng(0)
     env.use_buffers(at(0))
-    assert told(env.reset(seed=1)) == told(plainly.reset(seed=1))
+    assert as_data(env.reset(seed=1)) == as_data(plainly.reset(seed=1))
     wanted = []
     for step in range(12):
         env.use_buffers(at(step))
@@ -1070,7 +1075,7 @@ def test_steps_are_written_into_a_collectors_arrays(
         theirs, their_rewards, *their_flags, their_infos = plainly.step(actions)
         wanted.append(plain([theirs, their_rewards.astype(dtype), *their_flags]))
         assert plain([seen, rewards, *flags]) == wanted[-1]
-        assert told((infos,)) == told((their_infos,))
+        assert as_data((infos,)) == as_data((their_infos,))
     assert [plain(list(vars(at(step)).values())) for step in range(12)] == wanted
 
 
@@ -1084,7 +1089,7 @@ def test_steps_are_written_into_a_collectors_arrays(
         lambda array: np.repeat(array, 2, axis=0)[::2],
         lambda array: array[..., ::-1],
     ],
-    ids=["Fortran's order", "every second number", "every second slot", "backwards"],
+    ids=["Fortran's order", "every second number", "every second sub-environment", "backwards"],
 )
 def test_buffers_may_lie_in_memory_as_they_like(
     view: type[SearchVectorEnv], layout: str, writes: bool, laid_out: Callable[[Any], Any]
@@ -1092,7 +1097,7 @@ def test_buffers_may_lie_in_memory_as_they_like(
     env = view(3, observation=layout, write_matrices=writes, **SMALL)
     plainly = view(3, observation=layout, write_matrices=writes, **SMALL)
     n = env.num_envs
-    # Margins on both sides take, and show, what is written beside the array.
+    # Margins on both sides show what is written outside of the array.
     whole = {
         key: laid_out(np.full((3 * n, *space.shape[1:]), 7, space.dtype))
         for key, space in spaces_in(env.observation_space).items()
@@ -1212,15 +1217,15 @@ def test_wrong_buffers_are_refused(
 def test_every_swarm_is_drawn_as_in_the_single_environment(
     view: type[SearchVectorEnv], mode: str
 ) -> None:
-    env = view(3, render_mode=mode, **MISSION)
-    singles = [DroneSwarmSearch(render_mode=mode, **MISSION) for _ in range(3)]
+    env = view(3, render_mode=mode, **SEVERAL_PERSONS)
+    singles = [DroneSwarmSearch(render_mode=mode, **SEVERAL_PERSONS) for _ in range(3)]
     env.reset(seed=3)
     for seed, single in enumerate(singles, 3):
         single.reset(seed=seed)
     for action in (Action.SEARCH, Action.IDLE):
         pictures = env.render()
         assert isinstance(pictures, tuple)
-        assert len(pictures) == 3  # one a swarm, whatever a slot is
+        assert len(pictures) == 3  # one for each swarm
         for swarm, (picture, single) in enumerate(zip(pictures, singles, strict=True)):
             assert plain(picture) == plain(single.render())
             assert plain(vars(env.frame(swarm))) == plain(vars(single.frame()))
@@ -1263,7 +1268,7 @@ def test_a_copy_goes_on_identically(
     assert rollout(way(other), 30, policy_seed=2) == rollout(env, 30, policy_seed=2)
 
 
-@pytest.mark.parametrize("case", [MISSION, ALONE])
+@pytest.mark.parametrize("case", [SEVERAL_PERSONS, ONE_DRONE])
 def test_a_copy_of_posteriors_goes_on_identically(case: dict[str, Any]) -> None:
     env = SwarmVectorEnv(3, **case)
     env.reset(seed=2)
@@ -1321,14 +1326,31 @@ def test_each_view_has_a_name_for_the_number_of_swarms(
 ) -> None:
     env = view(**{count: 4}, n_drones=3)
     assert env.batch.num_rows == 4
-    slots = 4 if view is SwarmVectorEnv else 12
-    assert env.num_envs == slots == env.action_space.shape[0] == len(env.reset()[1]["Found"])
+    envs = 4 if view is SwarmVectorEnv else 12
+    assert env.num_envs == envs == env.action_space.shape[0] == len(env.reset()[1]["Found"])
     for wrong in (0, -1, 2.0, True, "4", None):
         with pytest.raises((TypeError, ValueError), match=f"^{count} must be an integer of at lea"):
             view(**{count: wrong})
     for given in ({other: 4}, {count: 4, other: 4}):
         with pytest.raises(TypeError, match=f"{view.__name__} has no parameter '{other}'.*{count}"):
             view(**given)
+
+
+@both_views
+def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
+    shown = inspect.signature(view).parameters
+    own = "observation top_cells write_matrices autoreset_mode separate_flags reward_scale copy "
+    assert list(shown)[1:] == [
+        *f"{own}render_mode".split(),
+        *(field.name for field in dataclasses.fields(Scenario)),
+        *("scenario", "drones_positions", "sampler"),
+    ]
+    usual = {name: shown[name].default for name in list(shown)[1:]}
+    for field in dataclasses.fields(Scenario):
+        assert usual[field.name] == field.default
+    env, plainly = view(2, **usual), view(2)
+    assert plain(env.reset(seed=1)) == plain(plainly.reset(seed=1))
+    assert all(re.search(rf"\b{name}\b", view.__doc__) for name in shown)
 
 
 @both_views
@@ -1369,7 +1391,7 @@ def test_a_table_that_does_not_fit_in_memory_is_refused(view: type[SearchVectorE
     ("rows", "error"),
     [([0, 0], ValueError), ([1, 0], ValueError), ([2], ValueError), ("a", TypeError)],
 )
-def test_swarms_that_there_are_not_are_not_shown(
+def test_unknown_swarms_are_refused(
     view: type[SearchVectorEnv], rows: Any, error: type[Exception]
 ) -> None:
     env = view(2)
@@ -1382,8 +1404,8 @@ def test_swarms_that_there_are_not_are_not_shown(
 def test_options_of_none_are_as_good_as_none(view: type[SearchVectorEnv]) -> None:
     names = ("reset_mask", "vector", "person_initial_position", "drones_positions")
     plainly, env = view(2), view(2)
-    told = env.reset(seed=1, options=dict.fromkeys(names))
-    assert plain(told) == plain(plainly.reset(seed=1))
+    given = env.reset(seed=1, options=dict.fromkeys(names))
+    assert plain(given) == plain(plainly.reset(seed=1))
 
 
 @both_views
@@ -1399,9 +1421,9 @@ def test_actions_stay_the_callers(view: type[SearchVectorEnv], mode: AutoresetMo
     env = view(2, autoreset_mode=mode, grid_size=3, n_drones=2, person_initial_position=(2, 2))
     env.reset(seed=0)
     leave = np.full(env.action_space.shape, Action.UP)
-    over = env.step(leave)[2]
-    assert over.all()
-    env.reset(options={"reset_mask": over})
+    dones = env.step(leave)[2]
+    assert dones.all()
+    env.reset(options={"reset_mask": dones})
     search = np.full(env.action_space.shape, Action.SEARCH)
     env.step(search)
     assert (leave == Action.UP).all()
@@ -1444,7 +1466,7 @@ def test_the_adapter_alone_imports_stable_baselines3() -> None:
 
 
 def test_a_plain_learning_loop_learns() -> None:
-    """A linear policy by REINFORCE, in NumPy alone: drones learn to stay on the grid."""
+    """A linear policy by REINFORCE, in NumPy singles: drones learn to stay on the grid."""
     steps, updates, rate = 32, 12, 2.0
     env = DroneVectorEnv(16, observation="flat", grid_size=5, n_drones=2, timestep_limit=20)
     n, features = env.num_envs, env.single_observation_space.shape[0]

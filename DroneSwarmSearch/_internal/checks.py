@@ -1,6 +1,8 @@
-"""Checks of what users hand in: each returns the value in its plain form or raises.
+"""Validation of user input: each function returns the value in its plain form, or raises.
 
-Every error names the parameter, says what is allowed and shows what came.
+Error messages name the parameter, state what is allowed and show the value. `pairs`,
+`reals` and `cells` are the array forms of `pair`, `real` and `cell`: they accept the values of
+all rows of a batch at once, and report a bad one with the scalar form's message.
 """
 
 from __future__ import annotations
@@ -21,18 +23,27 @@ __all__ = [
     "array",
     "boolean",
     "cell",
+    "cells",
     "choice",
     "finite",
     "fits",
     "integer",
     "is_number",
     "items",
+    "known_options",
+    "numbers",
+    "output_array",
     "pair",
+    "pairs",
     "positive",
     "real",
-    "receiver",
+    "reals",
     "seeds",
 ]
+
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def boolean(name: str, value: object) -> bool:
@@ -43,7 +54,7 @@ def boolean(name: str, value: object) -> bool:
 
 
 def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | None:
-    """One of some strings, or None where that is among them."""
+    """One of the allowed strings; None if it is one of them."""
     if value is not None and not isinstance(value, str):
         raise TypeError(f"{name} must be one of {_listed(allowed)}, got {value!r}")
     if value not in allowed:
@@ -52,12 +63,12 @@ def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | Non
 
 
 def known_options(options: object, known: Sequence[str], stacklevel: int) -> dict[str, Any]:
-    """The options of a `reset` as a dict; a warning for those that are not known.
+    """The options of a `reset` as a dict, with a warning about unknown ones.
 
     Args:
         options: a mapping; TypeError otherwise.
-        known: the names that are known.
-        stacklevel: of the warning, as seen from the caller.
+        known: the known names.
+        stacklevel: the warning's stack level, counted from the caller.
     """
     if not isinstance(options, Mapping):
         raise TypeError(f"options must be a mapping, got {options!r}")
@@ -71,7 +82,7 @@ def known_options(options: object, known: Sequence[str], stacklevel: int) -> dic
 
 
 def integer(name: str, value: object, low: int, high: int | None = None) -> int:
-    """An integer, a bool not counting as one, within low <= value <= high."""
+    """An integer with low <= value <= high; a bool is not an integer."""
     limits = f"of at least {low}" if high is None else f"from {low} to {high}"
     try:
         if isinstance(value, (bool, np.bool_)):
@@ -85,12 +96,12 @@ def integer(name: str, value: object, low: int, high: int | None = None) -> int:
 
 
 def is_number(value: object) -> bool:
-    """Whether something is a real number; a bool is not."""
+    """Whether the value is a real number; a bool is not."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def real(name: str, value: object, low: float | None = None, high: float | None = None) -> float:
-    """A finite real number within low <= value <= high."""
+    """A finite real number with low <= value <= high."""
     number = finite(value)
     if number is not None and (low is None or number >= low) and (high is None or number <= high):
         return number
@@ -100,6 +111,22 @@ def real(name: str, value: object, low: float | None = None, high: float | None 
     limits = f" of at {' and at '.join(bounds)}" if bounds else ""
     error = ValueError if is_number(value) else TypeError
     raise error(f"{name} must be a finite number{limits}, got {value!r}")
+
+
+def reals(name: str, value: object, rows: int, low: float) -> Floats:
+    """`real` for the rows of a batch: one number for all of them, or one for each.
+
+    Returns:
+        float64, shape (rows,).
+    """
+    what = f"a finite number of at least {low:g}"
+    given = numbers(name, value, what)
+    if given.ndim == 0:
+        return np.full(rows, real(name, value, low))
+    _check_rows(name, given, (rows,), what)
+    for row in (~(np.isfinite(given) & (given >= low))).nonzero()[0]:
+        real(f"{name}[{row}]", given[row].item(), low)
+    return given.astype(np.float64)
 
 
 def positive(name: str, value: object) -> float:
@@ -112,7 +139,7 @@ def positive(name: str, value: object) -> float:
 
 
 def finite(value: object) -> float | None:
-    """A real number as a finite float, if it is one."""
+    """The value as a float, or None if it is not a finite real number."""
     try:
         number = float(value) if is_number(value) else math.nan  # type: ignore[arg-type]
     except OverflowError:
@@ -121,7 +148,7 @@ def finite(value: object) -> float | None:
 
 
 def items(name: str, value: object, what: str) -> list[object]:
-    """The items of a list, a tuple, another sequence or a NumPy array."""
+    """The items of a list, a tuple, another sequence or a NumPy array, as a list."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
@@ -130,7 +157,7 @@ def items(name: str, value: object, what: str) -> list[object]:
 
 
 def seeds(name: str, value: object) -> list[int | None]:
-    """Seeds in a list, a tuple, another sequence or a NumPy array; None among them stays."""
+    """A list of seeds from any sequence or array; None entries are kept."""
     entries = items(name, value, "a list or an array of integers of at least 0")
     return [
         None if entry is None else integer(f"{name}[{place}]", entry, 0)
@@ -148,8 +175,24 @@ def pair(name: str, value: object) -> tuple[float, float]:
     return x, y
 
 
+def pairs(name: str, value: object, rows: int) -> Floats:
+    """`pair` for the rows of a batch: one pair for all of them, or one for each.
+
+    Returns:
+        float64, shape (rows, 2).
+    """
+    what = "two finite numbers (x, y)"
+    given = numbers(name, value, what)
+    if given.ndim < 2:
+        return np.tile(pair(name, value), (rows, 1))
+    _check_rows(name, given, (rows, 2), what)
+    for row in (~np.isfinite(given).all(axis=1)).nonzero()[0]:
+        pair(f"{name}[{row}]", given[row])
+    return given.astype(np.float64)
+
+
 def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
-    """A cell of the grid, (x, y); 3.0 is taken for 3, but 3.5 lies on no cell."""
+    """A cell of the grid, (x, y); 3.0 counts as 3, but 3.5 is an error."""
     what = f"a cell (x, y) with whole numbers from 0 to {grid_size - 1}"
     numbers = items(name, value, what)
     if not all(is_number(number) for number in numbers):
@@ -160,16 +203,64 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
     return x, y
 
 
-def fits(what: str, size: int, **parameters: object) -> None:
-    """Refuse parameters with which something is larger than the machine's memory.
+def cells(name: str, given: NDArray[Any], grid_size: int) -> Ints:
+    """`cell` for an array of numbers of shape (..., 2).
+
+    Returns:
+        int64, of the same shape.
+    """
+    with np.errstate(invalid="ignore"):  # NaN and large numbers become other integers
+        whole = given.astype(np.int64)
+    wrong = (whole != given) | (whole < 0) | (whole >= grid_size)
+    if wrong.any():
+        *where, _ = np.argwhere(wrong)[0].tolist()
+        place = "".join(f"[{index}]" for index in where)
+        cell(f"{name}{place}", given[tuple(where)].tolist(), grid_size)
+    return whole
+
+
+def numbers(name: str, value: object, what: str) -> NDArray[Any]:
+    """An array of real numbers.
 
     Args:
-        what: the thing, in words.
-        size: the least that it takes, in bytes.
-        parameters: what its size follows from, by name.
+        name: the parameter.
+        value: numbers of any kind for which `is_number` is True, nested or in arrays.
+        what: the expected value, for the message.
 
     Raises:
-        ValueError: it is larger.
+        TypeError: an entry is not a number.
+        ValueError: the entries form no array.
+    """
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
+        return value
+    entries = np.asarray(value, object)
+    floats = np.empty(entries.shape)
+    for place, entry in enumerate(entries.flat):
+        if not is_number(entry):
+            ragged = isinstance(entry, (list, tuple, np.ndarray))
+            raise (ValueError if ragged else TypeError)(f"{name} must be {what}, got {value!r}")
+        try:
+            floats.flat[place] = float(entry)
+        except OverflowError:
+            floats.flat[place] = np.inf
+    return floats
+
+
+def _check_rows(name: str, given: NDArray[Any], shape: tuple[int, ...], what: str) -> None:
+    if given.shape != shape:
+        raise ValueError(
+            f"{name} must be {what}, or one for each search, an array of shape {shape}; "
+            f"got one of shape {given.shape}"
+        )
+
+
+def fits(what: str, size: int, **parameters: object) -> None:
+    """Raise a ValueError if something needs more than the machine's memory.
+
+    Args:
+        what: a name for it, for the message.
+        size: a lower limit of its size in bytes.
+        parameters: the parameters that determine the size.
     """
     memory = _memory()
     if size <= memory:
@@ -182,7 +273,7 @@ def fits(what: str, size: int, **parameters: object) -> None:
 
 
 def _memory() -> int:
-    """The machine's memory in bytes; where it does not say, what can be addressed."""
+    """The machine's memory in bytes; the largest address where the system does not report it."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):  # Windows, for one
@@ -190,15 +281,15 @@ def _memory() -> int:
 
 
 def array(name: str, value: object, what: str) -> NDArray[Any]:
-    """Something as an array; ValueError where its rows are of different lengths."""
+    """The value as an array; ValueError if its rows differ in length."""
     try:
         return np.asarray(value)
     except ValueError:
         raise ValueError(f"{name} must be {what}, got {value!r}") from None
 
 
-def receiver(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:
-    """An array that may be written into as one run of memory, of some shape and dtype."""
+def output_array(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+    """Raise unless the value is a writeable C-contiguous array of this shape and dtype."""
     if not isinstance(value, np.ndarray):
         came = repr(value)
     elif value.shape != shape or value.dtype != dtype:

@@ -1,33 +1,44 @@
-"""The person adrift: a walk over cells, at most one cell a step along each axis.
+"""A person adrift: a random walk over cells, at most one cell per step along each axis.
 
-From step to step the person follows the moves tabulated beside the forecast in
-`probability_matrix`, so that at every step it is distributed exactly as the matrix says.
+The probabilities of the moves come from the tables of `probability_matrix`, so that at every
+step the person's position has exactly the distribution that the matrix shows.
+
+A uniform random draw u decides the move along an axis. With the probabilities p(+1) and
+p(-1) of a move up or down the axis, the person moves
+
+    +1 if u < p(+1),   -1 if p(+1) <= u < p(+1) + p(-1),   0 otherwise.
+
+`walk` applies this rule to one person, `moves` to arrays of persons.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
-__all__ = ["walk"]
+__all__ = ["moves", "walk"]
 
 
 def walk(
     forecast: ProbabilityMatrix,
     step: int,
     cell: int,
-    for_x: Sequence[float],
-    for_y: Sequence[float],
+    draws_x: Sequence[float],
+    draws_y: Sequence[float],
 ) -> list[int]:
-    """Follow a person for some steps, at most to the end of the forecast's block of tables.
+    """Walk one person for some steps, at most to the end of the forecast's block of tables.
 
     Args:
         forecast: the person's forecast.
-        step: completed steps at the beginning.
-        cell: the person's cell then, y * grid_size + x.
-        for_x: a number in [0, 1) for each step to walk, which decides the move along x.
-        for_y: the same for y.
+        step: completed steps at the start.
+        cell: the person's cell at the start, y * grid_size + x.
+        draws_x: a uniform draw from [0, 1) for the move along x in each step.
+        draws_y: the same for y.
 
     Returns:
         The cell after each step.
@@ -37,9 +48,9 @@ def walk(
     grid_size = forecast.grid_size
     y, x = divmod(cell, grid_size)
     path = []
-    # The tables hold a row for x and a row for y of each step, one after another.
+    # For each step the tables hold a row for x, then a row for y.
     rows_of_x = range((step - block.first) * 2 * grid_size, len(right), 2 * grid_size)
-    for row, u, v in zip(rows_of_x, for_x, for_y, strict=False):
+    for row, u, v in zip(rows_of_x, draws_x, draws_y, strict=False):
         at_x = row + x
         if u < right[at_x]:
             x += 1
@@ -52,3 +63,21 @@ def walk(
             y -= 1
         path.append(y * grid_size + x)
     return path
+
+
+def moves(draws: NDArray[Any], higher: NDArray[Any], either: NDArray[Any]) -> NDArray[np.int8]:
+    """The moves of many persons along an axis in one step.
+
+    Args:
+        draws: a uniform draw from [0, 1) for each person; or, if the probabilities are
+            multiplied by 2**53 too, the integer 2**53 times the draw.
+        higher: the probability of +1 at each person's coordinate, of the same shape.
+        either: the probability of +1 or -1, their sum.
+
+    Returns:
+        int8, of the same shape: +1, -1 or 0.
+    """
+    move: NDArray[np.int8] = np.less(draws, higher).view(np.int8)
+    move += move
+    move -= np.less(draws, either).view(np.int8)  # 2 a - (a or b)
+    return move

@@ -1,12 +1,13 @@
-"""Many searches stepped together in NumPy: thousands in one process, millions of steps a second.
+"""Thousands of searches stepped together in NumPy, millions of steps a second in one process.
 
-`SwarmVectorEnv` and `DroneVectorEnv` are Gymnasium vector environments; `SearchBatch` is
-the engine under them, arrays in and arrays out. `sb3` holds an adapter for
-Stable-Baselines3, which is imported with that module alone.
+`SwarmVectorEnv` and `DroneVectorEnv` are Gymnasium vector environments around `SearchBatch`,
+which works with plain arrays. `sb3` adapts them to Stable-Baselines3 and is imported separately.
 """
 
+from DroneSwarmSearch.vector.buffers import Buffers
+from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import Sampler
-from DroneSwarmSearch.vector.vector_env import Buffers, DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
 
 __all__ = ["Buffers", "DroneVectorEnv", "Sampler", "SearchBatch", "SwarmVectorEnv"]

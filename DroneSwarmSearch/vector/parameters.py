@@ -1,7 +1,7 @@
-"""The parameters of a batch: those that all rows share, and those that each has its own of.
+"""The parameters of a batch: a scenario that all rows share, and values for each row.
 
-Whatever may differ from row to row is held for every row, checked, and can be assigned
-for some: by a reset, or by a sampler that draws them anew for every episode.
+The parameters in `ROW_PARAMETERS` may differ between rows. A reset can change them, and a
+sampler can draw them for every episode.
 """
 
 from __future__ import annotations
@@ -15,28 +15,29 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.streams import RowGenerator
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.scenario import Scenario, persons_of_rows, resolve_scenario
+from DroneSwarmSearch.vector.arrays import Ints, Words
 from DroneSwarmSearch.vector.forecasts import DriftParameters
 
-__all__ = ["Parameters", "Sampler", "checked_rows", "checked_sizes"]
+__all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler", "checked_rows"]
 
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
+RowValues = dict[str, NDArray[Any]]
+"""Valid values of some of `ROW_PARAMETERS`; the row is the last axis."""
 
-VARIABLE = ("vector", "person_initial_position", "disperse_constant", "drones_positions")
-"""What may differ from row to row."""
+ROW_PARAMETERS = ("vector", "person_initial_position", "disperse_constant", "drones_positions")
+"""The parameters that may differ between rows."""
 
-_ROW_BYTES = 64
-"""Rounded down, what a batch keeps for each drone of each row."""
+_DRONE_BYTES = 64
+"""A lower limit of the memory of each drone in each row."""
 
-_FOLLOWED_BYTES = 64
-"""What following a person's forecast takes, for each cell along a side."""
+_ON_THE_FLY_BYTES = 64
+"""The memory of a person's on-the-fly forecast, for each cell along a side."""
 
 
 class Sampler(Protocol):
-    """Draws parameters for episodes that begin (domain randomisation).
+    """Draws the parameters of new episodes (domain randomisation).
 
-    For example, drift and start at random::
+    For example, random drift and start::
 
         def sampler(rng):
             return {
@@ -46,28 +47,27 @@ class Sampler(Protocol):
     """
 
     def __call__(self, rng: RowGenerator, /) -> Mapping[str, Any]:
-        """The parameters of len(rng) episodes.
+        """Return the parameters of len(rng) episodes.
 
         Args:
-            rng: random numbers: an episode gets the same for the same seed, whichever
-                others begin at the same time.
+            rng: random numbers. For the same seed an episode gets the same numbers,
+                whichever other episodes begin at the same time.
 
         Returns:
             Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2);
-            "disperse_constant", (n,); "drones_positions", (n, n_drones, 2). Without the
-            first axis a value holds for all of these episodes. What is not among them is
-            as the batch was given it.
+            "disperse_constant", (n,); "drones_positions", (n, n_drones, 2). A value
+            without the first axis applies to all of these episodes. Missing parameters
+            keep the batch's values.
         """
 
 
 @dataclass
-class Parameters:
-    """The parameters of a batch's rows. Make them with `Parameters.checked`.
+class BatchParameters:
+    """The parameters of the rows of a batch; make them with `from_arguments`.
 
     Attributes:
-        scenario: what all rows share; its `vector`, `persons` and `disperse_constant` are
-            those of row 0.
-        forecasts: the persons' starts, the drift and the disperse constant of every row.
+        scenario: the shared parameters; those that differ between rows are row 0's.
+        forecasts: the persons' start, the drift and the disperse constant of every row.
         drones: the drones' start cells, y * N + x: int64, (rows, n_drones).
     """
 
@@ -76,58 +76,56 @@ class Parameters:
     drones: Ints
 
     @classmethod
-    def checked(
+    def from_arguments(
         cls,
         num_rows: object,
-        *,
-        rows_name: str = "num_rows",
-        follows: bool = False,
-        vector: object,
-        person_initial_position: object,
-        disperse_constant: object,
+        rows_name: str,
         drones_positions: object,
-        **shared: Any,
-    ) -> Parameters:
-        """Check the arguments of `engine.SearchBatch`.
+        on_the_fly: bool,
+        scenario: Scenario | None,
+        **parameters: Any,
+    ) -> BatchParameters:
+        """Validate the arguments of `SearchBatch`.
 
         Args:
             num_rows: the number of rows.
-            rows_name: what `num_rows` is called in errors.
-            follows: whether each row follows forecasts of its own.
-            vector: as in `SearchBatch`, like all others.
-            person_initial_position: likewise.
-            disperse_constant: likewise.
-            drones_positions: likewise.
-            shared: likewise.
+            rows_name: its name in error messages.
+            drones_positions: as in `SearchBatch`.
+            on_the_fly: whether each row computes its own forecasts.
+            scenario: as in `SearchBatch`.
+            parameters: the scenario's parameters; those in `ROW_PARAMETERS` may have a
+                value for each row.
 
         Raises:
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        rows, size, _ = checked_sizes(rows_name, num_rows, shared["grid_size"], shared["n_drones"])
-        vectors = _vectors(vector, rows)
-        persons = _persons(person_initial_position, rows, size)
-        constants = _constants(disperse_constant, rows)
-        scenario = Scenario(
-            vector=vectors[0],
-            person_initial_position=persons[0],
-            disperse_constant=constants[0],
-            **shared,
-        )
-        number = len(scenario.person_initial_position)
-        known = 8 * size**2 * scenario.bayesian_update + _FOLLOWED_BYTES * size * follows
-        checks.fits(
-            "what is known of the persons",
-            number * rows * known,
-            **{rows_name: rows, "grid_size": size},
-        )
-        cells = np.arange(scenario.n_drones)
+        if scenario is not None:
+            parameters = vars(resolve_scenario(scenario, **parameters))
+        rows = checks.integer(rows_name, num_rows, 1)
+        sizes = Scenario(parameters["grid_size"], parameters["n_drones"])
+        size, n = sizes.grid_size, sizes.n_drones
+        named = {rows_name: rows}
+        checks.fits("the drones", _DRONE_BYTES * rows * n, **named, n_drones=n)
+        vectors = checks.pairs("vector", parameters["vector"], rows)
+        persons = persons_of_rows(parameters["person_initial_position"], rows, size)
+        constants = checks.reals("disperse_constant", parameters["disperse_constant"], rows, 0)
+        first_row = {
+            "vector": vectors[0],
+            "person_initial_position": persons[0],
+            "disperse_constant": constants[0],
+        }
+        shared = Scenario(**{**parameters, **first_row})
+        bytes_each = 8 * size**2 * shared.bayesian_update + _ON_THE_FLY_BYTES * size * on_the_fly
+        needed = persons.shape[1] * rows * bytes_each
+        checks.fits("the persons' beliefs and forecasts", needed, **named, grid_size=size)
+        cells = np.arange(n)
         if drones_positions is not None:
-            cells = _drones(drones_positions, rows, scenario)
+            cells = shared.drone_cells_of_rows(drones_positions, rows)
         return cls(
-            scenario,
+            shared,
             DriftParameters(_by_person(persons), np.ascontiguousarray(vectors.T), constants),
-            np.broadcast_to(cells, (rows, scenario.n_drones)).copy(),
+            np.broadcast_to(cells, (rows, n)).copy(),
         )
 
     @property
@@ -135,130 +133,148 @@ class Parameters:
         """The number of rows."""
         return len(self.drones)
 
-    def copy(self) -> Parameters:
-        """The same parameters in arrays of their own."""
+    def scenario_of(self, row: int) -> Scenario:
+        """The parameters of one row."""
+        start, drift, constant = self.forecasts
+        x, y = drift[:, row].tolist()
+        return self.scenario.replace(
+            vector=(x, y),
+            person_initial_position=tuple((x, y) for x, y in start[..., row].tolist()),
+            disperse_constant=float(constant[row]),
+        )
+
+    def common_scenario(self) -> Scenario:
+        """The scenario of all rows.
+
+        Raises:
+            ValueError: the rows differ.
+        """
+        start, drift, constant = self.forecasts
+        for name, values in (
+            ("vector", drift),
+            ("person_initial_position", start),
+            ("disperse_constant", constant),
+        ):
+            if (values != values[..., :1]).any():
+                raise ValueError(
+                    f"there is no scenario of all searches, because they differ in {name}; "
+                    "scenario_of(row) returns the scenario of one"
+                )
+        return self.scenario_of(0)
+
+    def to_dict(self) -> RowValues:
+        """Copies of all `ROW_PARAMETERS`, in the form that `SearchBatch.reset` accepts."""
+        start, drift, constant = self.forecasts
+        drones = np.stack(np.divmod(self.drones, self.scenario.grid_size)[::-1], axis=-1)
+        values = drift.T.copy(), start.transpose(2, 0, 1).copy(), constant.copy(), drones
+        return dict(zip(ROW_PARAMETERS, values, strict=True))
+
+    def copy(self) -> BatchParameters:
+        """The same parameters in new arrays."""
         start, drift, constant = self.forecasts
         forecasts = DriftParameters(start.copy(), drift.copy(), constant.copy())
         return replace(self, forecasts=forecasts, drones=self.drones.copy())
 
-    def changed(self, given: Mapping[str, Any]) -> Parameters:
-        """The same with some of `VARIABLE` given anew, for all rows.
+    def changed(self, given: Mapping[str, Any]) -> BatchParameters:
+        """A copy with some of `ROW_PARAMETERS` changed in all rows.
 
         Raises:
             TypeError: a value is of the wrong type.
             ValueError: a value is out of its limits.
         """
         changed = self.copy()
-        values = self.checked_values(self.num_rows, given)
+        values = self.validated(self.num_rows, given, "given")
         changed.assign_values(np.arange(self.num_rows), values)
         return changed
 
-    def assign(self, rows: Ints, other: Parameters) -> None:
-        """Take over the parameters of some rows."""
+    def assign(self, rows: Ints, other: BatchParameters) -> None:
+        """Copy the parameters of some rows from another batch's."""
         for mine, theirs in zip(self.forecasts, other.forecasts, strict=True):
             mine[..., rows] = theirs[..., rows]
         self.drones[rows] = other.drones[rows]
 
-    def drawn(self, rows: int, sampler: Sampler, keys: Words) -> Values:
-        """Parameters for some rows, drawn and checked, to be given to `assign_values`.
+    def assign_values(self, rows: Ints, values: RowValues) -> None:
+        """Set valid values in some rows."""
+        start, drift, constant = self.forecasts
+        arrays = dict(zip(ROW_PARAMETERS, (drift, start, constant, self.drones.T), strict=True))
+        for name, value in values.items():
+            arrays[name][..., rows] = value
+
+    def drawn(self, rows: int, sampler: Sampler, keys: Words) -> RowValues:
+        """Draw and validate parameters for some rows.
 
         Args:
             rows: how many.
-            sampler: what draws them.
-            keys: of the rows' episodes, for the sampling of scenarios.
+            sampler: draws them.
+            keys: the sampling keys of the rows' episodes.
 
         Raises:
-            TypeError: what the sampler returns is of the wrong type.
-            ValueError: it is out of its limits.
+            TypeError: the sampler returns something of the wrong type.
+            ValueError: it returns values out of their limits.
         """
         values = sampler(RowGenerator(keys))
         if not isinstance(values, Mapping):
             raise TypeError(f"sampler must return a mapping, got {values!r}")
-        return self.checked_values(rows, values, "what sampler returns")
+        return self.validated(rows, values, "the mapping that sampler returns")
 
-    def checked_values(self, rows: int, values: Mapping[str, Any], name: str = "given") -> Values:
-        """Some of `VARIABLE` checked, from one value for all rows or one for each.
+    def validated(self, rows: int, values: Mapping[str, Any], name: str) -> RowValues:
+        """Validate some of `ROW_PARAMETERS`, each with one value for all rows or one for each.
 
         Args:
             rows: how many.
             values: by name.
-            name: what the values are called in errors.
+            name: the mapping's name in error messages.
         """
         if not isinstance(values, Mapping):
             raise TypeError(f"{name} must be a mapping, got {values!r}")
-        unknown = [name for name in values if name not in VARIABLE]
+        unknown = [key for key in values if key not in ROW_PARAMETERS]
         if unknown:
             raise ValueError(
                 f"{name} must hold parameters that may differ between searches "
-                f"({', '.join(VARIABLE)}), got {unknown[0]!r}"
+                f"({', '.join(ROW_PARAMETERS)}), got {unknown[0]!r}"
             )
-        checked: Values = {}
-        for parameter, value in values.items():
-            if parameter == "vector":
-                checked[parameter] = _vectors(value, rows).T
-            elif parameter == "disperse_constant":
-                checked[parameter] = _constants(value, rows)
-            elif parameter == "drones_positions":
-                checked[parameter] = _drones(value, rows, self.scenario).T
+        scenario = self.scenario
+        valid: RowValues = {}
+        for key, value in values.items():
+            if key == "vector":
+                valid[key] = checks.pairs(key, value, rows).T
+            elif key == "disperse_constant":
+                valid[key] = checks.reals(key, value, rows, 0)
+            elif key == "drones_positions":
+                valid[key] = scenario.drone_cells_of_rows(value, rows).T
             else:
-                size, persons = self.scenario.grid_size, len(self.scenario.person_initial_position)
-                checked[parameter] = _by_person(_persons(value, rows, size, persons))
-        return checked
-
-    def assign_values(self, rows: Ints, values: Values) -> None:
-        """Set some of `VARIABLE`, checked, in some rows."""
-        arrays = {
-            "vector": self.forecasts.drift,
-            "person_initial_position": self.forecasts.start,
-            "disperse_constant": self.forecasts.disperse_constant,
-            "drones_positions": self.drones.T,
-        }
-        for name, value in values.items():
-            arrays[name][..., rows] = value
+                persons = len(scenario.person_initial_position)
+                cells = persons_of_rows(value, rows, scenario.grid_size, persons)
+                valid[key] = _by_person(cells)
+        return valid
 
 
-Values = dict[str, NDArray[Any]]
-"""Some of `VARIABLE`, checked, with the rows as their last axis."""
-
-
-def checked_sizes(
-    rows_name: str, num_rows: object, grid_size: object, n_drones: object
-) -> tuple[int, int, int]:
-    """The sizes on which all arrays of a batch depend, in this order.
-
-    Raises:
-        TypeError: one is no integer.
-        ValueError: it is out of its limits, or the batch would not fit in memory.
-    """
-    rows = checks.integer(rows_name, num_rows, 1)
-    size = checks.integer("grid_size", grid_size, 2)
-    drones = checks.integer("n_drones", n_drones, 1, size**2)
-    given = {rows_name: rows, "n_drones": drones}
-    checks.fits("the drones", _ROW_BYTES * rows * drones, **given)
-    return rows, size, drones
+def _by_person(persons: Ints) -> Ints:
+    """Cells of shape (rows, persons, 2) as (persons, 2, rows)."""
+    return np.ascontiguousarray(persons.transpose(1, 2, 0))
 
 
 def checked_rows(
     value: object, count: int, *, rising: bool = False, repeated: bool = False
 ) -> Ints:
-    """Numbers of rows as int64, shape (n,).
+    """Row numbers as int64, shape (n,).
 
     Args:
         value: integers from 0 to count - 1.
         count: the number of rows.
         rising: they must be in rising order.
-        repeated: a row may come several times, one after another.
+        repeated: equal numbers are allowed.
 
     Raises:
-        TypeError: they are no integers.
+        TypeError: they are not integers.
         ValueError: there is no such row, or they are out of order.
     """
     if isinstance(value, np.ndarray) and value.dtype == np.int64 and value.ndim == 1:
-        # The usual case is part of many steps, and looked at quickly.
+        # A fast test for the usual case, which occurs in every step.
         in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
         if in_order and value[0] >= 0 and value[-1] < count:
             return value
-    order = "in rising order" if rising else "no two alike"
+    order = "in rising order" if rising else "without repetitions"
     what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
     given = checks.array("rows", value, "a list or an array of integers")
     if given.ndim == 1 and not given.size:
@@ -275,126 +291,3 @@ def checked_rows(
     if (steps < (not repeated)).any():
         raise ValueError(f"{what}; got {value!r}")
     return rows
-
-
-# Each of these takes one value for all rows or one for each, and returns one for each.
-
-
-def _vectors(value: object, rows: int) -> NDArray[np.float64]:
-    """Drifts: float64, shape (rows, 2)."""
-    name, what = "vector", "two finite numbers (x, y)"
-    vectors = _numbers(name, value, what)
-    if vectors.ndim < 2:
-        return np.tile(checks.pair(name, value), (rows, 1))
-    return _for_each(name, vectors, rows, (2,), what)
-
-
-def _constants(value: object, rows: int) -> NDArray[np.float64]:
-    """Disperse constants: float64, shape (rows,)."""
-    name, what = "disperse_constant", "a finite number of at least 0"
-    constants = _numbers(name, value, what)
-    if constants.ndim == 0:
-        return np.full(rows, checks.real(name, value, 0))
-    constants = _for_each(name, constants, rows, (), what)
-    if constants.min() < 0:
-        raise ValueError(f"{name} must be {what}, got {constants.min()} for a search")
-    return constants
-
-
-def _persons(value: object, rows: int, grid_size: int, persons: int | None = None) -> Ints:
-    """Persons' cells: int64, shape (rows, persons, 2), x first.
-
-    Args:
-        value: a cell; or a cell for each person, shape (persons, 2); or these for each
-            row, shape (rows, persons, 2).
-        rows: the number of rows.
-        grid_size: cells along each side.
-        persons: how many there are, if that is settled.
-    """
-    name = "person_initial_position"
-    cells = _numbers(name, value, "a cell (x, y), several of them, or cells for each search")
-    by_row = cells[None] if cells.ndim == 1 else cells  # a single person's cell
-    by_row = np.broadcast_to(by_row, (rows, *by_row.shape)) if by_row.ndim == 2 else by_row
-    count = persons or (by_row.shape[1] if by_row.ndim == 3 else 0)
-    if by_row.shape != (rows, count, 2) or count == 0:
-        number = "persons" if persons is None else persons
-        alone = "a cell (x, y), or " if persons in (None, 1) else ""
-        raise ValueError(
-            f"{name} must be {alone}a cell for each person, of shape ({number}, 2), or these "
-            f"for each search, of shape ({rows}, {number}, 2); got shape {cells.shape}"
-        )
-    return _cells(name, by_row, grid_size)
-
-
-def _drones(value: object, rows: int, scenario: Scenario) -> Ints:
-    """Drones' cells, y * N + x: int64, shape (rows, n_drones)."""
-    name, n, size = "drones_positions", scenario.n_drones, scenario.grid_size
-    positions = _numbers(name, value, f"{n} cells (x, y), one for each drone")
-    by_row = positions
-    if positions.shape == (n, 2):
-        by_row = np.broadcast_to(positions, (rows, n, 2))
-    if by_row.shape != (rows, n, 2):
-        raise ValueError(
-            f"{name} must have the shape {(n, 2)}, or {(rows, n, 2)} with values for each search; "
-            f"got {positions.shape}"
-        )
-    x, y = np.moveaxis(_cells(name, by_row, size), -1, 0)
-    cells: Ints = y * size + x
-    ordered = np.sort(cells, axis=1)
-    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
-    if twice.size:
-        raise ValueError(
-            f"{name} must hold different cells, got "
-            f"{np.stack([x[twice[0]], y[twice[0]]], axis=1).tolist()} for a search"
-        )
-    return cells
-
-
-def _numbers(name: str, value: object, what: str) -> NDArray[Any]:
-    """Something as an array of numbers, of the kinds that `checks` takes."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
-        return value
-    entries = np.asarray(value, object)
-    numbers = np.empty(entries.shape)
-    for place, entry in enumerate(entries.flat):
-        if not checks.is_number(entry):
-            ragged = isinstance(entry, (list, tuple, np.ndarray))
-            raise (ValueError if ragged else TypeError)(f"{name} must be {what}, got {value!r}")
-        try:
-            numbers.flat[place] = float(entry)
-        except OverflowError:
-            numbers.flat[place] = np.inf
-    return numbers
-
-
-def _for_each(
-    name: str, values: NDArray[Any], rows: int, shape: tuple[int, ...], what: str
-) -> NDArray[np.float64]:
-    """An array of finite numbers with a value for each row."""
-    if values.shape != (rows, *shape):
-        raise ValueError(
-            f"{name} must be {what}, or one for each search, an array of shape {(rows, *shape)}; "
-            f"got one of shape {values.shape}"
-        )
-    floats = values.astype(np.float64)
-    if not np.isfinite(floats).all():
-        raise ValueError(f"{name} must be {what}, got {floats[~np.isfinite(floats)][0]}")
-    return floats
-
-
-def _cells(name: str, cells: NDArray[Any], grid_size: int) -> Ints:
-    """Cells of the grid as int64, of the same shape."""
-    with np.errstate(invalid="ignore"):  # what is no integer differs from what it becomes
-        whole = cells.astype(np.int64)
-    wrong = (whole != cells) | (whole < 0) | (whole >= grid_size)
-    if wrong.any():
-        raise ValueError(
-            f"{name} must hold cells (x, y) with whole numbers from 0 to {grid_size - 1}, "
-            f"got {cells[wrong][0]}"
-        )
-    return whole
-
-
-def _by_person(persons: Ints) -> Ints:
-    """Cells of shape (rows, persons, 2) as (persons, 2, rows)."""
-    return np.ascontiguousarray(persons.transpose(1, 2, 0))

@@ -1,9 +1,10 @@
-"""Threads: what is large in a step is done beside the rest of it, on other processors.
+"""Background threads that share the large array work of a step.
 
-While NumPy goes through an array, other threads may run. What does not depend on the rest
-of a step, matrices to be written or beliefs that go on, is therefore divided into parts,
-which helpers take one by one while the step goes on; then whoever waits for them takes
-parts as well. What comes out does not depend on who has done what.
+NumPy releases the interpreter lock while it works on an array, so that other threads can
+run. Work that does not depend on the rest of the step, such as writing matrices or updating
+beliefs, is split into parts. Worker threads take the parts one by one while the main thread
+continues with the step; then the main thread helps with the remaining parts. Results do not
+depend on which thread did which part.
 """
 
 from __future__ import annotations
@@ -24,84 +25,83 @@ __all__ = ["parts_of", "processors", "run_in_parts", "usual_number", "worth_shar
 Part = TypeVar("Part")
 
 _LEAST_BYTES = 2**23
-"""An array that takes less is written before a helper has woken up."""
+"""Writing a smaller array takes less time than waking a worker."""
 
 _PART_BYTES = 2**22
-"""Of an array a thread writes so much at a time."""
+"""The part of an array that a thread writes at a time."""
 
-_PATIENCE = 0.001
-"""Seconds between two looks at helpers who are still at work after an error."""
+_POLL_SECONDS = 0.001
+"""How often the main thread checks whether the workers have stopped after an error."""
 
 _MOST = 8
-"""More threads than these would wait for the memory."""
+"""With more threads, memory bandwidth is the limit."""
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """The number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def usual_number() -> int:
-    """How many threads a process uses, the caller's among them.
+    """The number of threads that a process uses, the main thread included; at most 8.
 
-    What the environment variable OMP_NUM_THREADS says, by which numerical libraries go, and
-    programs that start many workers; without it the processors that the process may use.
-    At most 8.
+    The environment variable OMP_NUM_THREADS sets it, as for other numerical libraries.
+    Without it, it is the number of processors that the process may use.
     """
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     number = int(wanted) if wanted.isdecimal() and int(wanted) > 0 else processors()
     return min(number, _MOST)
 
 
-class _Helpers:
-    """The threads that help the batches of a process; they start when there is work for them."""
+class _Workers:
+    """The worker threads of this process, shared by its batches and started on first use."""
 
     def __init__(self) -> None:
         self.number = usual_number() - 1
         self._started = 0
-        self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._queue: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
-    def ask(self, number: int, work: Callable[[], None]) -> None:
-        """Let so many helpers, or all if they are fewer, each do the same work."""
+    def submit(self, number: int, work: Callable[[], None]) -> None:
+        """Let a number of workers, or all if there are fewer, call the same function."""
         for _ in range(min(number, self.number)):
-            self._asked.put(work)
+            self._queue.put(work)
         while self._started < self.number:
-            # A program that ends does not wait for daemons.
+            # Daemon threads do not keep the program from exiting.
             thread = Thread(target=self._serve, name="DroneSwarmSearch", daemon=True)
             try:
                 thread.start()
-            except RuntimeError:  # there may be no more threads, or the program is ending
+            except RuntimeError:  # no more threads are allowed, or the program is exiting
                 self.number = self._started
             else:
                 self._started += 1
 
     def _serve(self) -> None:
         while True:
-            self._asked.get()()
+            self._queue.get()()
 
 
-_helpers = _Helpers()
+_workers = _Workers()
 
 
 def worth_sharing(written: NDArray[Any]) -> bool:
-    """Whether an array is so large, and there are helpers, that threads should share in it."""
-    return written.nbytes >= _LEAST_BYTES and _helpers.number > 0
+    """Whether an array is large enough to be written by several threads, and there are some."""
+    return written.nbytes >= _LEAST_BYTES and _workers.number > 0
 
 
-def _renew_helpers() -> None:
-    global _helpers
-    _helpers = _Helpers()
+def _renew_workers() -> None:
+    global _workers
+    _workers = _Workers()
 
 
 if hasattr(os, "register_at_fork"):
-    # A forked process has none of the threads of the one that it was.
-    os.register_at_fork(after_in_child=_renew_helpers)
+    # A forked process does not inherit its parent's threads.
+    os.register_at_fork(after_in_child=_renew_workers)
 
 
 def parts_of(written: NDArray[Any]) -> list[slice]:
-    """The first axis of an array that is to be written, in parts of a size worth sharing."""
+    """Slices along the first axis of an array, each as large as a thread writes at a time."""
     count = max(1, _PART_BYTES // max(1, written[:1].nbytes))
     return [slice(first, first + count) for first in range(0, len(written), count)]
 
@@ -113,28 +113,29 @@ def _nothing() -> None:
 def run_in_parts(
     work: Callable[[Part], object],
     parts: Iterable[Part],
-    meanwhile: Callable[[], None] = _nothing,
+    foreground: Callable[[], None] = _nothing,
     shares: bool = True,
 ) -> None:
-    """Do work in parts, on other threads if there are any, while this thread does something else.
+    """Run work in the background, in parts, while this thread does something else.
 
-    All work is done when this returns. When it raises, whether because of the work, of what is
-    done meanwhile or of an interrupt such as Ctrl-C, nobody is at work any more either.
+    All work is done on return. If the work or the foreground raises, or Ctrl-C interrupts
+    them, this function raises after all workers have stopped.
 
     Args:
-        work: called once with every part, from any thread; it must not touch what other
-            parts or `meanwhile` touch.
-        parts: in any order.
-        meanwhile: what this thread does before it takes parts as well.
-        shares: False: nobody helps, for that would cost more than it saves.
+        work: called once with each part, from any thread. It must not touch anything that
+            other parts or the foreground touch.
+        parts: the parts, in any order.
+        foreground: called by this thread before it helps with the parts.
+        shares: False does everything in this thread, where workers would cost more time
+            than they save.
     """
     left = deque(parts)
     number = len(left)
-    reports: SimpleQueue[BaseException | None] = SimpleQueue()  # on parts done by helpers
-    helping: list[None] = []  # an entry for each helper at work
+    reports: SimpleQueue[BaseException | None] = SimpleQueue()  # one for each part of a worker
+    running: list[None] = []  # one entry for each active worker
 
     def take() -> Iterator[Part]:
-        """Parts that nobody else has taken."""
+        """Take parts until none is left."""
         while True:
             try:
                 part = left.popleft()
@@ -143,33 +144,32 @@ def run_in_parts(
             yield part
 
     def help_out() -> None:
-        helping.append(None)  # before taking a part, which must not go unseen
+        running.append(None)  # before taking a part, so that the main thread waits for it
         for part in take():
             try:
                 work(part)
-            except BaseException as problem:  # the caller's to see
+            except BaseException as problem:  # raised in the main thread
                 reports.put(problem)
             else:
                 reports.put(None)
-        helping.pop()
+        running.pop()
 
-    # Everything from the first helper on is in one block of one function: between two
-    # functions an interrupt could come unseen.
+    # One try block in one function: an interrupt between two functions would be missed.
     try:
         if shares:
-            _helpers.ask(number, help_out)
-        meanwhile()
+            _workers.submit(number, help_out)
+        foreground()
         own = 0
         for part in take():
             work(part)
             own += 1
-        for _ in range(number - own):  # helpers have taken them, and may be at work
+        for _ in range(number - own):
             problem = reports.get()
             if problem is not None:
                 raise problem
     except BaseException:
         left.clear()
-        while helping:
-            with suppress(BaseException):  # another Ctrl-C changes nothing
-                time.sleep(_PATIENCE)
+        while running:
+            with suppress(BaseException):  # keep waiting after another Ctrl-C
+                time.sleep(_POLL_SECONDS)
         raise

@@ -1,0 +1,69 @@
+"""Many searches in which each sub-environment is a drone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.vector.keywords import with_keywords_of
+from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
+
+__all__ = ["DroneVectorEnv"]
+
+
+class DroneVectorEnv(SearchVectorEnv):
+    """Many searches; each sub-environment is a drone, for parameter sharing.
+
+    The drones of a swarm are adjacent: sub-environment i * n_drones + k is drone k of swarm i,
+    and num_envs = num_swarms * n_drones.
+
+    Actions: `Discrete(6)` for each drone, see `rules.Action`.
+
+    Observations of each drone:
+
+    - "dict": `position`, its (x, y), int32, shape (2,), and `probability_matrix`, float32,
+      (N, N), indexed [y, x]. With write_matrices=False, `matrix_index` replaces the matrix.
+    - "flat": its x and y, then those of the other drones, scaled to the grid; the remaining
+      share of the steps, 1 at the start; the matrix row by row, scaled to a maximum of 1:
+      float32, (2 n_drones + 1 + N²,).
+    - "planes": the matrix, scaled to a maximum of 1; the drone itself; the other drones (1 at
+      their cells); the remaining share of the steps in every cell: float32, (4, N, N).
+    - "top-cells": the likeliest cells and the other drones, relative to the drone: float32,
+      (3 top_cells + 2 n_drones + 1,), see `layouts.top_cells`.
+    - "crops": the matrix and the other drones in windows around the drone, fine and coarse:
+      float32, (202,) for every search, see `layouts.crops`.
+
+    Rewards: the drone's own.
+
+    Infos, equal for all drones of a swarm, each with a mask of the same name after an
+    underscore: `Found`, `persons_found`, `ending` and `step`, as in `SwarmVectorEnv`.
+
+    The keywords `observation`, `top_cells`, `write_matrices`, `autoreset_mode`,
+    `separate_flags`, `reward_scale`, `copy`, `render_mode`, `grid_size`, `n_drones`, `vector`,
+    `person_initial_position`, `disperse_constant`, `timestep_limit`,
+    `probability_of_detection`, `bayesian_update`, `reward_scheme`, `scenario`,
+    `drones_positions` and `sampler` are those of `SwarmVectorEnv`.
+
+    Args:
+        num_swarms: the number of swarms.
+
+    Attributes:
+        num_envs: the number of sub-environments.
+        batch: the `SearchBatch`, which knows the whole state of all searches.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits, or given together with a scenario.
+    """
+
+    _count_name = "num_swarms"
+    _joint = False
+
+    @with_keywords_of(SearchVectorEnv)
+    def __init__(self, num_swarms: int = 1, **keywords: Any) -> None:
+        super().__init__(num_swarms, **keywords)
+
+    def _rewards(self) -> NDArray[np.float64]:
+        return self._scaled_rewards().reshape(-1).copy()
