@@ -156,7 +156,7 @@ class DroneSwarmSearch(SearchSpaces):
             self._scenario.grid_size,
             render_grid=self.render_grid,
             render_gradient=self.render_gradient,
-            palette=palette,
+            palette=self.palette,
             fps=self.metadata["render_fps"],
         )
 

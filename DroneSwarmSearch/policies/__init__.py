@@ -20,7 +20,6 @@ from typing import Protocol
 
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import GreedyPolicy, PosteriorGreedyPolicy
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,

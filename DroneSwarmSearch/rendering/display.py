@@ -22,8 +22,8 @@ class Display:
     Args:
         grid_size: cells along each side of the grid.
         render_grid: draw lines between the cells.
-        render_gradient: colour the cells smoothly, else in three steps.
-        palette: the name of the colours.
+        render_gradient: colour the cells smoothly; otherwise in three colours.
+        palette: the colours of the cells, a name in `palette.PALETTES`.
         fps: frames per second at most in the window.
     """
 
@@ -36,12 +36,10 @@ class Display:
         palette: str,
         fps: float,
     ) -> None:
-        self._arguments: dict[str, Any] = {
-            "render_grid": render_grid,
-            "render_gradient": render_gradient,
-            "palette": palette,
-        }
         self._grid_size = grid_size
+        self._render_grid = render_grid
+        self._render_gradient = render_gradient
+        self._palette = palette
         self._fps = fps
         self._painter: Painter | None = None
         self._window: Window | None = None
@@ -94,7 +92,12 @@ class Display:
         if self._painter is None:
             from DroneSwarmSearch.rendering.painter import Painter
 
-            self._painter = Painter(self._grid_size, **self._arguments)
+            self._painter = Painter(
+                self._grid_size,
+                render_grid=self._render_grid,
+                render_gradient=self._render_gradient,
+                palette=self._palette,
+            )
         return self._painter
 
     def _get_window(self) -> Window:
