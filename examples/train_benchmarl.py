@@ -223,8 +223,9 @@ def main() -> None:
             config=make_config(options, run.checkpoint if run.resuming else None),
             callbacks=[CurveCallback(run)],
         )
-        run.resume_from(experiment.total_frames)
-        if not run.resuming:
+        if run.resuming:
+            run.resume_from(experiment.total_frames)
+        else:
             experiment._save_experiment()
         experiment.run()
     training.compare_with_baselines(
