@@ -102,9 +102,9 @@ class SearchClass(TaskClass):
 
 
 class SearchTask(Task):
-    """BenchMARL's task; `SearchTask.TRAINING_TASK.get_task(config)` takes any parameters."""
+    """BenchMARL's task; `SearchTask.SEARCH.get_task(config)` takes any parameters."""
 
-    TRAINING_TASK = None
+    SEARCH = None
 
     @staticmethod
     def associated_class() -> type[SearchClass]:
@@ -215,7 +215,7 @@ def main() -> None:
     title = f"BenchMARL, {options.algorithm.upper()}"
     with training.Run(options, title, "*/checkpoints/checkpoint_*.pt") as run:
         experiment = AtomicExperiment(
-            task=SearchTask.TRAINING_TASK.get_task(TRAINING_TASK),
+            task=SearchTask.SEARCH.get_task(TRAINING_TASK),
             algorithm_config=algorithm,
             model_config=MlpConfig(**network),
             critic_model_config=state_network if options.algorithm == "mappo" else None,
