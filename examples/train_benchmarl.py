@@ -102,9 +102,9 @@ class SearchClass(TaskClass):
 
 
 class SearchTask(Task):
-    """BenchMARL's task; `SearchTask.TRAINING_TASK.get_task(config)` takes any parameters."""
+    """BenchMARL's task; `SearchTask.SEARCH.get_task(config)` takes any parameters."""
 
-    TRAINING_TASK = None
+    SEARCH = None
 
     @staticmethod
     def associated_class() -> type[SearchClass]:
@@ -215,7 +215,7 @@ def main() -> None:
     title = f"BenchMARL, {options.algorithm.upper()}"
     with training.Run(options, title, "*/checkpoints/checkpoint_*.pt") as run:
         experiment = AtomicExperiment(
-            task=SearchTask.TRAINING_TASK.get_task(TRAINING_TASK),
+            task=SearchTask.SEARCH.get_task(TRAINING_TASK),
             algorithm_config=algorithm,
             model_config=MlpConfig(**network),
             critic_model_config=state_network if options.algorithm == "mappo" else None,
@@ -223,8 +223,9 @@ def main() -> None:
             config=make_config(options, run.checkpoint if run.resuming else None),
             callbacks=[CurveCallback(run)],
         )
-        run.resume_from(experiment.total_frames)
-        if not run.resuming:
+        if run.resuming:
+            run.resume_from(experiment.total_frames)
+        else:
             experiment._save_experiment()
         experiment.run()
     training.compare_with_baselines(

@@ -63,7 +63,7 @@ from torchrl.envs import check_env_specs
 from DroneSwarmSearch import training
 
 example = runpy.run_path(sys.argv[1])
-task = example["SearchTask"].TRAINING_TASK.get_task(training.TRAINING_TASK)
+task = example["SearchTask"].SEARCH.get_task(training.TRAINING_TASK)
 make = task.get_env_fun(num_envs=2, continuous_actions=False, seed=4, device="cpu")
 envs = [make(), make()]
 env = envs[0]

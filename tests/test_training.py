@@ -239,6 +239,24 @@ def test_a_run_resumes_from_its_checkpoint(tmp_path: Path, clock: list[float]) -
     assert [row["loss"] for row in rows(tmp_path)] == ["1", "2", ""]
 
 
+def test_resuming_removes_an_incomplete_last_line(tmp_path: Path) -> None:
+    with training.Run(options(tmp_path), "Trial") as run:
+        save(run, 10)
+        run.log(10)
+    with (tmp_path / "curve.csv").open("a") as file:
+        file.write("20,2,")
+    with training.Run(options(tmp_path, "--resume"), "Trial") as run:
+        run.resume_from(10)
+        run.log(30)
+    assert [row["steps"] for row in rows(tmp_path)] == ["10", "30"]
+
+
+def test_a_run_without_rows_has_no_curve(tmp_path: Path) -> None:
+    run = training.Run(options(tmp_path), "Trial")
+    run.resume_from(0)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("logged", [False, True])
 def test_a_checkpoint_may_be_ahead_of_the_curve(tmp_path: Path, logged: bool) -> None:
     with training.Run(options(tmp_path), "Trial") as run:

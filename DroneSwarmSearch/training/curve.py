@@ -72,9 +72,10 @@ class Curve:
             file.write(self._line(self.rows[-1]))
 
     def cut(self, steps: int) -> None:
-        """Remove the rows after a number of steps, also from the file."""
+        """Remove the rows after a number of steps, also from the file, if there is one."""
         self.rows = [row for row in self.rows if row["steps"] <= steps]
-        self._write()
+        if self._path.exists():
+            self._write()  # also removes an incomplete last line
 
     def column(self, name: str) -> Floats:
         """A column: float64, shape (rows,), NaN where unknown."""
