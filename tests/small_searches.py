@@ -17,7 +17,8 @@ from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning import best_success
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Target
-from DroneSwarmSearch.policies import BeliefTracker, SwarmPolicy
+from DroneSwarmSearch.policies import SwarmPolicy
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 Cell = tuple[int, int]
 

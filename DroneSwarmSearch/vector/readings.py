@@ -153,7 +153,7 @@ class BatchReadings:
         found_by = np.where(missing, -1, finders % self._cells.shape[1])
         return Frame(
             matrix=self.matrices_of(np.array([row]))[0],
-            drones=tuple(positions[cell] for cell in drones),
+            drones=tuple(positions[cell] for cell in self._cells[row].tolist()),
             searching=tuple(self.searching[row].tolist()),
             persons=tuple(positions[cell] for cell in persons.tolist()),
             found_by=tuple(None if drone < 0 else drone for drone in found_by.tolist()),
