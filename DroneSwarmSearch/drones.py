@@ -97,7 +97,7 @@ class Drones:
         observed: dict[int, float] = {}  # by searching drone: the probability of its cell
         if _SEARCH in self.chosen:
             searches = self._searches()
-            observed = dict(zip(searches.values(), world.probabilities(searches)))  # noqa: B905
+            observed = world.observed(searches)
             finders = world.search(searches)
             if not (crashed or finders or is_last):
                 for drone, probability in observed.items():

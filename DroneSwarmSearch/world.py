@@ -7,7 +7,7 @@ and a person, so it does not matter when, or how many at once, draws are made.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -209,13 +209,18 @@ class WorldState:
             return self._returned[0][None], 0
         return self._loaded, self.step - self._loaded_first
 
-    def probabilities(self, cells: Collection[int]) -> list[float]:
-        """What the matrix of the present step holds for some cells, y * N + x."""
+    def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
+        """What the matrix of the present step holds for the searched cells, by drone.
+
+        Args:
+            searches: as for `search`.
+        """
         if self._active_posteriors is not None:
-            return self._active_posteriors.probabilities(cells, self.missing)
+            probabilities = self._active_posteriors.probabilities(searches, self.missing)
+            return dict(zip(searches.values(), probabilities, strict=True))
         first = (self.step - self._loaded_first) * self._grid_cells
         item = self._loaded.item
-        return [item(first + cell) for cell in cells]
+        return {drone: item(first + cell) for cell, drone in searches.items()}
 
     def _mean_forecast(self) -> Matrix:
         forecasts = [forecast.exact(self.step) for forecast in self._forecasts]
