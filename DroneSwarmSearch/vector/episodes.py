@@ -34,7 +34,7 @@ class Episodes:
 
     def prepared(self, rows: Ints) -> bool:
         """Whether all of these rows are prepared."""
-        return bool(self._prepared.take(rows).all())
+        return int(np.count_nonzero(self._prepared.take(rows))) == len(rows)
 
     def prepare_all(self) -> tuple[Ints, Words]:
         """Prepare all rows that are not.
