@@ -26,5 +26,5 @@ __all__ = ["env", "parallel_env", "raw_env"]
 
 
 def raw_env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
-    """The environment in PettingZoo's AEC form, without `OrderEnforcingWrapper`."""
+    """The environment in PettingZoo's AEC form, without the check of the order of calls."""
     return TurnBased(parallel_env(**kwargs))

@@ -65,7 +65,8 @@ class Drones:
             self.cells = targets
             self._uneventful_steps += 1
             return self._step_rewards, None
-        self._catch_up()
+        if self._uneventful_steps:
+            self._catch_up()
         rewards, ending = self._resolve_events(targets, crashed, world)
         if OFF_GRID in targets:  # a drone that tries to leave the grid stays
             pairs = zip(self.cells, targets, strict=True)
@@ -78,8 +79,7 @@ class Drones:
     def _catch_up(self) -> None:
         """Add the rewards of the uneventful steps to the returns."""
         count, self._uneventful_steps = self._uneventful_steps, 0
-        if count:
-            self._returns = [_add_often(each, self._scheme.step, count) for each in self._returns]
+        self._returns = [_add_often(each, self._scheme.step, count) for each in self._returns]
 
     def _resolve_events(
         self, targets: list[int], crashed: bool, world: WorldState
@@ -93,16 +93,16 @@ class Drones:
         """
         scheme, names, is_last = self._scheme, self._names, world.step == self._last_step
         rewards = self._step_rewards.copy()
-        observed: dict[int, float] = {}  # by drone: the probability of the cell it searches
         finders: set[int] = set()
-        searches = self._searches()
-        if searches:
-            observed = {drone: world.probability(cell) for cell, drone in searches.items()}
+        observed: dict[int, float] = {}  # by searching drone: the probability of its cell
+        if _SEARCH in self.chosen:
+            searches = self._searches()
+            observed = dict(zip(searches.values(), world.probabilities(searches)))  # noqa: B905
             finders = world.search(searches)
-        if not (crashed or finders or is_last):
-            for drone, probability in observed.items():
-                rewards[names[drone]] = rules.unsuccessful_search_reward(scheme, probability)
-            return rewards, None
+            if not (crashed or finders or is_last):
+                for drone, probability in observed.items():
+                    rewards[names[drone]] = rules.unsuccessful_search_reward(scheme, probability)
+                return rewards, None
         shared = rules.same_cell(targets)
         for drone, target in enumerate(targets):
             if is_last or target in shared or target == OFF_GRID or drone in observed:

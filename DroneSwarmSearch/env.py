@@ -1,6 +1,4 @@
-"""The environment: actions, outcomes and rewards, drift, observations.
-
-`DroneSwarmSearch.step` goes through four phases:
+"""The environment; a step has four phases.
 
 1. all drones move or search at once, given what they observed;
 2. `rules` determines outcomes, rewards and the ending;
@@ -27,7 +25,7 @@ from DroneSwarmSearch._internal.mappings import Infos, Rewards, Start
 from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch._internal.turn_based import TurnBased
 from DroneSwarmSearch.drones import Drones
-from DroneSwarmSearch.observations import Observation, WithSpaces, observe, state_planes
+from DroneSwarmSearch.observations import Observation, SearchSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.palette import PALETTES
@@ -50,7 +48,7 @@ def env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
     return OrderEnforcingWrapper(TurnBased(DroneSwarmSearch(**kwargs)))
 
 
-class DroneSwarmSearch(WithSpaces):
+class DroneSwarmSearch(SearchSpaces):
     """Drones search a grid at sea for drifting shipwrecked persons.
 
     ## Actions
@@ -272,8 +270,7 @@ class DroneSwarmSearch(WithSpaces):
         self.agents = list(self._names)
         if self.render_mode == "human":
             self._display.show(self.frame())
-        world = self._world
-        facts = (None, world.missing, world.persons, world.step)
+        facts = (None, self._world.missing, self._world.persons, 0)
         return Start(observe(self._names, cells, self._positions, matrix, False, facts))
 
     def step(
@@ -355,11 +352,9 @@ class DroneSwarmSearch(WithSpaces):
         Raises:
             ResetNeeded: before the first `reset`.
         """
-        frame = self.frame()
-        persons = zip(frame.persons, frame.found, strict=True)
-        return state_planes(
-            frame.matrix, frame.drones, [cell for cell, found in persons if not found]
-        )
+        cells, world = self._cells_and_world()
+        missing = [world.person_cell(person) for person in world.missing]
+        return state_planes(world.matrix(), cells, missing)
 
     # Beyond PettingZoo's API.
 
@@ -374,16 +369,6 @@ class DroneSwarmSearch(WithSpaces):
         Before the first `reset`, the parameters of the constructor.
         """
         return self._scenario if self._search is None else self._search
-
-    @property
-    def vector(self) -> tuple[float, float]:
-        """Drift in cells per step, (x, y)."""
-        return self._scenario.vector
-
-    @property
-    def timestep_limit(self) -> int:
-        """The number of steps in an episode."""
-        return self._scenario.timestep_limit
 
     def frame(self) -> Frame:
         """The present state as data for pictures, including the persons.

@@ -15,7 +15,7 @@ from DroneSwarmSearch._internal.mappings import Facts, Infos
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Observation", "WithSpaces", "observe", "state_planes"]
+__all__ = ["Observation", "SearchSpaces", "observe", "state_planes"]
 
 
 class Observation(TypedDict):
@@ -53,13 +53,13 @@ def observe(
 
 
 def state_planes(
-    matrix: NDArray[np.float32], drones: Iterable[Cell], missing_persons: Iterable[Cell]
+    matrix: NDArray[np.float32], drones: Iterable[int], missing_persons: Iterable[int]
 ) -> NDArray[np.float32]:
     """The global state as planes.
 
     Args:
         matrix: the matrix that the drones observe, shape (N, N), indexed [y, x].
-        drones: each drone's cell.
+        drones: each drone's cell, y * N + x.
         missing_persons: the cell of each person not yet found.
 
     Returns:
@@ -68,14 +68,15 @@ def state_planes(
     """
     planes = np.zeros((3, *matrix.shape), np.float32)
     planes[0] = matrix
-    for plane, cells in zip(planes[1:], (drones, missing_persons), strict=True):
-        for x, y in cells:
-            plane[y, x] += 1.0
+    counts = planes[1:].reshape(2, -1)
+    for plane, cells in zip(counts, (drones, missing_persons), strict=True):
+        for cell in cells:
+            plane[cell] += 1.0
     return planes
 
 
-class WithSpaces(ParallelEnv[str, Observation, int]):
-    """The size and the spaces of `DroneSwarmSearch`; spaces are made on first use and kept."""
+class SearchSpaces(ParallelEnv[str, Observation, int]):
+    """Parameters and spaces of `DroneSwarmSearch`; spaces are made on first use and kept."""
 
     _scenario: Scenario
 
@@ -93,6 +94,16 @@ class WithSpaces(ParallelEnv[str, Observation, int]):
     def n_drones(self) -> int:
         """The number of drones."""
         return self._scenario.n_drones
+
+    @property
+    def vector(self) -> tuple[float, float]:
+        """Drift in cells per step, (x, y)."""
+        return self._scenario.vector
+
+    @property
+    def timestep_limit(self) -> int:
+        """The number of steps in an episode."""
+        return self._scenario.timestep_limit
 
     def observation_space(self, agent: str) -> spaces.Dict:
         """The space of a drone's observations; the same object at every call.

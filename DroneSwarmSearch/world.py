@@ -7,7 +7,7 @@ and a person, so it does not matter when, or how many at once, draws are made.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -209,11 +209,13 @@ class WorldState:
             return self._returned[0][None], 0
         return self._loaded, self.step - self._loaded_first
 
-    def probability(self, cell: int) -> float:
-        """What the matrix of the present step holds for a cell, y * N + x."""
+    def probabilities(self, cells: Collection[int]) -> list[float]:
+        """What the matrix of the present step holds for some cells, y * N + x."""
         if self._active_posteriors is not None:
-            return self._active_posteriors.probability(cell, self.missing)
-        return self._loaded.item((self.step - self._loaded_first) * self._grid_cells + cell)
+            return self._active_posteriors.probabilities(cells, self.missing)
+        first = (self.step - self._loaded_first) * self._grid_cells
+        item = self._loaded.item
+        return [item(first + cell) for cell in cells]
 
     def _mean_forecast(self) -> Matrix:
         forecasts = [forecast.exact(self.step) for forecast in self._forecasts]

@@ -1,4 +1,4 @@
-"""What several test files share: playing episodes, comparing them exactly, reading pages."""
+"""Helpers of several test files: playing episodes, comparing them exactly, reading pages."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SCHEMES = [
     ),
 ]  # fmt: skip
 
-# What can happen in an episode; tests that play at random assert that each does.
+# Events of an episode; tests that play at random assert that each occurs.
 EVENTS = (
     "collision",
     "collision of three",
@@ -62,7 +62,7 @@ EVENTS = (
     "search of a cell where somebody was found",
 )
 
-# What a drone may have in mind: an action as it is, or something that makes rare events likely.
+# What a drone may intend: an action, or a goal that makes rare events likely.
 HUNT = 6  # go to the nearest missing person, and search there
 SPREAD = 7  # move at random, neither out of the grid nor into another drone
 MEET = 8  # go for the nearest other drone's cell
@@ -70,7 +70,7 @@ INTENTS = [*[SPREAD] * 5, *[HUNT] * 8, *[MEET] * 2, Action.SEARCH, *Action]
 
 
 def plain(value: Any) -> Any:
-    """Nested results as data that `==` compares bit for bit, types of numbers included."""
+    """Nested results as plain data that `==` compares bit for bit, including number types."""
     if isinstance(value, np.ndarray):
         return ("array", str(value.dtype), value.shape, value.tobytes())
     if isinstance(value, Mapping):
@@ -81,17 +81,17 @@ def plain(value: Any) -> Any:
 
 
 def whole_state(env: DroneSwarmSearch) -> bytes:
-    """All that the environment holds, the random streams included."""
+    """The full state of the environment, including the random streams."""
     return pickle.dumps(env)
 
 
 def overwrite(array: Any) -> None:
-    """Change an array whatever its flags say, as a tensor that shares its memory can."""
+    """Overwrite an array even if it is read-only, as a tensor with shared memory can."""
     ctypes.memset(array.ctypes.data, 0x40, array.nbytes)
 
 
 def target_of(cell: tuple[int, int], action: int) -> tuple[int, int]:
-    """Where an action leads, inside the grid or out of it."""
+    """The target cell of an action, inside the grid or outside."""
     dx, dy = MOVES[Action(action)]
     return cell[0] + dx, cell[1] + dy
 
@@ -108,7 +108,7 @@ def planned_actions(
     grid_size: int,
     rng: random.Random,
 ) -> list[Action]:
-    """What the drones' plans, intents for each step over and over, come to in a step."""
+    """The actions that follow in a step from the drones' plans, which repeat their intents."""
     taken = set(drones)
     actions = []
     for plan, cell in zip(plans, drones, strict=True):
@@ -152,7 +152,7 @@ def careful_actions(
 def play_on(
     env: DroneSwarmSearch, observations: Mapping[str, Any], rng: random.Random
 ) -> list[Any]:
-    """Play to the end of the episode; returns all that was seen, as plain data."""
+    """Play to the end of the episode; returns everything observed, as plain data."""
     log = []
     while env.agents:
         result = env.step(careful_actions(rng, observations, env.grid_size))
@@ -162,14 +162,14 @@ def play_on(
 
 
 def play(env: DroneSwarmSearch, policy_seed: int = 0, **reset: Any) -> list[Any]:
-    """Play a whole episode, from reset to end; returns all that was seen, as plain data."""
+    """Play a whole episode, from reset to end; returns everything observed, as plain data."""
     observations, infos = env.reset(**reset)
     start = [plain(observations), plain(infos), plain(env.state()), plain(env.frame().persons)]
     return [start, *play_on(env, observations, random.Random(policy_seed))]
 
 
 def observed(env: DroneSwarmSearch) -> dict[str, Any]:
-    """What the drones are shown now."""
+    """The drones' present observations."""
     frame = env.frame()
     return {
         name: {"observation": (cell, frame.matrix)}
@@ -178,7 +178,7 @@ def observed(env: DroneSwarmSearch) -> dict[str, Any]:
 
 
 def module_at(path: Path) -> ModuleType:
-    """A script as a module."""
+    """Import a script as a module."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -188,7 +188,7 @@ def module_at(path: Path) -> ModuleType:
 
 
 def tables_of(page: str) -> list[list[list[str]]]:
-    """The tables of a page: their rows, cell by cell, without the line below the heading."""
+    """The tables of a page: rows of cells, without the line below the heading."""
     tables = []
     for block in re.findall(r"(?:^\|.*\|\n)+", page + "\n", re.M):
         heading, rule, *rows = block.splitlines()

@@ -1,4 +1,4 @@
-"""Layouts of observations, worked out anew, number by number, from positions and matrix."""
+"""Plain implementations of the observation layouts, number by number."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Cell = Sequence[int]
 def drone_by_hand(
     layout: str, drone: int, positions: Sequence[Cell], matrix: np.ndarray, left: float
 ) -> Any:
-    """What a drone is shown.
+    """A drone's observation.
 
     Args:
         layout: its name.
         drone: by number.
         positions: every drone's (x, y).
-        matrix: as the environment shows it.
-        left: the share of the steps left.
+        matrix: as the environment returns it.
+        left: the remaining time fraction.
     """
     own, others = positions[drone], [*positions[:drone], *positions[drone + 1 :]]
     if layout == "dict":
@@ -40,7 +40,7 @@ def drone_by_hand(
 def swarm_by_hand(
     layout: str, positions: Sequence[Cell], matrix: np.ndarray, left: float
 ) -> np.ndarray:
-    """What a swarm is shown; arguments as above."""
+    """A swarm's observation; arguments as above."""
     if layout == "flat":
         return flat(positions, matrix, left)
     if layout == "planes":

@@ -26,7 +26,6 @@ from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
-    ActionMask,
     CropsObservation,
     DictObservation,
     FlatObservation,
@@ -549,7 +548,6 @@ def forecast_of(grid_size):
         ("n_drones", lambda: OtherDrones(DroneSwarmSearch(200, n_drones=4000))),
         ("n_drones", lambda: CropsObservation(DroneSwarmSearch(200, n_drones=10**4))),
         ("grid_size", lambda: action_masks([0], 2000)),
-        ("grid_size", lambda: ActionMask(DroneSwarmSearch(2000)).reset(seed=1)),
         ("grid_size", lambda: make("random", DroneSwarmSearch(2000).scenario)),
     ],
 )

@@ -33,7 +33,7 @@ from DroneSwarmSearch._internal.mappings import Infos, Rewards
 from DroneSwarmSearch._internal.turn_based import TurnBased
 
 with warnings.catch_warnings():
-    # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
+    # PettingZoo's tests import one of its environments in a deprecated way.
     warnings.filterwarnings("ignore", category=DeprecationWarning)
     from pettingzoo.test import (
         api_test,
@@ -140,8 +140,8 @@ def test_aec_render(monkeypatch):
 
 def seen_in_turn(aec):
     """What a user of the AEC form can see."""
-    told = (aec.agent_selection, aec.agents, aec.rewards, aec.terminations, aec.infos)
-    return copy.deepcopy((*told, aec.last(), aec.state().tolist()))
+    state = (aec.agent_selection, aec.agents, aec.rewards, aec.terminations, aec.infos)
+    return copy.deepcopy((*state, aec.last(), aec.state().tolist()))
 
 
 @pytest.mark.parametrize("make", [drone_swarm_search_v0.env, drone_swarm_search_v0.raw_env])
@@ -169,12 +169,12 @@ def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, a
     for each in (aec, twin):
         each.reset(seed=1)
     while aec.agents:
-        over = any(aec.last()[2:4])
-        if not over or action is not None:
+        ended = any(aec.last()[2:4])
+        if not ended or action is not None:
             before = plain(seen_in_turn(aec))
             refused = (
                 pytest.raises(ValueError, match="action must be None after the episode's end, got")
-                if over
+                if ended
                 else pytest.raises(error, match="action must be an integer from 0 to 5, got")
             )
             for _ in range(2):
@@ -182,7 +182,7 @@ def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, a
                     aec.step(action)
             assert plain(seen_in_turn(aec)) == before
         for each in (aec, twin):
-            each.step(None if over else np.int64(Action.SEARCH))
+            each.step(None if ended else np.int64(Action.SEARCH))
         assert aec.agents == twin.agents
         if aec.agents:
             assert plain(seen_in_turn(aec)) == plain(seen_in_turn(twin))
@@ -416,7 +416,7 @@ for before, after in zip(numpy_state, np.random.get_state()):
 """
 
 
-def test_headless_use_is_quiet_and_leaves_the_world_alone():
+def test_headless_use_is_quiet_and_has_no_side_effects():
     run = subprocess.run(
         [sys.executable, "-W", "error::UserWarning:DroneSwarmSearch", "-c", HEADLESS],
         capture_output=True,

@@ -1,4 +1,4 @@
-"""One seed, one sea: episodes can be repeated, copied, pickled and watched unchanged."""
+"""Determinism: episodes can be repeated, copied, pickled and rendered without change."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_a_seed_is_no_offset_of_another():
     assert len(set(paths)) >= 95
 
 
-# For one seed the sea is the same whatever the drones do.
+# For one seed, the persons drift alike whatever the drones do.
 
 
 def idle(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
@@ -214,7 +214,7 @@ def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[
 @pytest.mark.parametrize(
     "name", ["defaults", "unreliable", "posterior", "persons", "everything", "swarm"]
 )
-def test_the_sea_is_the_same_whatever_the_drones_do(name):
+def test_the_persons_drift_alike_whatever_the_drones_do(name):
     env = make_env(PARAMETERS[name])
     longest = paths_under(env, idle, episodes=40)
     assert all(len(cells) == 61 for cells in longest)
@@ -224,12 +224,12 @@ def test_the_sea_is_the_same_whatever_the_drones_do(name):
             for here, there in zip(cells, expected, strict=False):
                 assert all(a in (None, b) for a, b in zip(here, there, strict=True))
             shorter += len(cells) < len(expected)
-    assert shorter > 40  # drones crashed or found somebody early, and the sea went on as it would
+    assert shorter > 40  # drones crashed or found a person early
 
 
 @each_parameters
 @pytest.mark.parametrize("watched_every", [1, 2, 5, 11, 37])
-def test_watching_does_not_change_the_sea(parameters, watched_every):
+def test_watching_does_not_change_the_drift(parameters, watched_every):
     """The truth may be looked at in every step, in some, or at the end alone."""
 
     def episodes(watched_every: int) -> list[Any]:
@@ -266,11 +266,11 @@ def test_detections_do_not_depend_on_what_was_searched_before():
     env = make_env(fixed, timestep_limit=40)
     begins_mattered = 0
     for seed in range(30):
-        lucky = step_of_find(env, seed, 0)
+        in_first = step_of_find(env, seed, 0)
         for begin in (1, 5, 20):
             found = step_of_find(env, seed, begin)
-            assert found == lucky if begin < lucky else found > lucky
-            begins_mattered += found != lucky
+            assert found == in_first if begin < in_first else found > in_first
+            begins_mattered += found != in_first
     assert begins_mattered > 30
 
 
@@ -304,7 +304,7 @@ def reloaded(env: DroneSwarmSearch) -> DroneSwarmSearch:
 @pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
 @pytest.mark.parametrize("steps", [0, 1, 7, 8, 9, 20, 33])
 @pytest.mark.parametrize("name", ["defaults", "unreliable", "posterior", "everything", "long"])
-def test_copies_in_mid_episode_go_on_identically(name, steps, copied):
+def test_copies_during_an_episode_continue_identically(name, steps, copied):
     env = make_env(PARAMETERS[name])
     rng = random.Random(1)
     unwatched = env.reset(seed=6, options={"vector": (0.2, -0.1)})[0]
@@ -345,11 +345,11 @@ def test_matrices_of_copies_are_read_only_too(copied):
     assert not observations["drone0"]["observation"][1].flags.writeable
 
 
-# What was handed out.
+# Returned arrays and mappings.
 
 
 @each_parameters
-def test_handed_out_matrices_never_change_and_are_read_only(parameters):
+def test_returned_matrices_never_change_and_are_read_only(parameters):
     env = make_env(parameters)
     kept = []
     rng = random.Random(3)
@@ -371,7 +371,7 @@ def test_handed_out_matrices_never_change_and_are_read_only(parameters):
 
 
 @each_parameters
-def test_nothing_done_to_handed_out_arrays_changes_an_episode(parameters):
+def test_changing_returned_arrays_does_not_change_the_episode(parameters):
     """Not this one, not a later one, and none of an environment made afterwards."""
 
     def episodes(env, touch):

@@ -19,7 +19,7 @@ def drone_cells(observations: dict) -> list[tuple[int, int]]:
     return [seen["observation"][0] for seen in observations.values()]
 
 
-def test_searches_look_before_the_person_drifts_and_observations_after() -> None:
+def test_searches_are_resolved_before_the_person_drifts_and_observed_after() -> None:
     env = DroneSwarmSearch(grid_size=9, vector=(1, 0), disperse_constant=0)
     env.reset(seed=0)
     observations, rewards, _, _, infos = play(env, SEARCH)
@@ -31,7 +31,7 @@ def test_searches_look_before_the_person_drifts_and_observations_after() -> None
     assert frame.found_by == (0,) and frame.ending is Ending.FOUND
 
 
-def test_fruitless_searches_pay_for_the_matrix_that_was_shown() -> None:
+def test_unsuccessful_searches_are_rewarded_by_the_observed_matrix() -> None:
     env = DroneSwarmSearch(
         grid_size=9, person_initial_position=(1, 1), probability_of_detection=0, vector=(0, 0)
     )
@@ -90,13 +90,13 @@ def test_crashes(
     observations, rewards, terminations, truncations, _ = play(env, *actions)
     assert drone_cells(observations) == cells
     assert list(rewards.values()) == points
-    over = ending is not None
-    assert set(terminations.values()) == set(truncations.values()) == {over}
-    assert env.agents == ([] if over else ["drone0", "drone1"])
+    ended = ending is not None
+    assert set(terminations.values()) == set(truncations.values()) == {ended}
+    assert env.agents == ([] if ended else ["drone0", "drone1"])
     assert env.frame().ending is ending
 
 
-def test_a_search_counts_even_if_another_drone_flies_into_the_searcher() -> None:
+def test_a_search_counts_even_if_another_drone_collides_with_the_searcher() -> None:
     env = DroneSwarmSearch(grid_size=5, n_drones=2, person_initial_position=(1, 0))
     env.reset(seed=0)
     _, rewards, _, _, infos = play(env, RIGHT, SEARCH)
@@ -143,7 +143,7 @@ def test_the_limit_is_the_number_of_steps(limit: int) -> None:
     assert env.frame().ending is Ending.TIME_LIMIT
 
 
-def test_a_finder_is_spared_when_the_time_is_up() -> None:
+def test_a_finder_gets_no_timeout_reward() -> None:
     env = DroneSwarmSearch(
         grid_size=5,
         n_drones=2,
@@ -158,7 +158,7 @@ def test_a_finder_is_spared_when_the_time_is_up() -> None:
     assert rewards == {"drone0": 1.0, "drone1": -100_001.0}
 
 
-def test_the_posterior_is_shown_after_a_fruitless_search() -> None:
+def test_the_posterior_is_observed_after_an_unsuccessful_search() -> None:
     env = DroneSwarmSearch(
         grid_size=7,
         vector=(0, 0),

@@ -1,4 +1,4 @@
-"""Layouts of observations, against what is worked out by hand, and the pieces they consist of."""
+"""The observation layouts, compared with plain implementations, and their building blocks."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from DroneSwarmSearch.wrappers.layouts import (
 )
 from DroneSwarmSearch.wrappers.top_cells import TopCellsLayout, likeliest_cells
 
-BY_HAND = [name for name in LAYOUTS if name != "crops"]  # which are in test_glimpses.py
+BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
 
 by_hand_too = pytest.mark.parametrize("name", BY_HAND)
 every_layout = pytest.mark.parametrize("name", LAYOUTS)
 
-Seas = tuple[np.ndarray, np.ndarray, np.ndarray]
+Arguments = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def seas(searches: int = 5, size: int = 6, drones: int = 3) -> Seas:
+def arguments(searches: int = 5, size: int = 6, drones: int = 3) -> Arguments:
     """Positions, matrices and shares of steps left; drones may share a cell, and cells a value."""
     rng = np.random.default_rng(3)
     positions = rng.integers(0, size, (searches, drones, 2)).astype(np.int32)
@@ -54,7 +54,7 @@ def made(name: str, size: int = 6, drones: int = 3) -> tuple[Layout, Layout]:
     return layout, joint
 
 
-def written(layout: Layout, shown: Seas, *leading: int) -> Any:
+def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
     """What a layout writes, into arrays with something in them."""
     positions, matrices, left = shown
 
@@ -74,7 +74,7 @@ def written(layout: Layout, shown: Seas, *leading: int) -> Any:
 @by_hand_too
 @pytest.mark.parametrize("drones", [1, 3])
 def test_every_drone_is_shown_what_it_should_be(name: str, drones: int) -> None:
-    shown = seas(drones=drones)
+    shown = arguments(drones=drones)
     layout, _ = made(name, drones=drones)
     out = written(layout, shown, 5, drones)
     for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
@@ -91,7 +91,7 @@ def test_every_drone_is_shown_what_it_should_be(name: str, drones: int) -> None:
 
 @by_hand_too
 def test_every_swarm_is_shown_what_it_should_be(name: str) -> None:
-    shown = seas()
+    shown = arguments()
     _, joint = made(name)
     out = written(joint, shown, 5)
     for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
@@ -107,7 +107,7 @@ def test_every_swarm_is_shown_what_it_should_be(name: str) -> None:
 
 @every_layout
 def test_a_search_is_shown_the_same_alone_and_among_others(name: str) -> None:
-    shown = seas()
+    shown = arguments()
     layout, _ = made(name)
     together = written(layout, shown, 5, 3)
     for search in range(5):
@@ -132,7 +132,7 @@ def test_the_likeliest_cells_come_first_and_of_equals_the_first(cells: list[floa
 
 
 def test_top_cells_are_as_many_as_asked_for() -> None:
-    positions, matrices, left = seas()
+    positions, matrices, left = arguments()
     for k in (1, 3, 36):
         layout = TopCellsLayout(6, 3, k)
         assert layout.space.shape == (3 * k + 2 * 3 + 1,)
@@ -148,7 +148,7 @@ def test_top_cells_are_as_many_as_asked_for() -> None:
 
 def test_equally_near_drones_come_by_number() -> None:
     positions = np.array([[(2, 2), (2, 3), (2, 1), (2, 4), (1, 2)]], np.int32)
-    _, matrices, left = seas(1)
+    _, matrices, left = arguments(1)
     out = written(TopCellsLayout(6, 5, 1), (positions, matrices, left), 1, 5)
     offsets = (out[0, 0, 5:-1] * 5).round().astype(int).reshape(-1, 2)
     assert offsets.tolist() == [[0, 1], [0, -1], [-1, 0], [0, 2]]

@@ -82,7 +82,7 @@ def test_a_lone_drone_is_kept_on_the_grid_alone(right_of_way: bool) -> None:
 
 
 def test_swarms_may_be_larger_than_short_integers_count() -> None:
-    """Every cell but one is taken: what is open leads into that one."""
+    """With all cells but one occupied, the only allowed moves lead to that cell."""
     size = 182
     free = size**2 - 2
     cells = np.delete(np.arange(size**2), free)

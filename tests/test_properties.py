@@ -71,7 +71,7 @@ class Belief:
         self.forecast = ProbabilityMatrix(grid_size, start, tuple(vector), constant)
         self.mass = {start: 1.0}
 
-    def fruitless_searches(self, cells: list[Cell], detection: float) -> None:
+    def unsuccessful_searches(self, cells: list[Cell], detection: float) -> None:
         after = dict(self.mass)
         for cell in cells:
             if cell in after:
@@ -91,7 +91,7 @@ class Belief:
 
 
 class Model:
-    """An episode as the specification tells it."""
+    """An episode, implemented independently from the specification."""
 
     def __init__(self, episode: Episode) -> None:
         self.parameters = episode.parameters
@@ -171,7 +171,7 @@ class Model:
         ]
         for k, belief in enumerate(self.beliefs):
             if self.parameters["bayesian_update"] and k in self.missing:
-                belief.fruitless_searches(searched, self.pod[k])
+                belief.unsuccessful_searches(searched, self.pod[k])
             belief.drift(self.t)
         self.t += 1
         return rewards
@@ -198,7 +198,7 @@ class Model:
         )
         entered = any(left[i] and before[i] in targets for i in range(n))
         last = self.t == self.limit - 1
-        over = any(left) or any(collided)
+        crashed = any(left) or any(collided)
         where_found = {persons[k] for k in range(len(persons)) if k not in self.missing}
         happened = {
             "collision": any(collided),
@@ -210,8 +210,8 @@ class Model:
             "a drone entered the cell of one that left": entered,
             "a drone left beside a find": any(left) and bool(found),
             "exchange of cells": exchanges,
-            "time up": last and not over and not finders,
-            "time up, somebody had found somebody": last and not over and bool(self.successful),
+            "time up": last and not crashed and not finders,
+            "time up, somebody had found somebody": last and not crashed and bool(self.successful),
             "find in the last step": last and bool(finders),
             "find": bool(finders),
             "two persons found by one search": len(found) > len({persons[k] for k in found}),
@@ -250,13 +250,13 @@ def check_matrix(model: Model, matrix: np.ndarray, persons: tuple[Cell, ...]) ->
 def check_step(model: Model, env: DroneSwarmSearch, result: Any, expected: list[float]) -> None:
     """What a step returned is what the model says."""
     observations, rewards, terminations, truncations, infos = result
-    frame, over = env.frame(), model.ending is not None
+    frame, ended = env.frame(), model.ending is not None
     assert dict(rewards) == dict(zip(model.names, expected, strict=True))
     assert all(type(points) is float for points in rewards.values())
     assert rewards["total_reward"] == sum(expected)
-    assert terminations == truncations == dict.fromkeys(model.names, over)
+    assert terminations == truncations == dict.fromkeys(model.names, ended)
     assert frame.ending is model.ending
-    assert env.agents == ([] if over else model.names)
+    assert env.agents == ([] if ended else model.names)
     found = len(model.missing) < len(frame.persons)
     assert infos["Found"] is found
     assert infos == {name: {"Found": found} for name in model.names}
@@ -272,7 +272,7 @@ def check_step(model: Model, env: DroneSwarmSearch, result: Any, expected: list[
 
 
 def check_episode(episode: Episode) -> set[str]:
-    """Play an episode beside the model; returns the EVENTS that happened."""
+    """Play an episode in parallel with the model; returns the EVENTS that happened."""
     env = DroneSwarmSearch(**episode.parameters)
     observations, infos = env.reset(seed=episode.seed, drones_positions=episode.drones)
     model = Model(episode)

@@ -119,7 +119,7 @@ def test_sparse_pays_the_finder_alone() -> None:
         assert (got, math.copysign(1, got)) == (points, 1), happened  # and never -0.0
 
 
-def test_fruitless_search_is_the_tables_line() -> None:
+def test_the_reward_of_an_unsuccessful_search_is_the_tables() -> None:
     for probability in (0.0, 0.01, 0.0101, 1.0):
         line = reward(RewardScheme(), **{**NOTHING, "searched": True, "probability": probability})
         assert unsuccessful_search_reward(RewardScheme(), probability) == line

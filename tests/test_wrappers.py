@@ -38,7 +38,7 @@ from DroneSwarmSearch.wrappers import (
 from DroneSwarmSearch.wrappers.masks import action_masks
 
 with warnings.catch_warnings():
-    # PettingZoo's tests import an environment of its own in a way that it calls deprecated.
+    # PettingZoo's tests import one of its environments in a deprecated way.
     warnings.filterwarnings("ignore", category=DeprecationWarning)
     from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
 
@@ -234,7 +234,7 @@ def test_what_was_returned_never_changes(wrap: Wrap) -> None:
 
 @each_layout
 def test_what_is_shown_may_be_written_to(layout: str, wrap: Wrap) -> None:
-    """Nothing that was handed out is the environment's own memory, or another drone's."""
+    """Observations share no memory with the environment or with each other."""
     env, other = (masked(wrap(DroneSwarmSearch(**SMALL))) for _ in range(2))
     results = env.reset(seed=1), other.reset(seed=1)
     while other.agents:
@@ -354,9 +354,9 @@ def test_layouts_are_the_batched_views(
         while env.agents:
             actions = [random_action(rng) for _ in agents]
             shown, rewards, *flags, _ = env.step(dict(zip(agents, actions, strict=True)))
-            over = view.batch.ended.repeat(n)
-            if over.any():  # the other search is done
-                view.reset(options={"reset_mask": over})
+            ended = view.batch.ended.repeat(n)
+            if ended.any():
+                view.reset(options={"reset_mask": ended})
             batch, paid, *ended, _ = view.step(np.array([*actions, *[Action.IDLE] * n]))
             check(shown, batch)
             assert list(rewards.values()) == paid[:n].tolist()
@@ -531,21 +531,21 @@ def test_masks_are_those_of_the_cells(case: dict[str, Any], right_of_way: bool) 
     plainly = DroneSwarmSearch(**case)
     size, agents, rng = env.grid_size, env.possible_agents, np.random.default_rng(3)
     for seed in range(5):
-        (shown, infos), (wanted, told) = env.reset(seed=seed), plainly.reset(seed=seed)
+        (shown, infos), (wanted, plain_infos) = env.reset(seed=seed), plainly.reset(seed=seed)
         while True:
             cells = [y * size + x for x, y in env.frame().drones]
             masks = action_masks(cells, size, right_of_way).astype(np.int8)
             assert isinstance(infos, Infos)
-            assert infos["Found"] == told["Found"]
+            assert infos["Found"] == plain_infos["Found"]
             for agent, mask in zip(agents, masks, strict=True):
                 assert plain(shown[agent]["action_mask"]) == plain(mask)
                 assert plain(shown[agent]["observation"]) == plain(wanted[agent])
-                assert plain(infos[agent]) == plain({**told[agent], "action_mask": mask})
+                assert plain(infos[agent]) == plain({**plain_infos[agent], "action_mask": mask})
             if not env.agents:
                 break
             actions = {agent: random_action(rng) for agent in agents}
             shown, *_, infos = env.step(actions)
-            wanted, *_, told = plainly.step(actions)
+            wanted, *_, plain_infos = plainly.step(actions)
 
 
 @settings(max_examples=40, deadline=None)

@@ -12,8 +12,8 @@ The functions take one belief or a batch: arrays may have trailing batch axes af
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Collection, Sequence
-from struct import Struct
 from typing import Any, TypeVar
 
 import numpy as np
@@ -34,8 +34,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 FloatOrArray = TypeVar("FloatOrArray", float, Floats)
-
-_SINGLE = Struct("f")
 
 
 def after_unsuccessful_search(
@@ -206,17 +204,16 @@ class Posteriors:
     def _make_views(self) -> None:
         size = len(self._beliefs[0])
         self._cells: list[Any] = [belief.reshape(-1).data for belief in self._beliefs]
-        # Who stays, moves up and moves down, along x and then along y. The last array that
-        # a step writes is the belief itself, so along y only the movers need memory.
-        self._along_x = np.empty((3, size, size))
-        self._along_y = np.empty((2, size, size))
+        # The probabilities of staying, moving up and moving down, first along x, then along y.
+        self._along_x, self._along_y = np.empty((2, 3, size, size))
         self._after_x = self._along_x[0]
         stay, up, down = self._along_x.reshape(3, -1)
-        self._shifts_x = (stay[1:], up[:-1]), (stay[:-1], down[1:])
-        up, down = self._along_y.reshape(2, -1)
-        self._shifts_y = [
-            ((flat[size:], up[:-size]), (flat[:-size], down[size:]))
-            for flat in (belief.reshape(-1) for belief in self._beliefs)
+        self._add_x = (stay[1:], up[:-1], stay[1:]), (stay[:-1], down[1:], stay[:-1])
+        stay, up, down = self._along_y.reshape(3, -1)
+        self._add_y = stay[size:], up[:-size], stay[size:]
+        self._last_row = stay[-size:]
+        self._finish_y = [
+            (stay[:-size], down[size:], belief.reshape(-1)[:-size]) for belief in self._beliefs
         ]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -244,31 +241,29 @@ class Posteriors:
         """
         for person in missing:
             belief, cells = self._beliefs[person], self._cells[person]
-            before = [cells[cell] for cell in searched]
-            factor = 1.0 - self._detections[person]
-            for cell, value in zip(searched, before, strict=True):
-                cells[cell] = value * factor
+            missed = 1.0 - self._detections[person]
+            before = {cell: cells[cell] for cell in searched}
+            for cell, value in before.items():
+                cells[cell] = value * missed
             total = np.add.accumulate(np.add.reduce(belief, 0)).item(-1)
             if total > 0.0:
                 np.multiply(belief, 1.0 / total, belief)
             else:  # the searches contradict the belief, which stays
-                for cell, value in zip(searched, before, strict=True):
+                for cell, value in before.items():
                     cells[cell] = value
 
     def drift(self, step: int) -> None:
         """Let all beliefs drift from a step to the next, see `drift`."""
-        for forecast, belief, shifts in zip(
-            self._forecasts, self._beliefs, self._shifts_y, strict=True
-        ):
+        for forecast, belief, finish in zip(self._forecasts, self._beliefs, self._finish_y):  # noqa: B905
             block = forecast.block(step)
-            along_x, along_y = block.along_x[step - block.first], block.along_y[step - block.first]
+            along_x, along_y = block.flows[step - block.first]
             np.multiply(belief, along_x, self._along_x)
-            for cells, moved in self._shifts_x:
-                np.add(cells, moved, cells)
-            np.multiply(self._after_x, along_y[1:], self._along_y)
-            np.multiply(self._after_x, along_y[0], belief)
-            for cells, moved in shifts:
-                np.add(cells, moved, cells)
+            for terms in self._add_x:
+                np.add(*terms)
+            np.multiply(self._after_x, along_y, self._along_y)
+            np.add(*self._add_y)
+            np.add(*finish)
+            belief[-1] = self._last_row
 
     def matrix(self, missing: Collection[int]) -> NDArray[np.float32]:
         """The matrix that the drones observe: float32, shape (N, N), indexed [y, x]; a new array.
@@ -278,9 +273,14 @@ class Posteriors:
         """
         return mean_over_missing(self._beliefs, missing).astype(np.float32)
 
-    def probability(self, cell: int, missing: Collection[int]) -> float:
-        """What `matrix` holds for a cell, y * N + x."""
-        mean: float = mean_over_missing([cells[cell] for cells in self._cells], missing)
-        rounded: float
-        (rounded,) = _SINGLE.unpack(_SINGLE.pack(mean))
-        return rounded
+    def probabilities(self, searched: Collection[int], missing: Collection[int]) -> list[float]:
+        """What `matrix` holds for some cells, y * N + x."""
+        if len(self._cells) == 1:
+            (cells,) = self._cells
+            means = [cells[cell] for cell in searched]
+        else:
+            means = [
+                mean_over_missing([cells[cell] for cells in self._cells], missing)
+                for cell in searched
+            ]
+        return array("f", means).tolist()  # rounded to single precision

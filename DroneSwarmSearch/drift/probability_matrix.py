@@ -45,10 +45,9 @@ class Block(NamedTuple):
         steps: the distributions and the moves.
         right: `steps.right`, flat, in the form that scalar code reads fastest.
         left: `steps.left` in the same form.
-        along_x: the probabilities to stay, to move right and to move left, given the column:
-            float64, shape (n, 3, 1, N).
-        along_y: the probabilities to stay, to move down and to move up, given the row:
-            float64, shape (n, 3, N, 1).
+        flows: for each step, the probabilities to stay, to move right and to move left, given
+            the column, float64, shape (3, 1, N); and to stay, to move down and to move up,
+            given the row, shape (3, N, 1).
         matrices: the matrices in groups of `ProbabilityMatrix.group_steps` steps, each group
             computed on first use.
     """
@@ -57,8 +56,7 @@ class Block(NamedTuple):
     steps: Steps
     right: memoryview
     left: memoryview
-    along_x: Floats
-    along_y: Floats
+    flows: list[tuple[Floats, Floats]]
     matrices: list[NDArray[np.float32] | None]
 
     def matrices_at(self, step: int) -> NDArray[np.float32]:
@@ -247,8 +245,7 @@ class ProbabilityMatrix:
                 steps=steps,
                 right=right.reshape(-1).data,
                 left=left.reshape(-1).data,
-                along_x=moves[:, :, 0, None, :],
-                along_y=moves[:, :, 1, :, None],
+                flows=[(each[:, 0, None], each[:, 1, :, None]) for each in moves],
                 matrices=[None] * (self.block_steps // self.group_steps),
             )
             _cache.put(self._key, first, block, self._step_bytes() * self.block_steps)
