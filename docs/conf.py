@@ -210,10 +210,13 @@ def evaluate_types(app: Sphinx) -> None:
 def name_public_bases(
     app: Sphinx, name: str, thing: type, options: object, bases: list[Any]
 ) -> None:
-    """Name what private bases are made from in their place."""
+    """Name the bases of private classes in their place."""
     for base in list(bases):
         kind = typing.get_origin(base) or base
-        if kind.__name__.startswith("_"):
+        if not kind.__module__.startswith(DroneSwarmSearch.__name__):
+            continue
+        package = sys.modules[kind.__module__.rpartition(".")[0]]
+        if not hasattr(package, kind.__name__):
             place = bases.index(base)
             bases[place : place + 1] = kind.__bases__
     bases[:] = [base for base in bases if (typing.get_origin(base) or base) is not Generic]

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.vector.keywords import with_keywords_of
+from DroneSwarmSearch.vector.keywords import shows_keywords_of
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = ["DroneVectorEnv"]
 
 
+@shows_keywords_of(SearchVectorEnv)
 class DroneVectorEnv(SearchVectorEnv):
     """Many searches; each sub-environment is a drone, for parameter sharing.
 
@@ -54,14 +55,13 @@ class DroneVectorEnv(SearchVectorEnv):
         batch: the `SearchBatch`, which knows the whole state of all searches.
 
     Raises:
-        TypeError: an argument is of the wrong type.
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
         ValueError: an argument is out of its limits, or given together with a scenario.
     """
 
     _count_name = "num_swarms"
     _joint = False
 
-    @with_keywords_of(SearchVectorEnv)
     def __init__(self, num_swarms: int = 1, **keywords: Any) -> None:
         super().__init__(num_swarms, **keywords)
 

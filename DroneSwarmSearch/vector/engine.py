@@ -280,7 +280,9 @@ class SearchBatch(BatchReadings):
     def _next(self, rows: Ints) -> RowValues:
         """Prepare the next episodes of some rows; returns the sampler's values for them."""
         self._prepare(rows)
-        return self._draw(self._episodes.sampling_keys(rows)) if self._sampler else {}
+        if self._sampler is None:
+            return {}
+        return self._draw(self._episodes.sampling_keys(rows))
 
     def _prepare(self, rows: Ints) -> None:
         """Set the random keys of the next episodes, unless these rows have them already."""

@@ -1,4 +1,4 @@
-"""Signatures of constructors that pass keywords on to another class."""
+"""Signatures of classes whose constructor passes keywords on to another class."""
 
 from __future__ import annotations
 
@@ -6,27 +6,30 @@ import inspect
 from collections.abc import Callable
 from typing import TypeVar
 
-__all__ = ["with_keywords_of"]
+__all__ = ["shows_keywords_of"]
 
-Constructor = TypeVar("Constructor", bound=Callable[..., None])
+Class = TypeVar("Class", bound=type)
 
 
-def with_keywords_of(source: type, *without: str) -> Callable[[Constructor], Constructor]:
-    """Decorate a constructor that passes **keywords on: show their names in its signature.
+def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
+    """Decorate a class whose constructor passes **keywords on: list them in its signature.
+
+    The signature shows names and defaults, without types.
 
     Args:
         source: the class whose constructor receives the keywords.
-        without: keywords that are not shown.
+        without: keywords that are not listed.
     """
 
-    def decorate(init: Constructor) -> Constructor:
-        own = inspect.signature(init)
-        shown = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
+    def decorate(made: Class) -> Class:
+        _, *own = inspect.signature(made.__init__).parameters.values()  # type: ignore[misc]
+        shown = [each for each in own if each.kind is not each.VAR_KEYWORD]
         names = {each.name for each in shown}.union(without)
         for each in inspect.signature(source).parameters.values():
             if each.kind is each.KEYWORD_ONLY and each.name not in names:
                 shown.append(each)
-        init.__signature__ = own.replace(parameters=shown)  # type: ignore[attr-defined]
-        return init
+        plain = [each.replace(annotation=each.empty) for each in shown]
+        made.__signature__ = inspect.Signature(plain)  # type: ignore[attr-defined]
+        return made
 
     return decorate

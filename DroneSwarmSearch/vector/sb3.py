@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
+from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
 
 __all__ = ["SB3VecEnv"]
 
@@ -42,8 +43,8 @@ class SB3VecEnv(VecEnv):
             type that Stable-Baselines3 uses.
     """
 
-    def __init__(self, env: SearchVectorEnv, right_of_way: bool = False) -> None:
-        if not isinstance(env, SearchVectorEnv):
+    def __init__(self, env: SwarmVectorEnv | DroneVectorEnv, right_of_way: bool = False) -> None:
+        if not isinstance(env, (SwarmVectorEnv, DroneVectorEnv)):
             raise TypeError(f"env must be a SwarmVectorEnv or a DroneVectorEnv, got {env!r}")
         mode = env.metadata["autoreset_mode"]
         if mode is not AutoresetMode.SAME_STEP:

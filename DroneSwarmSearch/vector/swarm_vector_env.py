@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.vector.keywords import with_keywords_of
+from DroneSwarmSearch.vector.keywords import shows_keywords_of
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = ["SwarmVectorEnv"]
 
 
+@shows_keywords_of(SearchVectorEnv)
 class SwarmVectorEnv(SearchVectorEnv):
     """Many searches; each sub-environment is a swarm with a joint action and a team reward.
 
@@ -82,14 +83,13 @@ class SwarmVectorEnv(SearchVectorEnv):
         batch: the `SearchBatch`, which knows the whole state of all searches.
 
     Raises:
-        TypeError: an argument is of the wrong type.
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
         ValueError: an argument is out of its limits, or given together with a scenario.
     """
 
     _count_name = "num_envs"
     _joint = True
 
-    @with_keywords_of(SearchVectorEnv)
     def __init__(self, num_envs: int = 1, **keywords: Any) -> None:
         super().__init__(num_envs, **keywords)
 

@@ -24,7 +24,7 @@ from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.vector.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.vector.buffers import Buffers, check_buffers
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.keywords import with_keywords_of
+from DroneSwarmSearch.vector.keywords import shows_keywords_of
 from DroneSwarmSearch.vector.observations import BatchObservations
 from DroneSwarmSearch.vector.parameters import checked_rows
 from DroneSwarmSearch.vector.reset_arguments import parse_options, parse_seeds
@@ -41,6 +41,7 @@ _BYTES_PER_NUMBER = 14
 """The memory of each number of an observation: itself, and its limits in the batched space."""
 
 
+@shows_keywords_of(SearchBatch, "wants_table", "rows_name")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both vector environments share; `SwarmVectorEnv` describes the arguments.
 
@@ -57,7 +58,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
-    @with_keywords_of(SearchBatch, "wants_table", "rows_name")
     def __init__(
         self,
         num_swarms: int,
