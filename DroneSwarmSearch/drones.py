@@ -12,7 +12,6 @@ from DroneSwarmSearch.world import WorldState
 __all__ = ["Drones"]
 
 _SEARCH = int(Action.SEARCH)
-_EXACT = 2.0**53  # all integers below are exact as floats
 
 
 class Drones:
@@ -44,7 +43,6 @@ class Drones:
         self.finders: set[int] = set()
         self.found = False
         self._returns = [0.0] * len(cells)  # each drone's sum of rewards
-        self._uneventful_steps = 0  # not yet added to the returns
 
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
@@ -62,24 +60,15 @@ class Drones:
         self.chosen = chosen
         crashed = targets is not self.cells and len({OFF_GRID, *targets}) <= len(targets)
         if not (crashed or _SEARCH in chosen or world.step == self._last_step):
-            self.cells = targets
-            self._uneventful_steps += 1
-            return self._step_rewards, None
-        if self._uneventful_steps:
-            self._catch_up()
-        rewards, ending = self._resolve_events(targets, crashed, world)
-        if OFF_GRID in targets:  # a drone that tries to leave the grid stays
-            pairs = zip(self.cells, targets, strict=True)
-            targets = [cell if target == OFF_GRID else target for cell, target in pairs]
+            rewards, ending = self._step_rewards, None
+        else:
+            rewards, ending = self._resolve_events(targets, crashed, world)
+            if OFF_GRID in targets:  # a drone that tries to leave the grid stays
+                pairs = zip(self.cells, targets, strict=True)
+                targets = [cell if target == OFF_GRID else target for cell, target in pairs]
         self.cells = targets
-        if ending is None:
-            self._returns = [*map(add, self._returns, rewards.values())]
+        self._returns = [*map(add, self._returns, rewards.values())]
         return rewards, ending
-
-    def _catch_up(self) -> None:
-        """Add the rewards of the uneventful steps to the returns."""
-        count, self._uneventful_steps = self._uneventful_steps, 0
-        self._returns = [_add_often(each, self._scheme.step, count) for each in self._returns]
 
     def _resolve_events(
         self, targets: list[int], crashed: bool, world: WorldState
@@ -132,12 +121,3 @@ class Drones:
             searches[self.cells[drone]] = drone
             drone = self.chosen.find(_SEARCH, drone + 1)
         return searches
-
-
-def _add_often(total: float, value: float, count: int) -> float:
-    """Add a value a number of times, with the rounding of each single addition."""
-    if total.is_integer() and value.is_integer() and abs(total) + abs(value) * count < _EXACT:
-        return total + value * count  # all sums are exact
-    for _ in range(count):
-        total += value
-    return total

@@ -280,7 +280,7 @@ class Posteriors:
         """Let all beliefs drift from a step to the next, see `drift`."""
         for forecast, belief, finish in zip(self._forecasts, self._beliefs, self._finish_y):  # noqa: B905
             block = forecast.block(step)
-            along_x, along_y = block.flows[step - block.first]
+            along_x, along_y = block.flows_at(step)
             np.multiply(belief, along_x, self._along_x)
             for terms in self._add_x:
                 np.add(*terms)

@@ -26,6 +26,9 @@ _Key = tuple[float, ...]  # the parameters of a forecast
 CACHE_BYTES = 56 * 2**20
 """The limit of the cache of all forecasts together."""
 
+_EXPANDED_SIZE = 32
+"""On grids up to this size, a block keeps its flows for every cell."""
+
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
 
@@ -45,9 +48,7 @@ class Block(NamedTuple):
         steps: the distributions and the moves.
         right: `steps.right`, flat, in the form that scalar code reads fastest.
         left: `steps.left` in the same form.
-        flows: for each step, the probabilities to stay, to move right and to move left, given
-            the column, float64, shape (3, 1, N); and to stay, to move down and to move up,
-            given the row, shape (3, N, 1).
+        flows: see `flows_at`; None before the first use.
         matrices: the matrices in groups of `ProbabilityMatrix.group_steps` steps, each group
             computed on first use.
     """
@@ -56,7 +57,7 @@ class Block(NamedTuple):
     steps: Steps
     right: memoryview
     left: memoryview
-    flows: list[tuple[Floats, Floats]]
+    flows: list[tuple[Floats, Floats] | None]
     matrices: list[NDArray[np.float32] | None]
 
     def matrices_at(self, step: int) -> NDArray[np.float32]:
@@ -69,6 +70,28 @@ class Block(NamedTuple):
             here = probability[group * count : (group + 1) * count].astype(np.float32)
             matrices = self.matrices[group] = here[:, 1, :, None] * here[:, 0, None, :]
         return matrices
+
+    def flows_at(self, step: int) -> tuple[Floats, Floats]:
+        """The probabilities of a step's moves, as factors of a belief.
+
+        Returns:
+            The probabilities to stay, to move right and to move left, given the cell: float64,
+            (3, N, N), or (3, 1, N) on large grids; and to stay, to move down and to move up,
+            likewise (3, N, N) or (3, N, 1).
+        """
+        flows = self.flows[step - self.first]
+        if flows is None:
+            right, left = (
+                table[step - self.first] for table in (self.steps.right, self.steps.left)
+            )
+            moves = np.stack([1.0 - right - left, right, left])
+            along_x, along_y = moves[:, 0, None], moves[:, 1, :, None]
+            size = moves.shape[-1]
+            if size <= _EXPANDED_SIZE:  # NumPy broadcasts short rows slowly
+                shape = (3, size, size)
+                along_x, along_y = (np.broadcast_to(a, shape).copy() for a in (along_x, along_y))
+            flows = self.flows[step - self.first] = along_x, along_y
+        return flows
 
 
 class BlockCache:
@@ -231,21 +254,20 @@ class ProbabilityMatrix:
     def _step_bytes(self) -> int:
         """Approximate memory of one step in a block."""
         size = self.grid_size
-        return 4 * size**2 + 2 * size * 6 * 8 + 512
+        flows = 6 * 8 * size * (size if size <= _EXPANDED_SIZE else 1)
+        return 4 * size**2 + 2 * size * 3 * 8 + flows + 512
 
     def _get_block(self, first: int, previous: Block | None) -> Block:
         block = _cache.get(self._key, first)
         if block is None:
             cdf = None if previous is None else previous.steps.cdf
             steps = tabulate(*self._parameters, first=first, count=self.block_steps, cdf=cdf)
-            right, left = steps.right, steps.left
-            moves = np.stack([1.0 - right - left, right, left], axis=1)
             block = Block(
                 first=first,
                 steps=steps,
-                right=right.reshape(-1).data,
-                left=left.reshape(-1).data,
-                flows=[(each[:, 0, None], each[:, 1, :, None]) for each in moves],
+                right=steps.right.reshape(-1).data,
+                left=steps.left.reshape(-1).data,
+                flows=[None] * self.block_steps,
                 matrices=[None] * (self.block_steps // self.group_steps),
             )
             _cache.put(self._key, first, block, self._step_bytes() * self.block_steps)

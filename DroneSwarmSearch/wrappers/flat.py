@@ -98,22 +98,31 @@ class FlatObservation(LayoutObservation):
         # `FlatLayout.write` for one search, with as few NumPy calls as possible.
         cells, world = self._search._cells_and_world()
         matrices, index = world.loaded_matrices()
-        first = world.step - index
-        known, tails = self._tails.get(first, (None, matrices))
-        if known is not matrices:
-            tails = self._make_tails(matrices, first)
-            if len(matrices) > 1:
-                if len(self._tails) >= _KEPT_TAILS:
-                    self._tails.clear()
-                self._tails[first] = matrices, tails
         width = 2 * len(cells)
         vectors = np.empty(self._shape, np.float32)
-        vectors[:, width:] = tails[index]
+        if len(matrices) > 1:
+            vectors[:, width:] = self._tail(matrices, index, world.step)
+        else:
+            row = matrices.reshape(-1)
+            vectors[:, width] = time_fraction(world.step, self._search.timestep_limit)
+            np.divide(row, np.maximum.reduce(row), vectors[:, width + 1 :])
         vectors[:, :width] = self._pairs.take(cells).take(self._order).view(np.float32)
         return dict(zip(self._names, vectors))  # noqa: B905 (strict=True takes time)
 
+    def _tail(self, matrices: Singles, index: int, step: int) -> Singles:
+        """The part of the vectors that all drones share, from matrices of several steps."""
+        first = step - index
+        known, tails = self._tails.get(first, (None, matrices))
+        if known is not matrices:
+            tails = self._make_tails(matrices, first)
+            if len(self._tails) >= _KEPT_TAILS:
+                self._tails.clear()
+            self._tails[first] = matrices, tails
+        tail: Singles = tails[index]
+        return tail
+
     def _make_tails(self, matrices: Singles, first: int) -> Singles:
-        """The parts of the vectors that all drones share, for some steps: float32, (n, 1 + N²)."""
+        """`_tail` of some steps: float32, (n, 1 + N²)."""
         count = len(matrices)
         rows = matrices.reshape(count, -1)
         tails = np.empty((count, 1 + rows.shape[1]), np.float32)
