@@ -105,7 +105,7 @@ class FlatObservation(LayoutObservation):
         else:
             row = matrices.reshape(-1)
             vectors[:, width] = time_fraction(world.step, self._search.timestep_limit)
-            np.divide(row, np.maximum.reduce(row), vectors[:, width + 1 :])
+            vectors[:, width + 1 :] = row / np.maximum.reduce(row)
         vectors[:, :width] = self._pairs.take(cells).take(self._order).view(np.float32)
         return dict(zip(self._names, vectors))  # noqa: B905 (strict=True takes time)
 
