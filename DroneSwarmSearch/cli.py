@@ -30,8 +30,8 @@ COMMANDS = {
 EVALUATE = """\
 Evaluate a policy on searches of the suite. Success is the share of episodes in which every
 person is found by the time limit; time is the restricted mean time to find (failures count
-with the limit); return is the mean return of the team. All have 95 % intervals. For the same
-seed, all policies face the same random draws.
+with the limit); return is the mean return of the team. All have 95% intervals. For the same
+seed, all policies use common random numbers.
 """
 
 EVALUATE_EXAMPLES = """\

@@ -41,20 +41,7 @@ def print_suite() -> None:
         print(f"  {name:<17} {summary}".rstrip())
     print(f"\nsearches of suite {SUITE_VERSION}:\n")
     for name, each in SUITE.items():
-        print(f"  {name:<11} {_outline(each)}\n              {each.reason}")
-
-
-def _outline(each: NamedSearch) -> str:
-    scenario = each.scenario
-    n, persons = scenario.n_drones, len(scenario.person_initial_position)
-    x, y = scenario.vector
-    pod = " ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
-    return (
-        f"{scenario.grid_size} x {scenario.grid_size} cells, {n} drone{'s' * (n > 1)}, "
-        f"{persons} person{'s' * (persons > 1)}, drift ({x:g}, {y:g}), "
-        f"disperse constant {scenario.disperse_constant:g}, POD {pod}, "
-        f"{scenario.timestep_limit} steps"
-    )
+        print(f"  {name:<11} {each.outline}\n              {each.reason}")
 
 
 def print_evaluations(evaluations: Sequence[Evaluation], options: Namespace) -> None:
@@ -84,8 +71,8 @@ def print_evaluations(evaluations: Sequence[Evaluation], options: Namespace) -> 
     shown = "posterior" if options.posterior else "prior"
     print(
         f"\n{options.episodes} episodes of each search, seeds from {options.seed}, suite "
-        f"{SUITE_VERSION}, {shown} shown; 95 % intervals in brackets.\nSuccess: every person found "
-        "by the time limit. Time: until the last person is found, or the\ntime limit. Crashes: "
+        f"{SUITE_VERSION}, {shown} shown; 95% intervals in\nparentheses. Success: every person found "
+        "within the time limit. Time: until the last person is found,\nor the time limit. Crashes: "
         "episodes in which drones collided or left the grid."
     )
 
@@ -135,8 +122,8 @@ def print_bounds(bounds: Sequence[tuple[NamedSearch, SuccessBound]], as_json: bo
 def print_leaderboard(board: Leaderboard) -> None:
     """Print the two main tables of a leaderboard."""
     for title, (headers, *rows) in (
-        ("Success in %; the best of each search with a star", page.overview(board, "{}*")),
-        ("All searches together, with 95 % intervals", page.suite_table(board)),
+        ("Success in %; the best policy of each search has a star", page.overview(board, "{}*")),
+        ("All searches, with 95% intervals", page.suite_table(board)),
     ):
         print(f"\n{title}\n")
         print_table(headers, rows, words=1)

@@ -109,7 +109,7 @@ class Evaluation:
         value, low, high = self.success.scaled(100.0)
         return (
             f"<Evaluation of {self.policy} on {self.search.name}: {len(self.episodes):,} episodes, "
-            f"{value:.1f} % found ({low:.1f} to {high:.1f})>"
+            f"{value:.1f}% success ({low:.1f} to {high:.1f})>"
         )
 
     def with_bound(self, bound: Bound | None) -> Evaluation:
@@ -262,7 +262,7 @@ class Comparison:
 def compare(first: Evaluation, second: Evaluation) -> Comparison:
     """Compare two policies in the same episodes.
 
-    Both policies face the same random draws, so the intervals of the differences are narrower
+    Both policies use common random numbers, so the intervals of the differences are narrower
     than those of two independent samples. One policy may have seen the prior and the other the
     posterior.
 

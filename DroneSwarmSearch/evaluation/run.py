@@ -57,7 +57,7 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate a policy on a search.
 
-    Episode i has the seed `seed + i`, so all policies face the same random draws. The policy
+    Episode i has the seed `seed + i`, so all policies use common random numbers. The policy
     plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
     optional methods of the policy are called: `prepare(drones)` with the drones' start cells,
     once and before it is copied, and `reset(seed=..., rows=None)` with the seeds of each

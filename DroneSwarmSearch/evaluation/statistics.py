@@ -1,6 +1,6 @@
 """Interval estimates of evaluations: shares, paired differences, means and times.
 
-All intervals have a confidence of 95 %. The bootstrap draws from a fixed sequence of random
+All intervals have a confidence of 95%. The bootstrap draws from a fixed sequence of random
 numbers, so equal data always give equal intervals, with every version of NumPy.
 """
 
@@ -45,7 +45,7 @@ _AT_ONCE = 2**20
 
 
 class Estimate(NamedTuple):
-    """A value with its 95 % confidence interval."""
+    """A value with its 95% confidence interval."""
 
     value: float
     low: float

@@ -57,6 +57,20 @@ class NamedSearch:
         self.scenario.drone_cells(self.drones)
 
     @property
+    def outline(self) -> str:
+        """The main parameters, in a line."""
+        scenario = self.scenario
+        n, persons = scenario.n_drones, len(scenario.person_initial_position)
+        x, y = scenario.vector
+        detection = ", ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
+        return (
+            f"{scenario.grid_size} x {scenario.grid_size} cells; {n} drone{'s' * (n > 1)}; "
+            f"{persons} person{'s' * (persons > 1)}; drift ({x:g}, {y:g}); disperse constant "
+            f"{scenario.disperse_constant:g}; probability of detection {detection}; "
+            f"{scenario.timestep_limit:,} steps"
+        )
+
+    @property
     def parameters(self) -> dict[str, Any]:
         """The parameters as keyword arguments of `SearchBatch`."""
         return {"scenario": self.scenario, "drones_positions": np.array(self.drones)}
