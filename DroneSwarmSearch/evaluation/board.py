@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from DroneSwarmSearch.evaluation.results import Bound, Evaluation, compare
+from DroneSwarmSearch.evaluation.results import Evaluation, compare
 from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
 from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.planning.bound import SuccessBound
 
 __all__ = [
     "Leaderboard",
@@ -125,7 +126,7 @@ class Leaderboard:
         """A policy's evaluations, in the order of the searches."""
         return tuple(self.by_name[policy, search.name] for search in self.searches)
 
-    def bound_of(self, search: str) -> Bound | None:
+    def bound_of(self, search: str) -> SuccessBound | None:
         """A search's bound, if it was computed."""
         return self.by_name[self.policies[0], search].bound
 
@@ -158,7 +159,7 @@ class Leaderboard:
         return tuple(
             each
             for each in self.evaluations
-            if each.bound is not None and each.success.low > each.bound.by_time[-1]
+            if each.bound is not None and each.success.low > each.bound.by_limit
         )
 
     def _summary(self, policy: str) -> PolicySummary:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation.results import checked_bound
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
@@ -62,6 +63,8 @@ class BoundTask:
         """Read a stored bound; raises TypeError or ValueError if the entry is damaged."""
         bound = SuccessBound(**{**entry, "by_time": np.array(entry.get("by_time"), np.float64)})
         checked_bound(bound, self.search)
+        if not all(map(checks.is_number, (bound.relaxed, bound.gap, bound.confidence))):
+            raise TypeError("relaxed, gap and confidence must be numbers")
         if not ((bound.by_time >= 0.0) & (bound.by_time <= 1.0)).all():
             raise ValueError("by_time must be probabilities")
         return bound

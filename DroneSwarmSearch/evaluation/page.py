@@ -103,7 +103,7 @@ def overview(board: Leaderboard, best: str = "**{}**") -> Table:
         most = max(shares, key=float)
         row = [search.name, *(best.format(each) if each == most else each for each in shares)]
         bound = board.bound_of(search.name)
-        rows.append(row + ([] if bound is None else [_percent(float(bound.by_time[-1]))]))
+        rows.append(row + ([] if bound is None else [_percent(bound.by_limit)]))
     return rows
 
 
@@ -150,7 +150,7 @@ def _bounds(board: Leaderboard) -> Iterator[str]:
         bound = board.bound_of(search.name)
         assert bound is not None
         sure = "exact" if bound.confidence >= 1.0 else f"{100 * bound.confidence:.4g}"
-        value = _percent(float(bound.by_time[-1]))
+        value = _percent(bound.by_limit)
         rows.append([search.name, value, f"{100 * bound.gap:.2f}", sure])
     above = [f"{each.policy} on {each.search.name}" for each in board.above_bound]
     holds = "No policy's interval lies above the bound of any search."

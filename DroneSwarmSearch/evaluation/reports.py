@@ -63,7 +63,7 @@ def print_evaluations(evaluations: Sequence[Evaluation], options: Namespace) -> 
             ]
         )
         if options.bound:
-            bound = "-" if each.bound is None else f"{100 * each.bound.by_time[-1]:.1f}"
+            bound = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
             rows[-1] += [bound, percent(each.share_of_bound)]
     if options.bound:
         headers += ["bound, %", "share of it, %"]
@@ -71,9 +71,9 @@ def print_evaluations(evaluations: Sequence[Evaluation], options: Namespace) -> 
     shown = "posterior" if options.posterior else "prior"
     print(
         f"\n{options.episodes} episodes of each search, seeds from {options.seed}, suite "
-        f"{SUITE_VERSION}, {shown} shown; 95% intervals in\nparentheses. Success: every person found "
-        "within the time limit. Time: until the last person is found,\nor the time limit. Crashes: "
-        "episodes in which drones collided or left the grid."
+        f"{SUITE_VERSION}, {shown} shown; 95% intervals in\nparentheses. Success: every person "
+        "found within the time limit. Time: until the last person is found,\nor the time limit. "
+        "Crashes: episodes in which drones collided or left the grid."
     )
 
 

@@ -10,23 +10,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import DroneSwarmSearch
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation import statistics
 from DroneSwarmSearch.evaluation.calibration import POS_EDGES, Reliability
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
+from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
 __all__ = [
-    "Bound",
     "Comparison",
     "Evaluation",
     "checked_bound",
@@ -41,23 +40,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Bound(Protocol):
-    """The attributes of `planning.SuccessBound` that results use."""
-
-    @property
-    def by_time(self) -> Floats:
-        """The most that any policy can reach within t steps: float64, (L + 1,)."""
-
-    @property
-    def gap(self) -> float:
-        """The duality gap at L, which `by_time` includes."""
-
-    @property
-    def confidence(self) -> float:
-        """The confidence of the bound; 1.0 if it is exact."""
-
-
-def checked_bound(bound: object, search: NamedSearch) -> Any:
+def checked_bound(bound: object, search: NamedSearch) -> SuccessBound | None:
     """Return a search's bound, or None.
 
     Raises:
@@ -66,17 +49,15 @@ def checked_bound(bound: object, search: NamedSearch) -> Any:
     """
     if bound is None:
         return None
-    by_time = getattr(bound, "by_time", None)
-    others = [getattr(bound, name, None) for name in ("gap", "confidence")]
-    if not isinstance(by_time, np.ndarray) or not all(map(checks.is_number, others)):
+    if not isinstance(bound, SuccessBound):
         raise TypeError(
             f"bound must be what planning.success_bound returns, or None, got {bound!r}"
         )
     steps = search.scenario.timestep_limit
-    if by_time.shape != (steps + 1,):
+    if bound.by_time.shape != (steps + 1,):
         raise ValueError(
             f"bound must be that of {search.name}, with a by_time of shape ({steps + 1},), "
-            f"got {by_time.shape}"
+            f"got {bound.by_time.shape}"
         )
     return bound
 
@@ -103,7 +84,7 @@ class Evaluation:
     view: str
     observation: str
     episodes: Episodes
-    bound: Bound | None = None
+    bound: SuccessBound | None = None
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
@@ -112,7 +93,7 @@ class Evaluation:
             f"{value:.1f}% success ({low:.1f} to {high:.1f})>"
         )
 
-    def with_bound(self, bound: Bound | None) -> Evaluation:
+    def with_bound(self, bound: SuccessBound | None) -> Evaluation:
         """Return the evaluation with the search's bound.
 
         Raises:
@@ -161,9 +142,9 @@ class Evaluation:
     @property
     def share_of_bound(self) -> Estimate | None:
         """The success divided by the bound; None without a bound above 0."""
-        if self.bound is None or not self.bound.by_time[-1] > 0.0:
+        if self.bound is None or not self.bound.by_limit > 0.0:
             return None
-        return self.success.scaled(1.0 / float(self.bound.by_time[-1]))
+        return self.success.scaled(1.0 / self.bound.by_limit)
 
     @property
     def reliability(self) -> Reliability:
@@ -234,7 +215,7 @@ class Evaluation:
         ):
             value, low, high = estimate or ("", "", "")
             row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-        row["bound"] = "" if self.bound is None else float(self.bound.by_time[-1])
+        row["bound"] = "" if self.bound is None else self.bound.by_limit
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
         row["calibration_error"] = self.reliability.expected_error
         return row

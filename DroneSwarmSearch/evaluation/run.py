@@ -21,11 +21,12 @@ from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.results import Bound, Evaluation, checked_bound
+from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
 from DroneSwarmSearch.evaluation.rollout import checked_view, play
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
+from DroneSwarmSearch.planning.bound import SuccessBound
 
 __all__ = ["PORTION", "EvaluationTask", "evaluate"]
 
@@ -52,7 +53,7 @@ def evaluate(
     ray: str | None = None,
     store: Store | str | Path | None = None,
     name: str | None = None,
-    bound: Bound | None = None,
+    bound: SuccessBound | None = None,
     progress: bool = True,
 ) -> Evaluation:
     """Evaluate a policy on a search.
