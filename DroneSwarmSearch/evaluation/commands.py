@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation import contest, recording, reports
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 
 __all__ = ["bound", "evaluate", "leaderboard", "record"]
 
-FAILED, WRONG_ARGUMENTS, INTERRUPTED = 1, 2, 130
+FAILED, INTERRUPTED = 1, 130
 """Exit codes; 130 is the shells' code for Ctrl-C."""
 
 PORTIONS = "portions"
@@ -38,7 +37,7 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
     if options.policy is None or not options.searches:
         parser.error("POLICY and SEARCH are needed; `evaluate --list` lists them")
     store = options.out and Store(options.out / PORTIONS)
-    try:
+    with _refusing(parser):
         spec = PolicySpec.of(options.policy)
         tasks = [
             EvaluationTask(
@@ -53,14 +52,12 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
             )
             for each in _searches(options.searches)
         ]
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
     bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
 
     def run() -> None:
         try:
             what = f"{spec.name} on {len(tasks)} search{'es' * (len(tasks) > 1)}"
-            _do([*bounds, *tasks], what, options)
+            run_tasks([*bounds, *tasks], what, workers=options.workers, ray=options.ray)
         finally:  # also after an error
             known = {each.search.name: each.bound for each in bounds}
             finished = [
@@ -79,7 +76,7 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
 def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Run the leaderboard, print its main tables, and write its files."""
     store = Store(options.out / PORTIONS)
-    try:
+    with _refusing(parser):
         prepared = contest.Contest(
             options.policies,
             options.searches,
@@ -92,8 +89,6 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
             store=store,
             bounds=options.bound,
         )
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
 
     def run() -> None:
         board = prepared.run(workers=options.workers, ray=options.ray, progress=True)
@@ -110,15 +105,13 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
 def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Compute bounds and print them."""
     store = options.out and Store(options.out / PORTIONS)
-    try:
+    with _refusing(parser):
         tasks = [BoundTask(each, store) for each in _searches(options.searches)]
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
 
     def run() -> None:
-        count = len(tasks)
+        what = f"bounds, {len(tasks)} search{'es' * (len(tasks) > 1)}"
         try:
-            _do(tasks, f"bound{'s' * (count > 1)} of {count} search{'es' * (count > 1)}", options)
+            run_tasks(tasks, what, workers=options.workers, ray=options.ray)
         finally:  # also after an error
             done = [(each.search, each.bound) for each in tasks if each.bound is not None]
             if done:
@@ -141,22 +134,12 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted: no film was written", file=sys.stderr)
         return INTERRUPTED
-    except ImportError as error:
-        _give_up(parser, str(error))
     except OSError as error:
-        _give_up(parser, f"cannot write {options.out}: {error.strerror or error}")
-    except (TypeError, ValueError) as error:
-        _give_up(parser, str(error))
+        parser.error(f"cannot write {options.out}: {error.strerror or error}")
+    except (ImportError, TypeError, ValueError) as error:
+        parser.error(str(error))
     print(f"{options.out}: {options.policy} searching {options.search}, {outcome_in_brief(last)}")
     return 0
-
-
-def _do(
-    tasks: Sequence[EvaluationTask | BoundTask], what: str, options: argparse.Namespace
-) -> None:
-    jobs = [job for task in tasks for job in task.jobs()]
-    with Progress(what, sum(task.weight for task in tasks)) as bar:
-        work.run(jobs, workers=options.workers, ray=options.ray, progress=bar)
 
 
 def _searches(names: Sequence[str]) -> list[NamedSearch]:
@@ -164,6 +147,15 @@ def _searches(names: Sequence[str]) -> list[NamedSearch]:
 
 
 # Errors.
+
+
+@contextlib.contextmanager
+def _refusing(parser: argparse.ArgumentParser) -> Iterator[None]:
+    """Report wrong arguments, and exit with code 2."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
 
 
 def _guarded(command: Callable[[], None], store: Store | None) -> int:
@@ -206,8 +198,3 @@ def _stopped(reason: str, store: Store | None, code: int = FAILED) -> int:
         kept = f"; finished work is kept in {store.directory}; repeat the command to resume"
     print(f"{reason}{kept}", file=sys.stderr)
     return code
-
-
-def _give_up(parser: argparse.ArgumentParser, message: str) -> NoReturn:
-    parser.exit(WRONG_ARGUMENTS, f"{parser.prog}: error: {message}\n")
-    raise AssertionError("unreachable: the parser exits")

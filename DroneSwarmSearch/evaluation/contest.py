@@ -12,22 +12,18 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation import page
-from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.board import Leaderboard, example_search, ranked_by_theory
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import save_csv
 from DroneSwarmSearch.evaluation.rollout import checked_view
-from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
 from DroneSwarmSearch.evaluation.store import Store, as_store
-from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, as_named
+from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, as_named, versions
 from DroneSwarmSearch.policies import POLICIES
 
 __all__ = ["Contest", "compute_intervals", "leaderboard", "write"]
@@ -102,16 +98,15 @@ class Contest:
         view: str,
         observation: str,
         posterior: bool,
-        episodes: int,
-        seed: int,
-        store: Store | None,
         bounds: bool,
+        store: Store | None,
+        **episodes: int,
     ) -> None:
         for name, values in (("policies", policies), ("searches", searches), ("added", added)):
             if values is not None and (isinstance(values, str) or not isinstance(values, Iterable)):
                 raise TypeError(f"{name} must be a list, got {values!r}")
         view, observation = checked_view(view, observation)
-        posterior = checks.boolean("posterior", posterior)
+        updated = checks.boolean("posterior", posterior) or None
         bounds = checks.boolean("bounds", bounds)
         names = ranked_by_theory([*POLICIES]) if policies is None else policies
         of_package = [PolicySpec.of(name) for name in names]
@@ -119,26 +114,20 @@ class Contest:
         named = [as_named(each) for each in (SUITE if searches is None else searches)]
         _check_unique("policies", [each.name for each in (*of_user, *of_package)])
         _check_unique("searches", [each.name for each in named])
-
-        def task(spec: PolicySpec, search: NamedSearch, updated: bool | None) -> EvaluationTask:
-            is_added = spec in of_user
-            return EvaluationTask(
-                spec,
-                search,
-                episodes=episodes,
-                seed=seed,
-                bayesian_update=True if is_added and posterior else updated,
-                view=view if is_added else "swarm",
-                observation=observation if is_added else "dict",
-                store=store,
-            )
-
+        shared: dict[str, Any] = {"store": store, **episodes}
+        own: dict[str, Any] = {
+            "view": view,
+            "observation": observation,
+            "bayesian_update": updated,
+        }
         self._added = tuple(each.name for each in of_user)
         self._tasks = [
-            task(each, search, None) for search in named for each in (*of_user, *of_package)
+            EvaluationTask(each, search, **shared, **(own if each in of_user else {}))
+            for search in named
+            for each in (*of_user, *of_package)
         ]
         pair = _for_calibration(of_package, named)
-        self._posterior = task(*pair, True) if pair else None
+        self._posterior = EvaluationTask(*pair, bayesian_update=True, **shared) if pair else None
         self._bounds = {each.name: BoundTask(each, store) for each in named if bounds}
 
     def run(self, *, workers: int, ray: str | None, progress: bool) -> Leaderboard:
@@ -147,9 +136,7 @@ class Contest:
         if self._posterior is not None:
             tasks.append(self._posterior)
         tasks.sort(key=_expected_duration, reverse=True)
-        jobs = [job for task in tasks for job in task.jobs()]
-        with Progress("leaderboard", sum(task.weight for task in tasks), progress) as bar:
-            work.run(jobs, workers=workers, ray=ray, progress=bar)
+        run_tasks(tasks, "leaderboard", workers=workers, ray=ray, progress=progress)
         bounds = {name: each.bound for name, each in self._bounds.items()}
         return Leaderboard(
             tuple(
@@ -241,9 +228,7 @@ def _data(board: Leaderboard, command: str) -> dict[str, Any]:
     """Everything except the single episodes, as plain JSON data."""
     first = board.evaluations[0]
     return {
-        "package": DroneSwarmSearch.__version__,
-        "numpy": np.__version__,
-        "suite": SUITE_VERSION,
+        **versions(),
         "command": command,
         "episodes": len(first.episodes),
         "seed": first.seed,

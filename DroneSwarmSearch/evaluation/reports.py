@@ -14,6 +14,7 @@ from DroneSwarmSearch.evaluation import page
 from DroneSwarmSearch.evaluation.board import Leaderboard
 from DroneSwarmSearch.evaluation.results import (
     Evaluation,
+    bound_data,
     csv_text,
     save_csv,
     save_episodes,
@@ -95,16 +96,7 @@ def _file_name(text: str) -> str:
 def print_bounds(bounds: Sequence[tuple[NamedSearch, SuccessBound]], as_json: bool) -> None:
     """Print bounds as a table or as JSON."""
     if as_json:
-        data = [
-            {
-                "search": each.name,
-                "by_time": bound.by_time.tolist(),
-                "relaxed": bound.relaxed,
-                "gap": bound.gap,
-                "confidence": bound.confidence,
-            }
-            for each, bound in bounds
-        ]
+        data = [{"search": each.name, **bound_data(bound)} for each, bound in bounds]
         print(json.dumps(data, indent=1, allow_nan=False))
         return
     parts = (0.25, 0.5, 0.75, 1.0)

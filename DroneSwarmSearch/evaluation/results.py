@@ -7,7 +7,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,14 @@ from DroneSwarmSearch.evaluation import statistics
 from DroneSwarmSearch.evaluation.calibration import POS_EDGES, Reliability
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
 __all__ = [
     "Comparison",
     "Evaluation",
+    "bound_data",
     "checked_bound",
     "compare",
     "csv_text",
@@ -60,6 +61,11 @@ def checked_bound(bound: object, search: NamedSearch) -> SuccessBound | None:
             f"got {bound.by_time.shape}"
         )
     return bound
+
+
+def bound_data(bound: SuccessBound) -> dict[str, Any]:
+    """A bound as plain JSON data."""
+    return {**asdict(bound), "by_time": bound.by_time.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,11 +166,9 @@ class Evaluation:
     @property
     def data(self) -> dict[str, Any]:
         """Everything except the single episodes, as plain JSON data."""
-        reliability, by_time, bound = self.reliability, self.success_by_time, self.bound
+        reliability, by_time = self.reliability, self.success_by_time
         return {
-            "package": DroneSwarmSearch.__version__,
-            "numpy": np.__version__,
-            "suite": SUITE_VERSION,
+            **versions(),
             "policy": self.policy,
             "search": self.search.name,
             "parameters": self.search.data,
@@ -179,12 +183,7 @@ class Evaluation:
             "share_of_bound": self.share_of_bound and self.share_of_bound._asdict(),
             "endings": {ending.name.lower(): count for ending, count in self.endings.items()},
             "success_by_time": {name: curve.tolist() for name, curve in by_time._asdict().items()},
-            "bound": bound
-            and {
-                "by_time": bound.by_time.tolist(),
-                "gap": float(bound.gap),
-                "confidence": float(bound.confidence),
-            },
+            "bound": self.bound and bound_data(self.bound),
             "calibration": {
                 "from": list(POS_EDGES[:-1]),
                 "searches": reliability.searches.tolist(),

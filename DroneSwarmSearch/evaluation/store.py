@@ -13,11 +13,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import DroneSwarmSearch
 from DroneSwarmSearch._internal.files import StorageError, write_text
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
+from DroneSwarmSearch.evaluation.suite import versions
 
 __all__ = ["Store", "as_store"]
 
@@ -102,13 +100,8 @@ class Store:
     @staticmethod
     def _full(key: Mapping[str, Any]) -> dict[str, Any]:
         """The key with all versions, as JSON returns it."""
-        versions = {
-            "package": DroneSwarmSearch.__version__,
-            "suite": SUITE_VERSION,
-            "numpy": np.__version__,
-            "code": code_fingerprint(),
-        }
-        full: dict[str, Any] = json.loads(json.dumps({**versions, **key}))
+        found: dict[str, Any] = {**versions(), "code": code_fingerprint(), **key}
+        full: dict[str, Any] = json.loads(json.dumps(found))
         return full
 
 

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
+import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
+__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search", "versions"]
 
 LISTING = "python -m DroneSwarmSearch evaluate --list"
 """The command that lists the searches."""
@@ -132,6 +133,15 @@ def as_named(value: object) -> NamedSearch:
     raise TypeError(
         f"search must be a name of the suite, a NamedSearch or a Scenario, got {value!r}"
     )
+
+
+def versions() -> dict[str, str]:
+    """The versions that results depend on, as plain data for files."""
+    return {
+        "package": DroneSwarmSearch.__version__,
+        "numpy": np.__version__,
+        "suite": SUITE_VERSION,
+    }
 
 
 def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
