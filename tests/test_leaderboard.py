@@ -23,7 +23,6 @@ from DroneSwarmSearch.evaluation import (
     Evaluation,
     StorageError,
     bounds,
-    contest,
     leaderboard,
     page,
     run,
@@ -60,7 +59,7 @@ def _quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def _no_plots(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the plots, which take longest."""
-    monkeypatch.setattr(contest, "_draw", lambda board, out: [])
+    monkeypatch.setattr(page, "_draw", lambda board, out: [])
 
 
 @pytest.fixture

@@ -1,19 +1,30 @@
-"""The page of a leaderboard, in Markdown."""
+"""The files of a leaderboard: the page in Markdown, the data, and the plots."""
 
 from __future__ import annotations
 
+import json
+import sys
 import textwrap
 from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import DroneSwarmSearch
-from DroneSwarmSearch.evaluation.board import Leaderboard, PolicySummary
-from DroneSwarmSearch.evaluation.results import Evaluation
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
+from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch.evaluation.board import (
+    Leaderboard,
+    PolicySummary,
+    example_search,
+    ranked_by_theory,
+)
+from DroneSwarmSearch.evaluation.results import Evaluation, save_csv
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
 from DroneSwarmSearch.evaluation.tables import figure, markdown_table, percent, signed
+from DroneSwarmSearch.policies import POLICIES
 
-__all__ = ["PLOTS", "Table", "markdown", "overview", "suite_table"]
+__all__ = ["PLOTS", "Table", "markdown", "overview", "suite_table", "write"]
 
 Table = list[list[str]]
 """Rows of cells; the first row is the heading."""
@@ -32,6 +43,85 @@ PLOTS = {
     "posterior lie on the diagonal.",
 }
 """The plots by file name without suffix, with their text alternatives."""
+
+
+def write(board: Leaderboard, out: Path, command: str) -> list[Path]:
+    """Write `leaderboard.md`, `.csv` and `.json`, and plots if Matplotlib is installed.
+
+    Args:
+        board: the results.
+        out: the folder, created if necessary.
+        command: the command that made them, for the page.
+
+    Returns:
+        The files.
+
+    Raises:
+        StorageError: a file cannot be written.
+    """
+    text, table, data = (out / f"leaderboard{suffix}" for suffix in (".md", ".csv", ".json"))
+    plots = _draw(board, out)
+    write_text(text, markdown(board, command, {path.stem for path in plots}))
+    save_csv(table, board.evaluations)
+    write_text(data, json.dumps(_data(board, command), allow_nan=False) + "\n")
+    return [text, table, data, *plots]
+
+
+def _data(board: Leaderboard, command: str) -> dict[str, Any]:
+    """Everything except the single episodes, as plain JSON data."""
+    first = board.evaluations[0]
+    return {
+        **versions(),
+        "command": command,
+        "episodes": len(first.episodes),
+        "seed": first.seed,
+        "all_searches": [
+            {
+                "policy": each.policy,
+                "success": each.success._asdict(),
+                "restricted_mean_time_over_limit": each.time._asdict(),
+                "share_of_bound": each.share_of_bound and each.share_of_bound._asdict(),
+            }
+            for each in board.summaries
+        ],
+        "comparisons": [
+            {
+                "first": each.first,
+                "second": each.second,
+                "success": each.success._asdict(),
+                "restricted_mean_time_over_limit": each.time._asdict(),
+                "verdict": each.verdict,
+            }
+            for each in board.comparisons
+        ],
+        "evaluations": [each.data for each in board.evaluations],
+    }
+
+
+def _draw(board: Leaderboard, out: Path) -> list[Path]:
+    """Draw the plots; without Matplotlib, print a hint and draw none."""
+    try:
+        from DroneSwarmSearch.evaluation import maps, plot_style, plots
+    except ImportError as error:
+        print(error, file=sys.stderr)
+        return []
+    example = example_search(board.searches)
+    figures = {
+        "success": plots.success_by_search(board.evaluations),
+        "curves": plots.suite_over_time(board.evaluations),
+    }
+    if len(board.searches) > 1:
+        here = [board.by_name[policy, example.name] for policy in board.policies]
+        figures["one-search"] = plots.success_over_time(here)
+    of_package = [name for name in ranked_by_theory(board.policies) if name in POLICIES]
+    if of_package:
+        figures["episode"] = maps.episode(of_package[0], example, seed=board.evaluations[0].seed)
+    if board.posterior is not None:
+        prior = board.by_name[board.posterior.policy, board.posterior.search.name]
+        tables = {"prior": prior.reliability, "posterior": board.posterior.reliability}
+        if any(table.searches.any() for table in tables.values()):
+            figures["reliability"] = plots.reliability(tables)
+    return [path for name in figures for path in plot_style.save(figures[name], out / name)]
 
 
 def markdown(board: Leaderboard, command: str, plots: Collection[str] = ()) -> str:
