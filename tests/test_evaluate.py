@@ -37,6 +37,7 @@ from DroneSwarmSearch.evaluation import (
 from DroneSwarmSearch.evaluation.calibration import Reliability
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.statistics import wilson
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
@@ -486,6 +487,23 @@ def made(
 
 def limit_of(by_time: Any) -> SuccessBound:
     return SuccessBound(np.array(by_time), relaxed=0.5, gap=0.001, confidence=1.0)
+
+
+def test_restricted_mean_time_is_the_area_under_the_share_not_found():
+    """Royston and Parmar's definition: the integral of the survival function up to L."""
+    got = made([[0], [3], [1], [10], [0], [7], [7], [2]], limit=10)
+    assert got.times.tolist() == [10, 3, 1, 10, 10, 7, 7, 2]
+    assert got.times.mean() == pytest.approx((1 - got.success_by_time.value[:10]).sum())
+
+
+def test_success_by_time_counts_steps_completed():
+    got = made([[1], [4], [0], [4]], limit=5)
+    band = got.success_by_time
+    assert band.value.tolist() == [0, 0.25, 0.25, 0.25, 0.75, 0.75]
+    assert (band.low <= band.value).all()
+    assert (band.value <= band.high).all()
+    assert got.success == wilson([3], 4).at(0)
+    assert made([[0], [0]], limit=2).success_by_time.value.tolist() == [0, 0, 0]
 
 
 def test_an_episode_succeeds_when_the_last_person_is_found():

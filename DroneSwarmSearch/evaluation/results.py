@@ -122,13 +122,21 @@ class Evaluation:
 
     @cached_property
     def times(self) -> Floats:
-        """The step in which the last person was found, L for a failure: float64, (n,)."""
-        return statistics.restricted_times(self.found_by, self.limit)
+        """The step in which the last person was found, L for a failure: float64, (n,).
+
+        Their mean is the restricted mean time to find, the area above the success curve. It is
+        defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
+        survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
+        13:152, 2013.
+        """
+        return np.where(self.found_by == 0, self.limit, self.found_by).astype(np.float64)
 
     @cached_property
     def success_by_time(self) -> Band:
         """The share of successes within t steps, t = 0..L, with Wilson's interval: (L + 1,)."""
-        return statistics.share_by_time(self.found_by, self.limit)
+        found_by = self.found_by
+        at_step = np.bincount(found_by[found_by > 0], minlength=self.limit + 1)
+        return statistics.wilson(at_step.cumsum(), len(found_by))
 
     @property
     def success(self) -> Estimate:

@@ -63,12 +63,8 @@ def play(
             receives the seeds before the episodes begin.
         search: the search.
         seeds: of the episodes, integers >= 0.
-        view: "swarm": the observations of `SwarmVectorEnv` for the E episodes that have not
-            ended, in the dict layout with their indices as "row", int64 (E,); actions of
-            shape (E, n_drones). "drone": the observations of `DroneVectorEnv`; actions of
-            shape (E * n_drones,). "parallel": the observations of `DroneSwarmSearch`, one
-            episode after another; a dict of actions.
-        observation: the layout for the first two, a name of `LAYOUTS`.
+        view: what the policy sees and returns, see `evaluate`; validated.
+        observation: the layout of its observations.
         report: called with the share of the work done.
 
     Raises:
