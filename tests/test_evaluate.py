@@ -34,7 +34,7 @@ from DroneSwarmSearch.evaluation import (
     search,
     store,
 )
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run import EvaluationTask
 from DroneSwarmSearch.evaluation.statistics import wilson

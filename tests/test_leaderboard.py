@@ -28,7 +28,7 @@ from DroneSwarmSearch.evaluation import (
     run,
 )
 from DroneSwarmSearch.evaluation.board import THEORY, Leaderboard, PairwiseComparison
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES

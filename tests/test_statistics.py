@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.statistics import (
     RESAMPLES,
     Estimate,

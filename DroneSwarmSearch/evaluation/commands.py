@@ -270,22 +270,27 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
         command: the work, after its arguments have been checked.
         store: where finished work is kept, if anywhere.
     """
+    reason, code = "interrupted", FAILED
     try:
         command()
+        return 0
     except KeyboardInterrupt:
-        return _stopped("interrupted", store, INTERRUPTED)
+        code = INTERRUPTED
     except StorageError as error:
         reason = f"{error.filename}: {error.strerror}; repeat the command to resume"
-        return _stopped(reason, None)
+        store = None  # the error says that earlier files are kept
     except (work.WorkerCrashed, ImportError) as error:
-        return _stopped(str(error), store)
+        reason = str(error)
     except BrokenPipeError:
         # The reader of stdout has gone; Python must not fail when it flushes the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
-        return _stopped(_described(error), store)
-    return 0
+        reason = _described(error)
+    if store is not None and len(store):
+        reason += f"; finished work is kept in {store.directory}; repeat the command to resume"
+    print(reason, file=sys.stderr)
+    return code
 
 
 def _described(error: Exception) -> str:
@@ -295,11 +300,3 @@ def _described(error: Exception) -> str:
     if is_ours and error.__cause__ is None and isinstance(error, (OSError, TypeError, ValueError)):
         return f"{type(error).__name__}: {error}"
     return "".join(traceback.format_exception(error)).rstrip()
-
-
-def _stopped(reason: str, store: Store | None, code: int = FAILED) -> int:
-    kept = ""
-    if store is not None and len(store):
-        kept = f"; finished work is kept in {store.directory}; repeat the command to resume"
-    print(f"{reason}{kept}", file=sys.stderr)
-    return code

@@ -27,7 +27,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, NullLocator, PercentFormatter
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.statistics import wilson
 from DroneSwarmSearch.evaluation.suite import NamedSearch

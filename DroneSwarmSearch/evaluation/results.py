@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 import DroneSwarmSearch
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation import statistics
-from DroneSwarmSearch.evaluation.calibration import POS_EDGES, Reliability
-from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes, Reliability
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
 from DroneSwarmSearch.planning.bound import SuccessBound

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch.evaluation.calibration import Reliability
-from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.workers import Report
 from DroneSwarmSearch.observations import observe
