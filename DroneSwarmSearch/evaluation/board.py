@@ -142,14 +142,10 @@ class Leaderboard:
         """A policy's evaluations, in the order of the searches."""
         return tuple(self.by_name[policy, search.name] for search in self.searches)
 
-    def bound_of(self, search: str) -> SuccessBound | None:
-        """A search's bound, if it was computed."""
-        return self.by_name[self.policies[0], search].bound
-
-    @property
-    def has_bounds(self) -> bool:
-        """Whether the bounds were computed."""
-        return self.evaluations[0].bound is not None
+    @cached_property
+    def bounds(self) -> Mapping[str, SuccessBound]:
+        """The bounds by the names of the searches; empty if they were not computed."""
+        return {each.search.name: each.bound for each in self.evaluations if each.bound is not None}
 
     @cached_property
     def summaries(self) -> tuple[PolicySummary, ...]:

@@ -185,15 +185,15 @@ def overview(board: Leaderboard, best: str = "**{}**") -> Table:
         board: the results.
         best: the format for the best policy of each search.
     """
-    rows = [["search", *board.policies, *(["bound"] if board.has_bounds else [])]]
+    rows = [["search", *board.policies, *["bound"] * bool(board.bounds)]]
     for search in board.searches:
         shares = [
             _percent(board.by_name[name, search.name].success.value) for name in board.policies
         ]
         most = max(shares, key=float)
         row = [search.name, *(best.format(each) if each == most else each for each in shares)]
-        bound = board.bound_of(search.name)
-        rows.append(row + ([] if bound is None else [_percent(bound.by_limit)]))
+        bounds = [board.bounds[search.name]] if board.bounds else []
+        rows.append([*row, *(_percent(bound.by_limit) for bound in bounds)])
     return rows
 
 
@@ -233,15 +233,12 @@ def _comparisons(board: Leaderboard) -> Iterator[str]:
 
 def _bounds(board: Leaderboard) -> Iterator[str]:
     """The bounds, and whether any policy exceeds them."""
-    if not board.has_bounds:
+    if not board.bounds:
         return
     rows = [["search", "bound, %", "duality gap, points", "confidence, %"]]
-    for search in board.searches:
-        bound = board.bound_of(search.name)
-        assert bound is not None
+    for name, bound in board.bounds.items():
         sure = "exact" if bound.confidence >= 1.0 else f"{100 * bound.confidence:.4g}"
-        value = _percent(bound.by_limit)
-        rows.append([search.name, value, f"{100 * bound.gap:.2f}", sure])
+        rows.append([name, _percent(bound.by_limit), f"{100 * bound.gap:.2f}", sure])
     above = [f"{each.policy} on {each.search.name}" for each in board.above_bound]
     holds = "No policy's interval lies above the bound of any search."
     if above:
@@ -278,7 +275,7 @@ def _definitions(board: Leaderboard) -> Iterator[str]:
         "the sum of squares (MOVER; Zou and Donner, 2008).",
         "Add your own policy: `python -m DroneSwarmSearch leaderboard --add module:callable`.",
     ]
-    if board.has_bounds:
+    if board.bounds:
         share = (
             "**share of bound**: success divided by the bound. The bound is that of a relaxed "
             "problem, so even an optimal policy may stay below 100%."

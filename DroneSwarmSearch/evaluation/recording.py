@@ -130,7 +130,7 @@ def _frames(
 ) -> Iterator[tuple[Frame, Frame]]:
     with no_exit(f"the policy on {search.name}"):
         scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
-        prior, posterior = (DroneSwarmSearch(scenario=each) for each in scenarios)
+        prior, posterior = (DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios)
         shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
         reset = getattr(policy, "reset", None)
         if reset is not None:
