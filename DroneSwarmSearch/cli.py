@@ -30,8 +30,8 @@ COMMANDS = {
 EVALUATE = """\
 Evaluate a policy on searches of the suite. Success is the share of episodes in which every
 person is found by the time limit; time is the restricted mean time to find (failures count
-with the limit); return is the mean return of the team. All have 95 % intervals. For the same
-seed, all policies face the same random draws.
+with the limit); return is the mean return of the team. All have 95% intervals. For the same
+seed, all policies use common random numbers.
 """
 
 EVALUATE_EXAMPLES = """\
@@ -50,6 +50,11 @@ module is executed, with everything it imports: only name code that you trust.
 With --out, finished work is kept in DIR/portions, and the same command resumes after an
 interruption. Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """
+
+OWN_POLICY = (
+    "your own: weights.npz of examples/train_ppo.py, module:attribute or file.py:attribute, "
+    "whose code is executed; each also after name="
+)
 
 LEADERBOARD = """\
 Evaluate every policy on every search of the suite, in the same episodes, and write tables and
@@ -170,14 +175,11 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         "policy",
         metavar="POLICY",
         nargs="?",
-        help="a policy of this package, or your own: weights.npz of examples/train_ppo.py, "
-        "module:attribute or file.py:attribute, whose code is executed; each also after name=",
+        help=f"a policy of this package, or {OWN_POLICY}",
     )
     parser.add_argument("searches", metavar="SEARCH", nargs="*", help="of the suite, or all")
     parser.add_argument("--list", action="store_true", help="list the policies and the searches")
-    parser.add_argument(
-        "--posterior", action="store_true", help="show the policy the posterior, not the prior"
-    )
+    _add_posterior(parser, "the policy")
     parser.add_argument(
         "--bound", action="store_true", help="also show the upper bound, and the share reached"
     )
@@ -198,12 +200,9 @@ def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
         metavar="POLICY",
         action="append",
         default=[],
-        help="your own policy: weights.npz of examples/train_ppo.py, module:attribute or "
-        "file.py:attribute, whose code is executed; each also after name=; may be repeated",
+        help=f"{OWN_POLICY}; may be repeated",
     )
-    parser.add_argument(
-        "--posterior", action="store_true", help="show your own policies the posterior"
-    )
+    _add_posterior(parser, "your own policies")
     parser.add_argument(
         "--no-bound", dest="bound", action="store_false", help="leave the bounds out: much faster"
     )
@@ -219,8 +218,7 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
         "--policy",
         metavar="POLICY",
         default="planner",
-        help=f"of {', '.join(POLICIES)}, or your own: weights.npz, module:attribute or "
-        "file.py:attribute, whose code is executed (default: planner)",
+        help=f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)",
     )
     parser.add_argument(
         "--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)"
@@ -229,9 +227,12 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fps", type=float, default=6.0, help="steps shown per second (default: 6)"
     )
-    parser.add_argument(
-        "--posterior", action="store_true", help="show the policy the posterior, not the prior"
-    )
+    _add_posterior(parser, "the policy")
+
+
+def _add_posterior(parser: argparse.ArgumentParser, whom: str) -> None:
+    text = f"show {whom} the posterior, not the prior"
+    parser.add_argument("--posterior", action="store_true", help=text)
 
 
 def _add_episodes(parser: argparse.ArgumentParser) -> None:

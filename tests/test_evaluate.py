@@ -34,10 +34,12 @@ from DroneSwarmSearch.evaluation import (
     search,
     store,
 )
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.statistics import wilson
 from DroneSwarmSearch.evaluation.store import Store
+from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
@@ -441,7 +443,7 @@ def test_bad_arguments_are_refused(changes, error, message):
 
 
 def test_the_bound_of_another_search_is_refused(played):
-    limit = Limit(np.linspace(0, 1, 12))
+    limit = limit_of(np.linspace(0, 1, 12))
     message = r"bound must be that of small, with a by_time of shape \(13,\), got \(12,\)"
     with pytest.raises(ValueError, match=message):
         evaluate(in_swarms, named(), episodes=5, bound=limit, progress=False)
@@ -483,11 +485,25 @@ def made(
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class Limit:
-    by_time: Any
-    gap: float = 0.001
-    confidence: float = 1.0
+def limit_of(by_time: Any) -> SuccessBound:
+    return SuccessBound(np.array(by_time), relaxed=0.5, gap=0.001, confidence=1.0)
+
+
+def test_restricted_mean_time_is_the_area_under_the_share_not_found():
+    """Royston and Parmar's definition: the integral of the survival function up to L."""
+    got = made([[0], [3], [1], [10], [0], [7], [7], [2]], limit=10)
+    assert got.times.tolist() == [10, 3, 1, 10, 10, 7, 7, 2]
+    assert got.times.mean() == pytest.approx((1 - got.success_by_time.value[:10]).sum())
+
+
+def test_success_by_time_counts_steps_completed():
+    got = made([[1], [4], [0], [4]], limit=5)
+    band = got.success_by_time
+    assert band.value.tolist() == [0, 0.25, 0.25, 0.25, 0.75, 0.75]
+    assert (band.low <= band.value).all()
+    assert (band.value <= band.high).all()
+    assert got.success == wilson([3], 4).at(0)
+    assert made([[0], [0]], limit=2).success_by_time.value.tolist() == [0, 0, 0]
 
 
 def test_an_episode_succeeds_when_the_last_person_is_found():
@@ -510,10 +526,10 @@ def test_an_episode_succeeds_when_the_last_person_is_found():
 def test_the_share_of_the_bound_is_that_at_the_limit():
     got = made([[2, 7], [3, 0], [0, 0], [10, 1]])
     assert got.share_of_bound is None
-    half = got.with_bound(Limit(np.linspace(0, 0.8, 11)))
+    half = got.with_bound(limit_of(np.linspace(0, 0.8, 11)))
     assert half.share_of_bound is not None
     assert half.share_of_bound == pytest.approx([figure / 0.8 for figure in got.success])
-    assert got.with_bound(Limit(np.zeros(11))).share_of_bound is None
+    assert got.with_bound(limit_of(np.zeros(11))).share_of_bound is None
 
 
 def test_a_posterior_is_calibrated_and_a_prior_is_not():
@@ -1156,7 +1172,7 @@ def test_a_folder_that_cannot_be_created_is_named(tmp_path):
 
 def test_json_has_everything_that_determines_the_results(tmp_path):
     got = evaluate(in_swarms, named(), episodes=20, seed=3, bayesian_update=True)
-    got = got.with_bound(Limit(np.linspace(0, 1, 13)))
+    got = got.with_bound(limit_of(np.linspace(0, 1, 13)))
     save_json(tmp_path / "one.json", got)
     data = json.loads((tmp_path / "one.json").read_text("utf-8"))
     assert data == got.data
@@ -1192,7 +1208,7 @@ def test_csv_has_a_row_for_each_episode_and_one_for_each_evaluation(tmp_path):
             "found_by": "0", "person0_found_at": "3", "person1_found_at": "0",
         },
     ]  # fmt: skip
-    save_csv(tmp_path / "summary.csv", [got, got.with_bound(Limit(np.full(11, 0.5)))])
+    save_csv(tmp_path / "summary.csv", [got, got.with_bound(limit_of(np.full(11, 0.5)))])
     plain, bounded = rows_of(tmp_path / "summary.csv")
     assert float(plain["success"]) == 0.5
     assert float(plain["success_low"]) == got.success.low

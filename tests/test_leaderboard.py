@@ -23,13 +23,12 @@ from DroneSwarmSearch.evaluation import (
     Evaluation,
     StorageError,
     bounds,
-    contest,
     leaderboard,
     page,
     run,
 )
 from DroneSwarmSearch.evaluation.board import THEORY, Leaderboard, PairwiseComparison
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -60,7 +59,7 @@ def _quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def _no_plots(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the plots, which take longest."""
-    monkeypatch.setattr(contest, "_draw", lambda board, out: [])
+    monkeypatch.setattr(page, "_draw", lambda board, out: [])
 
 
 @pytest.fixture
@@ -169,15 +168,15 @@ class TestPage:
             ["fog", "**50.0**", "**50.0**", "80.0"],
         ]
         assert [row[0] for row in suite] == ["policy", "planner", "random"]
-        assert suite[1][1].startswith("65.0 [")
+        assert suite[1][1].startswith("65.0 (")
         assert order[1][:2] == ["planner", "random"]
         assert order[1][2] == "more successful, faster"
-        assert order[1][3].startswith("+30.0 [+")
-        assert order[1][4].startswith("\N{MINUS SIGN}")
+        assert order[1][3].startswith("+30.0 (+")
+        assert order[1][4].startswith("-")
         assert limits[1] == ["pond", "90.0", "0.10", "exact"]
         success = board.by_name["planner", "pond"].success
-        assert pond[1][1] == f"80.0 [{100 * success.low:.1f}, {100 * success.high:.1f}]"
-        assert pond[1][3].startswith(f"{80 / 0.9:.1f} [")
+        assert pond[1][1] == f"80.0 ({100 * success.low:.1f}-{100 * success.high:.1f})"
+        assert pond[1][3].startswith(f"{80 / 0.9:.1f} (")
         assert "```sh\npython -m something\n```" in text
         for search in board.searches:
             assert f"### {search.name}\n" in text
@@ -354,7 +353,7 @@ class TestCommand:
         overview, suite, order, *_ = tables_of((out / "leaderboard.md").read_text("utf-8"))
         assert overview[0] == ["search", idler, "greedy-matrix", "random"]
         assert overview[1][1] == "0.0"
-        assert suite[1][:2] == [idler, "0.0 [0.0, 43.4]"]
+        assert suite[1][:2] == [idler, "0.0 (0.0-43.4)"]
         assert order[1][:2] == [idler, "greedy-matrix"]
 
     def test_without_matplotlib_there_are_tables_and_a_hint(

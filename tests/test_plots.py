@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.recording import frames
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.rendering.labels import outcome_in_brief

@@ -7,15 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.evaluation.calibration import Reliability
+from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.statistics import (
     RESAMPLES,
     Estimate,
     bootstrap_mean,
     mean_of,
     paired_difference,
-    restricted_times,
-    share_by_time,
     wilson,
 )
 
@@ -210,25 +208,6 @@ def test_the_mean_of_estimates_adds_their_errors_in_squares():
     assert mean_of([Estimate(0.5, 0.2, 0.9)]) == pytest.approx((0.5, 0.2, 0.9))
     with pytest.raises(ValueError, match="estimates must be at least one, got none"):
         mean_of([])
-
-
-def test_restricted_mean_time_is_the_area_under_the_share_not_found():
-    """Royston and Parmar's definition: the integral of the survival function up to L."""
-    times = np.array([0, 3, 1, 10, 0, 7, 7, 2])
-    limit = 10
-    share = share_by_time(times, limit).value
-    area = sum(1 - share[t] for t in range(limit))
-    assert restricted_times(times, limit).mean() == pytest.approx(area)
-    assert restricted_times(times, limit).tolist() == [10, 3, 1, 10, 10, 7, 7, 2]
-
-
-def test_share_by_time_counts_steps_completed():
-    band = share_by_time([1, 4, 0, 4], 5)
-    assert band.value.tolist() == [0, 0.25, 0.25, 0.25, 0.75, 0.75]
-    assert (band.low <= band.value).all()
-    assert (band.value <= band.high).all()
-    assert band.at(-1) == wilson([3], 4).at(0)
-    assert share_by_time([0, 0], 2).value.tolist() == [0, 0, 0]
 
 
 def test_bins_include_their_lower_edge():

@@ -8,7 +8,7 @@ print(mine.success, mine.time, compare(mine, greedy))
 """
 
 from DroneSwarmSearch._internal.files import StorageError
-from DroneSwarmSearch.evaluation.contest import leaderboard
+from DroneSwarmSearch.evaluation.board import leaderboard
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.results import (

@@ -1,21 +1,38 @@
-"""The results of a leaderboard: summaries and comparisons of policies on several searches."""
+"""Leaderboards: evaluate policies on several searches, summarise and compare them.
+
+All workers share one list of jobs, the longest first. Finished work is stored, so that an
+interrupted run resumes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
-from DroneSwarmSearch.evaluation.results import Bound, Evaluation, compare
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.evaluation.bounds import BoundTask
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch.evaluation.results import Evaluation, compare
+from DroneSwarmSearch.evaluation.rollout import checked_view
+from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
 from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
-from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.evaluation.store import Store, as_store
+from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, as_named
+from DroneSwarmSearch.planning.bound import SuccessBound
+from DroneSwarmSearch.policies import POLICIES
 
 __all__ = [
+    "Contest",
     "Leaderboard",
     "PairwiseComparison",
     "PolicySummary",
     "example_search",
+    "leaderboard",
     "ranked_by_theory",
 ]
 
@@ -125,14 +142,10 @@ class Leaderboard:
         """A policy's evaluations, in the order of the searches."""
         return tuple(self.by_name[policy, search.name] for search in self.searches)
 
-    def bound_of(self, search: str) -> Bound | None:
-        """A search's bound, if it was computed."""
-        return self.by_name[self.policies[0], search].bound
-
-    @property
-    def has_bounds(self) -> bool:
-        """Whether the bounds were computed."""
-        return self.evaluations[0].bound is not None
+    @cached_property
+    def bounds(self) -> Mapping[str, SuccessBound]:
+        """The bounds by the names of the searches; empty if they were not computed."""
+        return {each.search.name: each.bound for each in self.evaluations if each.bound is not None}
 
     @cached_property
     def summaries(self) -> tuple[PolicySummary, ...]:
@@ -158,8 +171,21 @@ class Leaderboard:
         return tuple(
             each
             for each in self.evaluations
-            if each.bound is not None and each.success.low > each.bound.by_time[-1]
+            if each.bound is not None and each.success.low > each.bound.by_limit
         )
+
+    def compute_intervals(self) -> None:
+        """Compute all intervals, which are cached, with a progress bar."""
+        tasks: list[tuple[object, str, int]] = [
+            (each, name, 1) for each in self.evaluations for name in ("time", "mean_return")
+        ]
+        tasks.append((self, "comparisons", 2 * len(self.policies) * len(self.searches)))
+        done = 0
+        with Progress("intervals", sum(weight for *_, weight in tasks)) as bar:
+            for owner, name, weight in tasks:
+                getattr(owner, name)
+                done += weight
+                bar(done)
 
     def _summary(self, policy: str) -> PolicySummary:
         evaluations = self.of_policy(policy)
@@ -181,3 +207,158 @@ class Leaderboard:
         return PairwiseComparison(
             first, second, mean_of(each.success for each in compared), mean_of(times)
         )
+
+
+def leaderboard(
+    policies: Sequence[str] | None = None,
+    searches: Sequence[object] | None = None,
+    *,
+    added: Sequence[object] = (),
+    view: str = "swarm",
+    observation: str = "dict",
+    posterior: bool = False,
+    episodes: int = 2000,
+    seed: int = 0,
+    workers: int = 1,
+    ray: str | None = None,
+    store: Store | str | Path | None = None,
+    bounds: bool = True,
+    progress: bool = True,
+) -> Leaderboard:
+    """Evaluate policies on searches, all in the same episodes.
+
+    Args:
+        policies: names of policies of this package; None for all.
+        searches: names of searches of the suite, or `NamedSearch` objects; None for the
+            whole suite.
+        added: further policies, in any form that `evaluate` takes.
+        view: what the added policies see, see `evaluate`.
+        observation: the layout of their observations, see `evaluate`.
+        posterior: whether the added policies see the posterior instead of the prior. Their
+            returns then depend on another matrix; success and time stay comparable.
+        episodes: of every policy on every search.
+        seed: of the first episode.
+        workers: the number of processes; more than 1 needs joblib.
+        ray: run on Ray instead: "local", "auto" or the address of a cluster.
+        store: a folder, in which finished work is stored and looked up.
+        bounds: whether to compute the upper bound of every search.
+        progress: show a progress bar.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of range, or a name is unknown or used twice.
+        ImportError: joblib or Ray is needed and not installed.
+        StorageError: the store cannot be written; finished work is kept.
+        WorkerCrashed: a worker process died; finished work is kept.
+    """
+    contest = Contest(
+        policies,
+        searches,
+        added,
+        view=view,
+        observation=observation,
+        posterior=posterior,
+        episodes=episodes,
+        seed=seed,
+        store=as_store(store),
+        bounds=bounds,
+    )
+    return contest.run(workers=workers, ray=ray, progress=progress)
+
+
+class Contest:
+    """The tasks of a leaderboard. The arguments are those of `leaderboard`."""
+
+    def __init__(
+        self,
+        policies: Sequence[str] | None,
+        searches: Sequence[object] | None,
+        added: Sequence[object],
+        *,
+        view: str,
+        observation: str,
+        posterior: bool,
+        bounds: bool,
+        store: Store | None,
+        **episodes: int,
+    ) -> None:
+        for name, values in (("policies", policies), ("searches", searches), ("added", added)):
+            if values is not None and (isinstance(values, str) or not isinstance(values, Iterable)):
+                raise TypeError(f"{name} must be a list, got {values!r}")
+        view, observation = checked_view(view, observation)
+        updated = checks.boolean("posterior", posterior) or None
+        bounds = checks.boolean("bounds", bounds)
+        names = ranked_by_theory([*POLICIES]) if policies is None else policies
+        of_package = [PolicySpec.of(name) for name in names]
+        of_user = [PolicySpec.of(each) for each in added]
+        named = [as_named(each) for each in (SUITE if searches is None else searches)]
+        _check_unique("policies", [each.name for each in (*of_user, *of_package)])
+        _check_unique("searches", [each.name for each in named])
+        shared: dict[str, Any] = {"store": store, **episodes}
+        own: dict[str, Any] = {
+            "view": view,
+            "observation": observation,
+            "bayesian_update": updated,
+        }
+        self._added = tuple(each.name for each in of_user)
+        self._tasks = [
+            EvaluationTask(each, search, **shared, **(own if each in of_user else {}))
+            for search in named
+            for each in (*of_user, *of_package)
+        ]
+        pair = _for_calibration(of_package, named)
+        self._posterior = EvaluationTask(*pair, bayesian_update=True, **shared) if pair else None
+        self._bounds = {each.name: BoundTask(each, store) for each in named if bounds}
+
+    def run(self, *, workers: int, ray: str | None, progress: bool) -> Leaderboard:
+        """Do the work that is left."""
+        tasks: list[EvaluationTask | BoundTask] = [*self._bounds.values(), *self._tasks]
+        if self._posterior is not None:
+            tasks.append(self._posterior)
+        tasks.sort(key=_expected_duration, reverse=True)
+        run_tasks(tasks, "leaderboard", workers=workers, ray=ray, progress=progress)
+        bounds = {name: each.bound for name, each in self._bounds.items()}
+        return Leaderboard(
+            tuple(
+                each.evaluation().with_bound(bounds.get(each.search.name)) for each in self._tasks
+            ),
+            self._added,
+            None if self._posterior is None else self._posterior.evaluation(),
+        )
+
+
+def _check_unique(what: str, names: Sequence[str]) -> None:
+    if not names:
+        raise ValueError(f"{what} must be at least one, got none")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"{what} must all be different, got more than once: {', '.join(twice)}")
+
+
+def _for_calibration(
+    specs: Sequence[PolicySpec], searches: Sequence[NamedSearch]
+) -> tuple[PolicySpec, NamedSearch] | None:
+    """The policy and search that show the calibration of prior and posterior.
+
+    With one person, the forecast probability of success is exact.
+    """
+    single = [each for each in searches if len(each.scenario.person_initial_position) == 1]
+    if not single or not specs:
+        return None
+    by_name = {each.name: each for each in specs}
+    return by_name.get("greedy-posterior", specs[0]), example_search(single)
+
+
+def _expected_duration(task: EvaluationTask | BoundTask) -> tuple[bool, bool, int, int]:
+    """A sort key for how long a task may take.
+
+    Bounds and plans take longest. Next come searches with several persons: their episodes
+    diverge when a person is found, so the batch can share less work between them.
+    """
+    scenario = task.search.scenario
+    return (
+        isinstance(task, BoundTask),
+        isinstance(task, EvaluationTask) and task.spec.name == "planner",
+        len(scenario.person_initial_position),
+        scenario.grid_size**2 * scenario.timestep_limit * (scenario.n_drones + 1),
+    )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch.evaluation.results import checked_bound
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.evaluation.results import bound_data, checked_bound
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
@@ -18,7 +18,7 @@ __all__ = ["BoundTask"]
 
 
 class BoundTask:
-    """The upper bound of a search to be computed: first the jobs, as in `run`, then the result.
+    """The upper bound of a search, to be computed by `run_tasks`.
 
     Args:
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`. Its
@@ -55,13 +55,15 @@ class BoundTask:
     def _finish(self, bound: SuccessBound) -> Iterable[Job]:
         self.bound = bound
         if self._store is not None:
-            self._store.save(self._key, {**asdict(bound), "by_time": bound.by_time.tolist()})
+            self._store.save(self._key, bound_data(bound))
         return ()
 
     def _from_entry(self, entry: dict[str, Any]) -> SuccessBound:
         """Read a stored bound; raises TypeError or ValueError if the entry is damaged."""
         bound = SuccessBound(**{**entry, "by_time": np.array(entry.get("by_time"), np.float64)})
         checked_bound(bound, self.search)
+        if not all(map(checks.is_number, (bound.relaxed, bound.gap, bound.confidence))):
+            raise TypeError("relaxed, gap and confidence must be numbers")
         if not ((bound.by_time >= 0.0) & (bound.by_time <= 1.0)).all():
             raise ValueError("by_time must be probabilities")
         return bound

@@ -3,28 +3,42 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import inspect
+import json
 import os
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
 
+from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.files import StorageError
-from DroneSwarmSearch.evaluation import contest, recording, reports
+from DroneSwarmSearch.evaluation import page, recording
 from DroneSwarmSearch.evaluation import workers as work
+from DroneSwarmSearch.evaluation.board import Contest, Leaderboard
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.run import EvaluationTask
+from DroneSwarmSearch.evaluation.results import (
+    Evaluation,
+    bound_data,
+    csv_text,
+    save_csv,
+    save_episodes,
+    save_json,
+)
+from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
 from DroneSwarmSearch.evaluation.store import Store
-from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
+from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
+from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
+from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
+from DroneSwarmSearch.rules import Ending
 
 __all__ = ["bound", "evaluate", "leaderboard", "record"]
 
-FAILED, WRONG_ARGUMENTS, INTERRUPTED = 1, 2, 130
+FAILED, INTERRUPTED = 1, 130
 """Exit codes; 130 is the shells' code for Ctrl-C."""
 
 PORTIONS = "portions"
@@ -34,11 +48,11 @@ PORTIONS = "portions"
 def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Evaluate a policy on searches, print the results, and write them with --out."""
     if options.list:
-        return _guarded(reports.print_suite, None)
+        return _guarded(_print_suite, None)
     if options.policy is None or not options.searches:
         parser.error("POLICY and SEARCH are needed; `evaluate --list` lists them")
     store = options.out and Store(options.out / PORTIONS)
-    try:
+    with _refusing(parser):
         spec = PolicySpec.of(options.policy)
         tasks = [
             EvaluationTask(
@@ -53,14 +67,12 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
             )
             for each in _searches(options.searches)
         ]
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
     bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
 
     def run() -> None:
         try:
             what = f"{spec.name} on {len(tasks)} search{'es' * (len(tasks) > 1)}"
-            _do([*bounds, *tasks], what, options)
+            run_tasks([*bounds, *tasks], what, workers=options.workers, ray=options.ray)
         finally:  # also after an error
             known = {each.search.name: each.bound for each in bounds}
             finished = [
@@ -69,9 +81,9 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
                 if task.is_done
             ]
             if finished:
-                reports.print_evaluations(finished, options)
+                _print_evaluations(finished, options)
         if options.out is not None:
-            reports.write_evaluations(finished, options.out)
+            _write_evaluations(finished, options.out)
 
     return _guarded(run, store)
 
@@ -79,8 +91,8 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
 def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Run the leaderboard, print its main tables, and write its files."""
     store = Store(options.out / PORTIONS)
-    try:
-        prepared = contest.Contest(
+    with _refusing(parser):
+        prepared = Contest(
             options.policies,
             options.searches,
             options.add,
@@ -92,14 +104,12 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
             store=store,
             bounds=options.bound,
         )
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
 
     def run() -> None:
         board = prepared.run(workers=options.workers, ray=options.ray, progress=True)
-        contest.compute_intervals(board)
-        reports.print_leaderboard(board)
-        files = contest.write(
+        board.compute_intervals()
+        _print_leaderboard(board)
+        files = page.write(
             board, options.out, shlex.join(["python", "-m", "DroneSwarmSearch", *options.argv])
         )
         print(f"\nwritten to {options.out}: {', '.join(path.name for path in files)}")
@@ -110,19 +120,17 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
 def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Compute bounds and print them."""
     store = options.out and Store(options.out / PORTIONS)
-    try:
+    with _refusing(parser):
         tasks = [BoundTask(each, store) for each in _searches(options.searches)]
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
 
     def run() -> None:
-        count = len(tasks)
+        what = f"bounds, {len(tasks)} search{'es' * (len(tasks) > 1)}"
         try:
-            _do(tasks, f"bound{'s' * (count > 1)} of {count} search{'es' * (count > 1)}", options)
+            run_tasks(tasks, what, workers=options.workers, ray=options.ray)
         finally:  # also after an error
             done = [(each.search, each.bound) for each in tasks if each.bound is not None]
             if done:
-                reports.print_bounds(done, options.json)
+                _print_bounds(done, options.json)
 
     return _guarded(run, store)
 
@@ -141,29 +149,118 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted: no film was written", file=sys.stderr)
         return INTERRUPTED
-    except ImportError as error:
-        _give_up(parser, str(error))
     except OSError as error:
-        _give_up(parser, f"cannot write {options.out}: {error.strerror or error}")
-    except (TypeError, ValueError) as error:
-        _give_up(parser, str(error))
+        parser.error(f"cannot write {options.out}: {error.strerror or error}")
+    except (ImportError, TypeError, ValueError) as error:
+        parser.error(str(error))
     print(f"{options.out}: {options.policy} searching {options.search}, {outcome_in_brief(last)}")
     return 0
-
-
-def _do(
-    tasks: Sequence[EvaluationTask | BoundTask], what: str, options: argparse.Namespace
-) -> None:
-    jobs = [job for task in tasks for job in task.jobs()]
-    with Progress(what, sum(task.weight for task in tasks)) as bar:
-        work.run(jobs, workers=options.workers, ray=options.ray, progress=bar)
 
 
 def _searches(names: Sequence[str]) -> list[NamedSearch]:
     return [search(name) for name in (SUITE if "all" in names else dict.fromkeys(names))]
 
 
+# What the commands print and write.
+
+
+def _print_suite() -> None:
+    """List the policies and the searches."""
+    print("policies:\n")
+    for name, make in policies.POLICIES.items():
+        summary = (inspect.getdoc(make) or "").split("\n")[0]
+        print(f"  {name:<17} {summary}".rstrip())
+    print(f"\nsearches of suite {SUITE_VERSION}:\n")
+    for name, each in SUITE.items():
+        print(f"  {name:<11} {each.outline}\n              {each.reason}")
+
+
+def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
+    """Print evaluations as a table, as JSON or as CSV, as the options say."""
+    if options.json:
+        print(json.dumps([each.data for each in evaluations], indent=1, allow_nan=False))
+        return
+    if options.csv:
+        print(csv_text(evaluations), end="")
+        return
+    headers = ["policy", "search", "success, %", "time, steps", "return", "crashes"]
+    rows = []
+    for each in evaluations:
+        crashes = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
+        rows.append(
+            [
+                *(each.policy, each.search.name, percent(each.success), figure(each.time)),
+                *(f"{each.mean_return.value:,.0f}", str(crashes)),
+            ]
+        )
+        if options.bound:
+            bound = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
+            rows[-1] += [bound, percent(each.share_of_bound)]
+    if options.bound:
+        headers += ["bound, %", "share of it, %"]
+    print_table(headers, rows)
+    shown = "posterior" if options.posterior else "prior"
+    print(
+        f"\n{options.episodes} episodes of each search, seeds from {options.seed}, suite "
+        f"{SUITE_VERSION}, {shown} shown; 95% intervals in\nparentheses. Success: every person "
+        "found within the time limit. Time: until the last person is found,\nor the time limit. "
+        "Crashes: episodes in which drones collided or left the grid."
+    )
+
+
+def _write_evaluations(evaluations: Sequence[Evaluation], folder: Path) -> None:
+    """Write the files of evaluations of one policy."""
+    for each in evaluations:
+        posterior = ".posterior" * each.search.scenario.bayesian_update
+        name = f"{_file_name(each.policy)}.{each.search.name}{posterior}"
+        save_json(folder / f"{name}.json", each)
+        save_episodes(folder / f"{name}.episodes.csv", each)
+    save_csv(folder / f"{_file_name(evaluations[0].policy)}.summary.csv", evaluations)
+    print(f"written to {folder}", file=sys.stderr)
+
+
+def _file_name(text: str) -> str:
+    return "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in text).strip(".-")
+
+
+def _print_bounds(bounds: Sequence[tuple[NamedSearch, SuccessBound]], as_json: bool) -> None:
+    """Print bounds as a table or as JSON."""
+    if as_json:
+        data = [{"search": each.name, **bound_data(bound)} for each, bound in bounds]
+        print(json.dumps(data, indent=1, allow_nan=False))
+        return
+    parts = (0.25, 0.5, 0.75, 1.0)
+    headers = ["search", "steps", *(f"by {part:.0%}, %" for part in parts)]
+    headers += ["duality gap, %", "confidence"]
+    rows = []
+    for each, bound in bounds:
+        limit = each.scenario.timestep_limit
+        by_time = [f"{100 * bound.by_time[round(part * limit)]:.2f}" for part in parts]
+        confidence = "exact" if bound.confidence == 1.0 else f"{bound.confidence:.6g}"
+        rows.append([each.name, str(limit), *by_time, f"{100 * bound.gap:.2f}", confidence])
+    print_table(headers, rows, words=1)
+
+
+def _print_leaderboard(board: Leaderboard) -> None:
+    """Print the two main tables of a leaderboard."""
+    for title, (headers, *rows) in (
+        ("Success in %; the best policy of each search has a star", page.overview(board, "{}*")),
+        ("All searches, with 95% intervals", page.suite_table(board)),
+    ):
+        print(f"\n{title}\n")
+        print_table(headers, rows, words=1)
+
+
 # Errors.
+
+
+@contextlib.contextmanager
+def _refusing(parser: argparse.ArgumentParser) -> Iterator[None]:
+    """Report wrong arguments, and exit with code 2."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
 
 
 def _guarded(command: Callable[[], None], store: Store | None) -> int:
@@ -173,22 +270,27 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
         command: the work, after its arguments have been checked.
         store: where finished work is kept, if anywhere.
     """
+    reason, code = "interrupted", FAILED
     try:
         command()
+        return 0
     except KeyboardInterrupt:
-        return _stopped("interrupted", store, INTERRUPTED)
+        code = INTERRUPTED
     except StorageError as error:
         reason = f"{error.filename}: {error.strerror}; repeat the command to resume"
-        return _stopped(reason, None)
+        store = None  # the error says that earlier files are kept
     except (work.WorkerCrashed, ImportError) as error:
-        return _stopped(str(error), store)
+        reason = str(error)
     except BrokenPipeError:
         # The reader of stdout has gone; Python must not fail when it flushes the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
-        return _stopped(_described(error), store)
-    return 0
+        reason = _described(error)
+    if store is not None and len(store):
+        reason += f"; finished work is kept in {store.directory}; repeat the command to resume"
+    print(reason, file=sys.stderr)
+    return code
 
 
 def _described(error: Exception) -> str:
@@ -198,16 +300,3 @@ def _described(error: Exception) -> str:
     if is_ours and error.__cause__ is None and isinstance(error, (OSError, TypeError, ValueError)):
         return f"{type(error).__name__}: {error}"
     return "".join(traceback.format_exception(error)).rstrip()
-
-
-def _stopped(reason: str, store: Store | None, code: int = FAILED) -> int:
-    kept = ""
-    if store is not None and len(store):
-        kept = f"; finished work is kept in {store.directory}; repeat the command to resume"
-    print(f"{reason}{kept}", file=sys.stderr)
-    return code
-
-
-def _give_up(parser: argparse.ArgumentParser, message: str) -> NoReturn:
-    parser.exit(WRONG_ARGUMENTS, f"{parser.prog}: error: {message}\n")
-    raise AssertionError("unreachable: the parser exits")

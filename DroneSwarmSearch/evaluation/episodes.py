@@ -1,7 +1,8 @@
-"""What happened in evaluated episodes."""
+"""What happened in evaluated episodes, and the calibration of the matrix in them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +10,103 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.evaluation.calibration import POS_EDGES, Reliability
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Episodes"]
+__all__ = ["POS_EDGES", "Episodes", "Reliability"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+POS_EDGES = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, math.inf)
+"""The edges of the bins. Probabilities of single cells are small, so nearly all searches would
+lie in the first of several bins of equal width."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reliability:
+    """A reliability table: searches in bins of their forecast probability of success (POS).
+
+    The forecast POS of a search is the probability that the matrix shows for the searched
+    cell times the probability of detection. With several persons, the matrix is the mean
+    over those missing; the forecast is then the expected number of persons found, the
+    probability shown times the sum of the missing persons' probabilities of detection. It is
+    exact if these probabilities, or the persons' forecasts, are equal.
+
+    A posterior is calibrated: forecast and outcome agree in every bin, up to sampling error.
+    A prior, which only follows the drift, is too high for cells searched before and, as long
+    as nobody is found, too low for the others.
+
+    A. H. Murphy, A new vector partition of the probability score, Journal of Applied
+    Meteorology 12, 1973; M. DeGroot and S. Fienberg, The comparison and evaluation of
+    forecasters, The Statistician 32, 1983.
+
+    Attributes:
+        searches: the number of searches in each bin of `POS_EDGES`: int64, (bins,).
+        forecast: the sum of their forecasts: float64, (bins,).
+        found: the persons they found: int64, (bins,).
+    """
+
+    searches: Ints
+    forecast: Floats
+    found: Ints
+
+    @classmethod
+    def empty(cls) -> Reliability:
+        """A table without searches."""
+        bins = len(POS_EDGES) - 1
+        return cls(np.zeros(bins, np.int64), np.zeros(bins), np.zeros(bins, np.int64))
+
+    @classmethod
+    def total(cls, parts: Sequence[Reliability]) -> Reliability:
+        """The sum of several tables, in their order, so that rounding is reproducible."""
+        whole = cls.empty()
+        for part in parts:
+            whole.searches[:] += part.searches
+            whole.forecast[:] += part.forecast
+            whole.found[:] += part.found
+        return whole
+
+    def count(self, forecasts: Floats, found: Ints) -> None:
+        """Add searches, in place.
+
+        Args:
+            forecasts: the forecast of each search: float64, (n,).
+            found: the persons each search found: int64, (n,).
+        """
+        bins = np.searchsorted(POS_EDGES, forecasts, side="right") - 1
+        count = len(self.searches)
+        self.searches[:] += np.bincount(bins, minlength=count)
+        self.forecast[:] += np.bincount(bins, forecasts, minlength=count)
+        self.found[:] += np.bincount(bins, found, minlength=count).astype(np.int64)
+
+    @property
+    def mean_forecast(self) -> Floats:
+        """The mean forecast in each bin; NaN without searches."""
+        return _ratio(self.forecast, self.searches)
+
+    @property
+    def share_found(self) -> Floats:
+        """Persons found per search in each bin; NaN without searches."""
+        return _ratio(self.found, self.searches)
+
+    @property
+    def expected_error(self) -> float:
+        """The expected calibration error over all searches; 0 without any.
+
+        M. Naeini, G. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities using
+        Bayesian binning, AAAI 2015, with the bins of `POS_EDGES`.
+        """
+        total = int(self.searches.sum())
+        if not total:
+            return 0.0
+        return float(np.abs(self.forecast - self.found).sum() / total)
+
+
+def _ratio(above: NDArray[np.number], below: Ints) -> Floats:
+    out = np.full(len(below), np.nan)
+    np.divide(above, below, out=out, where=below > 0)
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,10 +27,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, NullLocator, PercentFormatter
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.evaluation.calibration import Reliability
-from DroneSwarmSearch.evaluation.results import Bound, Evaluation
+from DroneSwarmSearch.evaluation.episodes import Reliability
+from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.statistics import wilson
 from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.planning.bound import SuccessBound
 
 __all__ = ["reliability", "success_by_search", "success_over_time", "suite_over_time"]
 
@@ -137,7 +138,7 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
             axes.axhspan(row - 0.5, row + 0.5, color="#f5f6f8", linewidth=0, zorder=0)
         bound = _bound_of(several)
         if bound is not None:
-            axes.vlines(bound.by_time[-1], row - 0.46, row + 0.46, color=INK, linewidth=1.8)
+            axes.vlines(bound.by_limit, row - 0.46, row + 0.46, color=INK, linewidth=1.8)
         for each in several:
             colour, marker = looks[each.policy]
             value, low, high = each.success
@@ -235,7 +236,7 @@ def _looks(evaluations: Iterable[Evaluation]) -> dict[str, Look]:
     return {name: LOOKS.get(name) or spare[name] for name in names}
 
 
-def _bound_of(evaluations: Iterable[Evaluation]) -> Bound | None:
+def _bound_of(evaluations: Iterable[Evaluation]) -> SuccessBound | None:
     """The bound of a search, if one of its evaluations has it."""
     return next((each.bound for each in evaluations if each.bound is not None), None)
 

@@ -129,7 +129,8 @@ def _frames(
     policy: Callable[..., Any], search: NamedSearch, seed: int, bayesian_update: bool
 ) -> Iterator[tuple[Frame, Frame]]:
     with no_exit(f"the policy on {search.name}"):
-        prior, posterior = (_environment(search, updates) for updates in (False, True))
+        scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
+        prior, posterior = (DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios)
         shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
         reset = getattr(policy, "reset", None)
         if reset is not None:
@@ -139,8 +140,3 @@ def _frames(
             actions = policy(shown[bayesian_update])
             shown = [env.step(actions)[0] for env in (prior, posterior)]
             yield prior.frame(), posterior.frame()
-
-
-def _environment(search: NamedSearch, bayesian_update: bool) -> DroneSwarmSearch:
-    scenario = search.scenario.replace(bayesian_update=bayesian_update)
-    return DroneSwarmSearch(scenario=scenario, render_mode=None)

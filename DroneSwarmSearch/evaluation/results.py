@@ -7,28 +7,27 @@ import io
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import DroneSwarmSearch
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation import statistics
-from DroneSwarmSearch.evaluation.calibration import POS_EDGES, Reliability
-from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes, Reliability
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
+from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
 __all__ = [
-    "Bound",
     "Comparison",
     "Evaluation",
+    "bound_data",
     "checked_bound",
     "compare",
     "csv_text",
@@ -41,23 +40,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Bound(Protocol):
-    """The attributes of `planning.SuccessBound` that results use."""
-
-    @property
-    def by_time(self) -> Floats:
-        """The most that any policy can reach within t steps: float64, (L + 1,)."""
-
-    @property
-    def gap(self) -> float:
-        """The duality gap at L, which `by_time` includes."""
-
-    @property
-    def confidence(self) -> float:
-        """The confidence of the bound; 1.0 if it is exact."""
-
-
-def checked_bound(bound: object, search: NamedSearch) -> Any:
+def checked_bound(bound: object, search: NamedSearch) -> SuccessBound | None:
     """Return a search's bound, or None.
 
     Raises:
@@ -66,19 +49,22 @@ def checked_bound(bound: object, search: NamedSearch) -> Any:
     """
     if bound is None:
         return None
-    by_time = getattr(bound, "by_time", None)
-    others = [getattr(bound, name, None) for name in ("gap", "confidence")]
-    if not isinstance(by_time, np.ndarray) or not all(map(checks.is_number, others)):
+    if not isinstance(bound, SuccessBound):
         raise TypeError(
             f"bound must be what planning.success_bound returns, or None, got {bound!r}"
         )
     steps = search.scenario.timestep_limit
-    if by_time.shape != (steps + 1,):
+    if bound.by_time.shape != (steps + 1,):
         raise ValueError(
             f"bound must be that of {search.name}, with a by_time of shape ({steps + 1},), "
-            f"got {by_time.shape}"
+            f"got {bound.by_time.shape}"
         )
     return bound
+
+
+def bound_data(bound: SuccessBound) -> dict[str, Any]:
+    """A bound as plain JSON data."""
+    return {**asdict(bound), "by_time": bound.by_time.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,16 +89,16 @@ class Evaluation:
     view: str
     observation: str
     episodes: Episodes
-    bound: Bound | None = None
+    bound: SuccessBound | None = None
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
         return (
             f"<Evaluation of {self.policy} on {self.search.name}: {len(self.episodes):,} episodes, "
-            f"{value:.1f} % found ({low:.1f} to {high:.1f})>"
+            f"{value:.1f}% success ({low:.1f} to {high:.1f})>"
         )
 
-    def with_bound(self, bound: Bound | None) -> Evaluation:
+    def with_bound(self, bound: SuccessBound | None) -> Evaluation:
         """Return the evaluation with the search's bound.
 
         Raises:
@@ -135,13 +121,21 @@ class Evaluation:
 
     @cached_property
     def times(self) -> Floats:
-        """The step in which the last person was found, L for a failure: float64, (n,)."""
-        return statistics.restricted_times(self.found_by, self.limit)
+        """The step in which the last person was found, L for a failure: float64, (n,).
+
+        Their mean is the restricted mean time to find, the area above the success curve. It is
+        defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
+        survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
+        13:152, 2013.
+        """
+        return np.where(self.found_by == 0, self.limit, self.found_by).astype(np.float64)
 
     @cached_property
     def success_by_time(self) -> Band:
         """The share of successes within t steps, t = 0..L, with Wilson's interval: (L + 1,)."""
-        return statistics.share_by_time(self.found_by, self.limit)
+        found_by = self.found_by
+        at_step = np.bincount(found_by[found_by > 0], minlength=self.limit + 1)
+        return statistics.wilson(at_step.cumsum(), len(found_by))
 
     @property
     def success(self) -> Estimate:
@@ -161,9 +155,9 @@ class Evaluation:
     @property
     def share_of_bound(self) -> Estimate | None:
         """The success divided by the bound; None without a bound above 0."""
-        if self.bound is None or not self.bound.by_time[-1] > 0.0:
+        if self.bound is None or not self.bound.by_limit > 0.0:
             return None
-        return self.success.scaled(1.0 / float(self.bound.by_time[-1]))
+        return self.success.scaled(1.0 / self.bound.by_limit)
 
     @property
     def reliability(self) -> Reliability:
@@ -179,11 +173,9 @@ class Evaluation:
     @property
     def data(self) -> dict[str, Any]:
         """Everything except the single episodes, as plain JSON data."""
-        reliability, by_time, bound = self.reliability, self.success_by_time, self.bound
+        reliability, by_time = self.reliability, self.success_by_time
         return {
-            "package": DroneSwarmSearch.__version__,
-            "numpy": np.__version__,
-            "suite": SUITE_VERSION,
+            **versions(),
             "policy": self.policy,
             "search": self.search.name,
             "parameters": self.search.data,
@@ -198,12 +190,7 @@ class Evaluation:
             "share_of_bound": self.share_of_bound and self.share_of_bound._asdict(),
             "endings": {ending.name.lower(): count for ending, count in self.endings.items()},
             "success_by_time": {name: curve.tolist() for name, curve in by_time._asdict().items()},
-            "bound": bound
-            and {
-                "by_time": bound.by_time.tolist(),
-                "gap": float(bound.gap),
-                "confidence": float(bound.confidence),
-            },
+            "bound": self.bound and bound_data(self.bound),
             "calibration": {
                 "from": list(POS_EDGES[:-1]),
                 "searches": reliability.searches.tolist(),
@@ -234,7 +221,7 @@ class Evaluation:
         ):
             value, low, high = estimate or ("", "", "")
             row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-        row["bound"] = "" if self.bound is None else float(self.bound.by_time[-1])
+        row["bound"] = "" if self.bound is None else self.bound.by_limit
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
         row["calibration_error"] = self.reliability.expected_error
         return row
@@ -262,7 +249,7 @@ class Comparison:
 def compare(first: Evaluation, second: Evaluation) -> Comparison:
     """Compare two policies in the same episodes.
 
-    Both policies face the same random draws, so the intervals of the differences are narrower
+    Both policies use common random numbers, so the intervals of the differences are narrower
     than those of two independent samples. One policy may have seen the prior and the other the
     posterior.
 

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch.evaluation.calibration import Reliability
-from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.workers import Report
 from DroneSwarmSearch.observations import observe
@@ -63,12 +62,8 @@ def play(
             receives the seeds before the episodes begin.
         search: the search.
         seeds: of the episodes, integers >= 0.
-        view: "swarm": the observations of `SwarmVectorEnv` for the E episodes that have not
-            ended, in the dict layout with their indices as "row", int64 (E,); actions of
-            shape (E, n_drones). "drone": the observations of `DroneVectorEnv`; actions of
-            shape (E * n_drones,). "parallel": the observations of `DroneSwarmSearch`, one
-            episode after another; a dict of actions.
-        observation: the layout for the first two, a name of `LAYOUTS`.
+        view: what the policy sees and returns, see `evaluate`; validated.
+        observation: the layout of its observations.
         report: called with the share of the work done.
 
     Raises:
@@ -76,7 +71,7 @@ def play(
         ValueError: the policy returns actions out of range or of a wrong shape.
     """
     if view != "parallel":
-        return _play(policy, _vector_stage(search, len(seeds), view, observation), seeds, report)
+        return _play(policy, _VectorStage(search, len(seeds), view, observation), seeds, report)
     stage = _ParallelStage(search)
     parts = []
     for done, seed in enumerate(seeds, 1):
@@ -85,7 +80,12 @@ def play(
     return Episodes.joined(parts)
 
 
-def _play(policy: PolicyLike, stage: _Stage, seeds: Sequence[int], report: Report) -> Episodes:
+def _play(
+    policy: PolicyLike,
+    stage: _VectorStage | _ParallelStage,
+    seeds: Sequence[int],
+    report: Report,
+) -> Episodes:
     """Play all episodes of a stage together."""
     batch = stage.batch
     scenario = batch.scenario
@@ -136,39 +136,21 @@ def _reset(policy: PolicyLike, seed: int | list[int]) -> None:
     reset(seed=seed)
 
 
-# Observations and actions of each view.
-
-
-class _Stage(Protocol):
-    """A batch of episodes as a policy sees it."""
-
-    @property
-    def batch(self) -> SearchBatch:
-        """The episodes."""
-
-    def seeds(self, seeds: Sequence[int]) -> int | list[int]:
-        """The argument for the policy's `reset`."""
-
-    def observe(self, rows: Ints) -> Any:
-        """The observations of some rows."""
-
-    def read(self, actions: Any, n: int) -> Ints:
-        """Validate the actions for n rows: int64, (n, n_drones)."""
-
-
-def _vector_stage(search: NamedSearch, n: int, view: str, observation: str) -> _VectorStage:
-    make = SwarmVectorEnv if view == "swarm" else DroneVectorEnv
-    return _VectorStage(make(n, observation=observation, **search.parameters))
+# Observations and actions of each view. `seeds` returns the argument for the policy's `reset`,
+# `observe` the observations of some rows, and `read` the validated actions of n rows: int64,
+# (n, n_drones).
 
 
 class _VectorStage:
     """The views "swarm" and "drone"."""
 
-    def __init__(self, env: SwarmVectorEnv | DroneVectorEnv) -> None:
-        self.batch = env.batch
-        self._env = env
-        self._drones = env.batch.scenario.n_drones
-        self._shows_rows = isinstance(env, SwarmVectorEnv) and env.observation == "dict"
+    def __init__(self, search: NamedSearch, n: int, view: str, observation: str) -> None:
+        make = SwarmVectorEnv if view == "swarm" else DroneVectorEnv
+        self._env = make(n, observation=observation, **search.parameters)
+        self.batch: SearchBatch = self._env.batch
+        self._drones = self.batch.scenario.n_drones
+        self._is_swarm = view == "swarm"
+        self._shows_rows = self._is_swarm and observation == "dict"
 
     def seeds(self, seeds: Sequence[int]) -> list[int]:
         return list(seeds)
@@ -181,7 +163,7 @@ class _VectorStage:
 
     def read(self, actions: Any, n: int) -> Ints:
         drones = self._drones
-        shape = (n, drones) if isinstance(self._env, SwarmVectorEnv) else (n * drones,)
+        shape = (n, drones) if self._is_swarm else (n * drones,)
         wanted = f"actions of shape {shape}, one for each drone of each episode shown"
         try:
             chosen = np.asarray(actions)

@@ -8,7 +8,7 @@ that cannot be pickled plays all portions itself, in this process.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -17,17 +17,19 @@ import cloudpickle
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation import workers as work
+from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
-from DroneSwarmSearch.evaluation.results import Bound, Evaluation, checked_bound
+from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
 from DroneSwarmSearch.evaluation.rollout import checked_view, play
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
+from DroneSwarmSearch.planning.bound import SuccessBound
 
-__all__ = ["PORTION", "EvaluationTask", "evaluate"]
+__all__ = ["PORTION", "EvaluationTask", "evaluate", "run_tasks"]
 
 PORTION = 500
 """Episodes that are played and stored together."""
@@ -52,12 +54,12 @@ def evaluate(
     ray: str | None = None,
     store: Store | str | Path | None = None,
     name: str | None = None,
-    bound: Bound | None = None,
+    bound: SuccessBound | None = None,
     progress: bool = True,
 ) -> Evaluation:
     """Evaluate a policy on a search.
 
-    Episode i has the seed `seed + i`, so all policies face the same random draws. The policy
+    Episode i has the seed `seed + i`, so all policies use common random numbers. The policy
     plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
     optional methods of the policy are called: `prepare(drones)` with the drones' start cells,
     once and before it is copied, and `reset(seed=..., rows=None)` with the seeds of each
@@ -110,18 +112,35 @@ def evaluate(
         name=name,
     )
     checked_bound(bound, task.search)
-    jobs = task.jobs()
-    with Progress(f"{task.spec.name} on {task.search.name}", task.weight, progress) as bar:
-        work.run(jobs, workers=workers, ray=ray, progress=bar)
+    what = f"{task.spec.name} on {task.search.name}"
+    run_tasks([task], what, workers=workers, ray=ray, progress=progress)
     return task.evaluation().with_bound(bound)
 
 
+def run_tasks(
+    tasks: Sequence[EvaluationTask | BoundTask],
+    what: str,
+    *,
+    workers: int,
+    ray: str | None,
+    progress: bool = True,
+) -> None:
+    """Do the work of several tasks together, which keeps all workers busy.
+
+    Args:
+        tasks: the tasks, in the order of their jobs.
+        what: the work, for the progress bar.
+        workers: see `evaluate`.
+        ray: see `evaluate`.
+        progress: see `evaluate`.
+    """
+    jobs = [job for task in tasks for job in task.jobs()]
+    with Progress(what, sum(task.weight for task in tasks), progress) as bar:
+        work.run(jobs, workers=workers, ray=ray, progress=bar)
+
+
 class EvaluationTask:
-    """A policy to be evaluated on a search: first the jobs, then the result.
-
-    The jobs of many tasks can run together, which keeps all workers busy:
-
-        workers.run([job for task in tasks for job in task.jobs()], workers=2)
+    """A policy to be evaluated on a search by `run_tasks`.
 
     Args:
         policy, search, episodes, seed, bayesian_update, view, observation, store, name: see

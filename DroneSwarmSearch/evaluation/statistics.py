@@ -1,6 +1,6 @@
-"""Interval estimates of evaluations: shares, paired differences, means and times.
+"""Interval estimates of evaluations: shares, paired differences and means.
 
-All intervals have a confidence of 95 %. The bootstrap draws from a fixed sequence of random
+All intervals have a confidence of 95%. The bootstrap draws from a fixed sequence of random
 numbers, so equal data always give equal intervals, with every version of NumPy.
 """
 
@@ -23,8 +23,6 @@ __all__ = [
     "bootstrap_mean",
     "mean_of",
     "paired_difference",
-    "restricted_times",
-    "share_by_time",
     "wilson",
 ]
 
@@ -45,7 +43,7 @@ _AT_ONCE = 2**20
 
 
 class Estimate(NamedTuple):
-    """A value with its 95 % confidence interval."""
+    """A value with its 95% confidence interval."""
 
     value: float
     low: float
@@ -192,37 +190,3 @@ def _resampled_means(values: Floats) -> Floats:
         drawn = (numbers(key, places) * n).astype(np.int64).reshape(-1, n)
         means[first:last] = values[drawn].mean(axis=1)
     return means
-
-
-def restricted_times(times: ArrayLike, limit: int) -> Floats:
-    """Restrict times to find to a limit; their mean is the restricted mean time.
-
-    The mean of min(time, limit) is the area above the success curve up to the limit. It is
-    defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
-    survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
-    13:152, 2013.
-
-    Args:
-        times: the step in which the last person is found, 0 for a failure: integers, (n,).
-        limit: the time limit L.
-
-    Returns:
-        float64, (n,): the times, with L for failures.
-    """
-    found_at = np.asarray(times)
-    return np.where(found_at == 0, limit, np.minimum(found_at, limit)).astype(np.float64)
-
-
-def share_by_time(times: ArrayLike, limit: int) -> Band:
-    """Estimate the share of successes within t steps, for t = 0..L.
-
-    Args:
-        times: the step in which the last person is found, 0 for a failure: integers, (n,).
-        limit: the time limit L.
-
-    Returns:
-        Arrays of shape (L + 1,), with Wilson's interval.
-    """
-    found_at = np.asarray(times, np.int64)
-    at_step = np.bincount(found_at[found_at > 0], minlength=limit + 1)[: limit + 1]
-    return wilson(at_step.cumsum(), len(found_at))

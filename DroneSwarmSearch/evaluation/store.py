@@ -13,18 +13,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import DroneSwarmSearch
 from DroneSwarmSearch._internal.files import StorageError, write_text
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
+from DroneSwarmSearch.evaluation.suite import versions
 
 __all__ = ["Store", "as_store"]
 
 _WITHOUT_EFFECT = ("rendering", "training", "evaluation", "demo.py", "cli.py", "__main__.py")
 """Parts of the package on which no stored result depends, except `_WITH_EFFECT`."""
 
-_WITH_EFFECT = tuple(f"evaluation/{name}.py" for name in ("calibration", "episodes", "rollout"))
+_WITH_EFFECT = tuple(f"evaluation/{name}.py" for name in ("episodes", "rollout"))
 
 _CODE_AND_WEIGHTS = (".py", ".npz")
 
@@ -55,8 +53,7 @@ class Store:
         Raises:
             StorageError: a file is in the place of the store's folder.
         """
-        full = self._full(key)
-        path = self._path(full)
+        path, full = self._place(key)
         with contextlib.suppress(KeyError, OSError, RecursionError, TypeError, ValueError):
             found = json.loads(path.read_bytes()) if path.is_file() else {}
             content = {"key": full, "entry": found["entry"]}
@@ -75,8 +72,7 @@ class Store:
         Raises:
             StorageError: the entry cannot be written. Earlier entries are kept.
         """
-        full = self._full(key)
-        path = self._path(full)
+        path, full = self._place(key)
         content = {"key": full, "entry": json.loads(json.dumps(entry))}
         if path.is_dir():
             with contextlib.suppress(OSError):  # writing then reports the reason
@@ -96,20 +92,11 @@ class Store:
                 errno.ENOTDIR, "results need a folder, but this is a file; move it", str(nearest)
             )
 
-    def _path(self, full: dict[str, Any]) -> Path:
-        return self.directory / f"{_hash(full)[:40]}.json"
-
-    @staticmethod
-    def _full(key: Mapping[str, Any]) -> dict[str, Any]:
-        """The key with all versions, as JSON returns it."""
-        versions = {
-            "package": DroneSwarmSearch.__version__,
-            "suite": SUITE_VERSION,
-            "numpy": np.__version__,
-            "code": code_fingerprint(),
-        }
-        full: dict[str, Any] = json.loads(json.dumps({**versions, **key}))
-        return full
+    def _place(self, key: Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
+        """The file of a key, and the key with all versions, as JSON returns it."""
+        found = {**versions(), "code": code_fingerprint(), **key}
+        full: dict[str, Any] = json.loads(json.dumps(found))
+        return self.directory / f"{_hash(full)[:40]}.json", full
 
 
 def as_store(value: object) -> Store | None:

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
+import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
+__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search", "versions"]
 
 LISTING = "python -m DroneSwarmSearch evaluate --list"
 """The command that lists the searches."""
@@ -55,6 +56,20 @@ class NamedSearch:
         cells = self.drones or tuple((cell % size, cell // size) for cell in range(n))
         object.__setattr__(self, "drones", tuple((int(x), int(y)) for x, y in cells))
         self.scenario.drone_cells(self.drones)
+
+    @property
+    def outline(self) -> str:
+        """The main parameters, in a line."""
+        scenario = self.scenario
+        n, persons = scenario.n_drones, len(scenario.person_initial_position)
+        x, y = scenario.vector
+        detection = ", ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
+        return (
+            f"{scenario.grid_size} x {scenario.grid_size} cells; {n} drone{'s' * (n > 1)}; "
+            f"{persons} person{'s' * (persons > 1)}; drift ({x:g}, {y:g}); disperse constant "
+            f"{scenario.disperse_constant:g}; probability of detection {detection}; "
+            f"{scenario.timestep_limit:,} steps"
+        )
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -118,6 +133,15 @@ def as_named(value: object) -> NamedSearch:
     raise TypeError(
         f"search must be a name of the suite, a NamedSearch or a Scenario, got {value!r}"
     )
+
+
+def versions() -> dict[str, str]:
+    """The versions that results depend on, as plain data for files."""
+    return {
+        "package": DroneSwarmSearch.__version__,
+        "numpy": np.__version__,
+        "suite": SUITE_VERSION,
+    }
 
 
 def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:

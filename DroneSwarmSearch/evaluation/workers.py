@@ -103,18 +103,23 @@ def run(
     if ray is not None and not isinstance(ray, str):
         raise TypeError(f"ray must be 'local', an address or None, got {ray!r}")
     waiting = deque(jobs)
-    done = _Done(progress)
     if not waiting:
         return
+    done: dict[Job, float] = {}
+
+    def report(job: Job, share: float) -> None:
+        done[job] = share * job.weight
+        progress(sum(done.values()))
+
     if ray is not None:
         finished = _on_ray(waiting, ray)
     elif count > 1:
-        finished = _in_processes(waiting, count, done.report)
+        finished = _in_processes(waiting, count, report)
     else:
-        finished = _here(waiting, done.report)
+        finished = _here(waiting, report)
     with contextlib.closing(finished):
         for job, result in finished:
-            done.finish(job)
+            report(job, 1.0)
             waiting.extendleft(reversed([*job.then(result)]))
 
 
@@ -134,24 +139,6 @@ def no_exit(label: str) -> Iterator[None]:
         raise RuntimeError(
             f"{label} must not end the program, got SystemExit({stop.code!r})"
         ) from stop
-
-
-class _Done:
-    """Adds up the progress of all jobs."""
-
-    def __init__(self, progress: Report) -> None:
-        self._progress = progress
-        self._finished = 0.0
-        self._running: dict[Job, float] = {}
-
-    def report(self, job: Job, share: float) -> None:
-        self._running[job] = share * job.weight
-        self._progress(self._finished + sum(self._running.values()))
-
-    def finish(self, job: Job) -> None:
-        self._running.pop(job, None)
-        self._finished += job.weight
-        self._progress(self._finished + sum(self._running.values()))
 
 
 # Where jobs run. Each function takes jobs from a queue, which may grow after every result.
