@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.drift.belief import drift, normalise
-from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.vector.forecasts import Forecasts
 from DroneSwarmSearch.vector.threads import run_in_parts
 

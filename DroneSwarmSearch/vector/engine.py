@@ -22,15 +22,14 @@ from numpy.typing import ArrayLike
 
 from DroneSwarmSearch import rules
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.actions import checked_actions
+from DroneSwarmSearch._internal.arrays import Ints, Singles, Words
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.streams import mixed
 from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector.actions import checked_actions
-from DroneSwarmSearch.vector.arrays import Ints, Singles, Words
-from DroneSwarmSearch.vector.collisions import Collisions
 from DroneSwarmSearch.vector.episodes import Episodes
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import OnTheFlyForecasts
 from DroneSwarmSearch.vector.outcomes import Outcomes
 from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler, checked_rows
 from DroneSwarmSearch.vector.readings import BatchReadings
@@ -144,7 +143,7 @@ class SearchBatch(BatchReadings):
         neighbours = rules.neighbours_of_all(size)  # which checks that such tables fit in memory
         super().__init__(size)
         self._neighbours = neighbours.reshape(-1).astype(self._narrow)
-        self._collided = Collisions(rows, n, self._narrow)
+        self._collided = rules.Collisions(rows, n, self._narrow)
 
         self.ready = False
         self._changing = False  # stays True after an interrupted step or reset

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from DroneSwarmSearch._internal.arrays import Flags, Ints, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, stream_keys
-from DroneSwarmSearch.vector.arrays import Flags, Ints, Words
 
 __all__ = ["Episodes"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from DroneSwarmSearch import rules
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector.arrays import Floats, Ints
 
 __all__ = ["Outcomes"]
 

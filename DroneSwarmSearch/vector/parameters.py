@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Ints, Words
 from DroneSwarmSearch._internal.streams import RowGenerator
 from DroneSwarmSearch.scenario import Scenario, persons_of_rows, resolve_scenario
-from DroneSwarmSearch.vector.arrays import Ints, Words
 from DroneSwarmSearch.vector.forecasts import DriftParameters
 
 __all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler", "checked_rows"]

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.vector.outcomes import Outcomes
 from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, checked_rows
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts

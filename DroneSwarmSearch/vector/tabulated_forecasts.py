@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.tables import tabulate
-from DroneSwarmSearch.vector.arrays import Floats, Ints, Rows, Singles
-from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
 __all__ = ["TABLE_BYTES", "TabulatedForecasts", "check_table", "choose_forecasts"]

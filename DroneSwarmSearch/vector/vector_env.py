@@ -19,15 +19,19 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
-from DroneSwarmSearch.vector.arrays import Flags, Ints, Singles
-from DroneSwarmSearch.vector.buffers import Buffers, check_buffers
+from DroneSwarmSearch.vector.arguments import (
+    Buffers,
+    check_buffers,
+    parse_options,
+    parse_seeds,
+    shows_keywords_of,
+)
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.keywords import shows_keywords_of
 from DroneSwarmSearch.vector.observations import BatchObservations
 from DroneSwarmSearch.vector.parameters import checked_rows
-from DroneSwarmSearch.vector.reset_arguments import parse_options, parse_seeds
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 from DroneSwarmSearch.wrappers.masks import action_masks
 
