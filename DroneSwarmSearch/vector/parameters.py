@@ -200,22 +200,23 @@ class BatchParameters:
         for name, value in values.items():
             arrays[name][..., rows] = value
 
-    def drawn(self, rows: int, sampler: Sampler, keys: Words) -> RowValues:
-        """Draw and validate parameters for some rows.
+    def drawn(self, sampler: Sampler | None, keys: Words) -> RowValues:
+        """Draw and validate parameters for some episodes; nothing without a sampler.
 
         Args:
-            rows: how many.
             sampler: draws them.
-            keys: the sampling keys of the rows' episodes.
+            keys: the sampling keys of the episodes.
 
         Raises:
             TypeError: the sampler returns something of the wrong type.
             ValueError: it returns values out of their limits.
         """
+        if sampler is None:
+            return {}
         values = sampler(RowGenerator(keys))
         if not isinstance(values, Mapping):
             raise TypeError(f"sampler must return a mapping, got {values!r}")
-        return self.validated(rows, values, "the mapping that sampler returns")
+        return self.validated(len(keys), values, "the mapping that sampler returns")
 
     def validated(self, rows: int, values: Mapping[str, Any], name: str) -> RowValues:
         """Validate some of `ROW_PARAMETERS`, each with one value for all rows or one for each.

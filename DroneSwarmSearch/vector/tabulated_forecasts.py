@@ -11,6 +11,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.tables import tabulate
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 
@@ -223,13 +224,14 @@ def choose_forecasts(
     return OnTheFlyForecasts(grid_size, parameters[-1])
 
 
-def check_table(grid_size: int, steps: int, parameters: DriftParameters) -> None:
+def check_table(scenario: Scenario, parameters: DriftParameters) -> None:
     """Raise a ValueError if tables of these forecasts do not fit in memory."""
+    size, steps = scenario.grid_size, scenario.timestep_limit
     forecasts = len(_distinct([parameters]))
     checks.fits(
         f"the table of matrices for {forecasts} different forecasts",
-        _forecast_bytes(grid_size, steps) * forecasts,
-        grid_size=grid_size,
+        _forecast_bytes(size, steps) * forecasts,
+        grid_size=size,
         timestep_limit=steps,
     )
 
