@@ -520,22 +520,10 @@ class SearchBatch:
         Raises:
             ValueError: the matrices depend on the searches, or do not fit into a table.
         """
-        return self._tabulated().matrices
+        return self._world.tabulated().matrices
 
     @property
     def table_index(self) -> Ints:
         """The entry of `table` that is the matrix of each row: int64, (E,)."""
-        entries: Ints = self._tabulated().entries[0].copy()
+        entries: Ints = self._world.tabulated().entries[0].copy()
         return entries
-
-    def _tabulated(self) -> TabulatedForecasts:
-        forecasts, scenario = self._world.forecasts, self._scenario
-        if scenario.bayesian_update or len(scenario.person_initial_position) > 1:
-            raise ValueError(
-                "with bayesian_update or several persons there is no table of matrices"
-            )
-        if not isinstance(forecasts, TabulatedForecasts):
-            raise ValueError(
-                "there is no table of matrices: there are too many forecasts, or a sampler"
-            )
-        return forecasts

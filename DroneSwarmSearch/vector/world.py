@@ -12,7 +12,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, numerators
-from DroneSwarmSearch.vector.beliefs import Beliefs, mean_over_persons
+from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
+from DroneSwarmSearch.vector.beliefs import Beliefs
+from DroneSwarmSearch.vector.episodes import RowState
 from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts
 
@@ -71,6 +73,22 @@ class BatchState:
     @property
     def forecasts(self) -> TabulatedForecasts | OnTheFlyForecasts:
         """The rows' forecasts."""
+        return self._forecasts
+
+    def tabulated(self) -> TabulatedForecasts:
+        """The table that shows the matrix of every row.
+
+        Raises:
+            ValueError: the matrices depend on the searches, or do not fit into a table.
+        """
+        if self._beliefs is not None or len(self._detections) > 1:
+            raise ValueError(
+                "with bayesian_update or several persons there is no table of matrices"
+            )
+        if not isinstance(self._forecasts, TabulatedForecasts):
+            raise ValueError(
+                "there is no table of matrices: there are too many forecasts, or a sampler"
+            )
         return self._forecasts
 
     @property
@@ -209,10 +227,14 @@ class BatchState:
             foreground: the rest of the step, which this thread runs while background threads
                 write matrices and update beliefs.
         """
+        now = self._now
 
         def finish_step() -> None:
             foreground()
-            self._walk()
+            draws = numerators(now.draws).reshape(now.coordinates.shape)
+            self._forecasts.walk(now.coordinates, draws)
+            np.multiply(now.y, self._width, out=now.cells)
+            now.cells += now.x
 
         written = False
         if self._beliefs is not None:
@@ -229,7 +251,7 @@ class BatchState:
             written = True
         else:
             finish_step()
-        self._now.counters += self._increments
+        now.counters += self._increments
         if beginning.size:
             self._restart(beginning)
         self._forecasts.advance(beginning)
@@ -239,13 +261,6 @@ class BatchState:
             self._write_others(out)
         else:
             self.write_matrices(out)
-
-    def _walk(self) -> None:
-        """Move all persons by a step."""
-        now = self._now
-        self._forecasts.walk(now.coordinates, numerators(now.draws).reshape(now.coordinates.shape))
-        np.multiply(now.y, self._width, out=now.cells)
-        now.cells += now.x
 
     # Which persons the matrix shows.
 
@@ -262,9 +277,7 @@ class BatchState:
         if len(self._detections) == 1:
             number = len(self.step) if isinstance(rows, slice) else len(rows)
             return np.ones((1, number), np.bool_)
-        missing: Flags = self._now.missing[:, rows] != 0
-        counted: Flags = missing | ~missing.any(axis=0)
-        return counted
+        return shown_persons(self._now.missing[:, rows] != 0)
 
     # The matrices.
 
@@ -345,63 +358,10 @@ class BatchState:
         """The mean over the counted persons of a function of their marginals."""
         persons = range(len(self._detections))
         values = [probability(*self._forecasts.marginals(person, rows)) for person in persons]
-        by_person = np.moveaxis(np.stack(values), 1, -1)
-        mean = mean_over_persons(by_person, self._counted_persons(rows))
+        counted = self._counted_persons(rows)
+        by_person = [np.moveaxis(each, 0, -1) for each in values]
+        mean = means_over_missing(by_person, counted)
         return np.moveaxis(mean, -1, 0).astype(np.float32)
-
-
-class RowState:
-    """One array, so that one assignment starts an episode and one addition makes a step.
-
-    Args:
-        persons: the persons in each row.
-        pointers: the pointers that the forecasts keep for each row.
-        rows: the number of rows.
-
-    Attributes:
-        all: int64, (6 persons + 2 + pointers, rows). The other attributes are views of it.
-        coordinates: each person's x and y: int64, (persons, 2, rows).
-        x: the first of these: int64, (persons, rows).
-        y: the second of these.
-        cells: y * N + x: int64, (persons, rows).
-        missing: 1 for persons who have not been found, else 0: int64, (persons, rows).
-        detection_keys: the key of the episode's detections: uint64, (rows,).
-        counters: all integers that grow by a constant in every step, which are:
-        step: completed steps: int64, (rows,).
-        draws: counters of the next drift draws: uint64, (2 persons, rows).
-        pointers: the pointers of the forecasts: int64, (pointers, rows).
-    """
-
-    def __init__(self, persons: int, pointers: int, rows: int) -> None:
-        self._persons = persons
-        self.all = np.zeros((6 * persons + 2 + pointers, rows), np.int64)
-        self._make_views()
-
-    def _make_views(self) -> None:
-        n = self._persons
-        coordinates, self.cells, self.missing, keys, self.counters = np.split(
-            self.all, (2 * n, 3 * n, 4 * n, 4 * n + 1)
-        )
-        self.coordinates: Ints = coordinates.reshape(n, 2, -1)
-        self.x, self.y = self.coordinates[:, 0], self.coordinates[:, 1]
-        self.detection_keys: Words = keys[0].view(np.uint64)
-        self.step: Ints = self.counters[0]
-        self.draws: Words = self.counters[1 : 2 * n + 1].view(np.uint64)
-        self.pointers: Ints = self.counters[2 * n + 1 :]
-
-    def with_pointers(self, pointers: int) -> RowState:
-        """A copy with room for another number of pointers."""
-        other = RowState(self._persons, pointers, self.all.shape[1])
-        kept = len(self.all) - len(self.pointers)
-        other.all[:kept] = self.all[:kept]
-        return other
-
-    def __getstate__(self) -> tuple[int, Ints]:
-        return self._persons, self.all  # views would become arrays of their own in a copy
-
-    def __setstate__(self, state: tuple[int, Ints]) -> None:
-        self._persons, self.all = state
-        self._make_views()
 
 
 def _outer_products(of_x: Floats, of_y: Floats) -> Floats:
