@@ -32,7 +32,7 @@ from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.drones import BatchDrones
 from DroneSwarmSearch.vector.episodes import Episodes
 from DroneSwarmSearch.vector.forecasts import OnTheFlyForecasts
-from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler, checked_rows
+from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler
 from DroneSwarmSearch.vector.tabulated_forecasts import (
     TabulatedForecasts,
     check_table,
@@ -178,15 +178,18 @@ class SearchBatch:
             TypeError: a value is of the wrong type.
             ValueError: a value is out of its limits.
         """
-        rows = self._rows if rows is None else checked_rows(rows, self.num_rows)
+        rows = self._rows if rows is None else checks.row_numbers(rows, self.num_rows)
         wanted = self._usual if given is None else self._usual.changed(given)
         if given and self._wants_table:
             check_table(self._scenario, wanted.forecasts)
         seeds = None if seeds is None else checks.seeds("seeds", seeds)
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
-        if self._changing:
-            self._recover(rows)
+        if self._changing:  # a step or reset was interrupted: replace what it left incomplete
+            if np.unique(rows).size < self.num_rows:
+                raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
+            self._episodes.forget_prepared()
+            self._world = self._new_world()
         self._prepare(rows)
         counters = self._episodes.reseeded(rows, seeds)
         values = self._usual.drawn(self._sampler, mixed(counters[2]))
@@ -215,7 +218,7 @@ class SearchBatch:
             TypeError: the rows are not integers.
             ValueError: there is no such row.
         """
-        rows = checked_rows(rows, self.num_rows)
+        rows = checks.row_numbers(rows, self.num_rows)
         self._check_complete("restart")
         if not (self.ready or self._episodes.seeded[rows].all()):
             raise ResetNeeded("restart: not all rows have begun; call reset() first")
@@ -223,13 +226,6 @@ class SearchBatch:
         self._changing = True
         self._start(rows, values, self._usual)
         self._changing = False
-
-    def _recover(self, rows: Ints) -> None:
-        """Replace the state that an interrupted step or reset has left incomplete."""
-        if np.unique(rows).size < self.num_rows:
-            raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
-        self._episodes.forget_prepared()
-        self._world = self._new_world()
 
     def _start(self, rows: Ints, values: RowValues, parameters: BatchParameters) -> None:
         """Begin episodes outside of a step."""
@@ -479,7 +475,7 @@ class SearchBatch:
             TypeError: the rows are not integers.
             ValueError: there is no such row, or they are not in rising order.
         """
-        rows = checked_rows(rows, self.num_rows, rising=True)
+        rows = checks.row_numbers(rows, self.num_rows, rising=True)
         self._check_complete("matrices_of")
         return self._world.matrices(rows)
 
@@ -496,18 +492,9 @@ class SearchBatch:
             ValueError: there is no such row or cell, or the rows are not in rising order.
         """
         self._check_complete("probabilities")
-        rows = checked_rows(rows, self.num_rows, rising=True, repeated=True)
-        last = self._scenario.grid_size**2 - 1
-        what = f"integers from 0 to {last}, one for each of the rows"
-        given = checks.array("cells", cells, what)
-        if given.dtype.kind not in "iu" and given.size:
-            raise TypeError(f"cells must be {what}, got {given.dtype}")
-        if given.shape != rows.shape:
-            raise ValueError(f"cells must be {what}, got shape {given.shape}")
-        wrong = given[(given < 0) | (given > last)]
-        if wrong.size:
-            raise ValueError(f"cells must be {what}, got {wrong[0]}")
-        return self._world.probabilities(rows, given.astype(np.int64))
+        rows = checks.row_numbers(rows, self.num_rows, rising=True, repeated=True)
+        numbers = checks.cell_numbers(cells, rows.shape, self._scenario.grid_size)
+        return self._world.probabilities(rows, numbers)
 
     @property
     def table(self) -> Singles:

@@ -12,7 +12,6 @@ rows are adjacent in memory.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -109,20 +108,6 @@ class Forecasts(ABC):
         Args:
             beginning: rows that are put at step 0 instead.
         """
-
-    def writes_in_background(self, out: Singles) -> bool:
-        """Whether `write_next` should write the matrices, on other threads."""
-        return False
-
-    def write_next(self, beginning: Ints, out: Singles, foreground: Callable[[], None]) -> None:
-        """Write the matrices of the next step in the background of the present one.
-
-        Args:
-            beginning: rows that will be at step 0; their first pointers are set.
-            out: for the matrix of each row's only person: float32, shape (rows, N, N).
-            foreground: the rest of the step.
-        """
-        raise NotImplementedError
 
     @abstractmethod
     def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.tables import tabulate
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
-from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
+from DroneSwarmSearch.vector.threads import parts_of, run_in_parts
 
 __all__ = ["TABLE_BYTES", "TabulatedForecasts", "check_table", "choose_forecasts"]
 
@@ -136,10 +136,14 @@ class TabulatedForecasts(Forecasts):
             if self._latest + 1 == self._filled:
                 self._fill()
 
-    def writes_in_background(self, out: Singles) -> bool:
-        return worth_sharing(out)
-
     def write_next(self, beginning: Ints, out: Singles, foreground: Callable[[], None]) -> None:
+        """Write the matrices of the next step in the background of the present one.
+
+        Args:
+            beginning: rows that will be at step 0; their first pointers are set.
+            out: for the matrix of each row's only person: float32, shape (rows, N, N).
+            foreground: the rest of the step.
+        """
         entries = self.entries[0] + 1
         entries[beginning] = self._first[0].take(beginning)
 

@@ -31,7 +31,6 @@ from DroneSwarmSearch.vector.arguments import (
 )
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
-from DroneSwarmSearch.vector.parameters import checked_rows
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 from DroneSwarmSearch.wrappers.masks import action_masks
 
@@ -283,7 +282,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         Args:
             rows: the swarms' numbers, in rising order; int64, shape (n,).
         """
-        rows = checked_rows(rows, self.batch.num_rows, rising=True)
+        rows = checks.row_numbers(rows, self.batch.num_rows, rising=True)
         return self._observations.of_rows(rows)
 
     def action_masks(self, right_of_way: bool = False) -> Flags:

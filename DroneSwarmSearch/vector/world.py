@@ -17,6 +17,7 @@ from DroneSwarmSearch.vector.beliefs import Beliefs
 from DroneSwarmSearch.vector.episodes import RowState
 from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts
+from DroneSwarmSearch.vector.threads import worth_sharing
 
 __all__ = ["BatchState"]
 
@@ -227,34 +228,33 @@ class BatchState:
             foreground: the rest of the step, which this thread runs while background threads
                 write matrices and update beliefs.
         """
-        now = self._now
+        now, forecasts = self._now, self._forecasts
 
         def finish_step() -> None:
             foreground()
             draws = numerators(now.draws).reshape(now.coordinates.shape)
-            self._forecasts.walk(now.coordinates, draws)
+            forecasts.walk(now.coordinates, draws)
             np.multiply(now.y, self._width, out=now.cells)
             now.cells += now.x
 
         written = False
         if self._beliefs is not None:
             counted = self._counted_persons(slice(None))
-            self._beliefs.update(
-                rows, cells, self.missing, counted, self._forecasts, out, finish_step
-            )
+            self._beliefs.update(rows, cells, self.missing, counted, forecasts, out, finish_step)
         elif (
             out is not None
+            and worth_sharing(out)
             and len(self._detections) == 1
-            and self._forecasts.writes_in_background(out)
+            and isinstance(forecasts, TabulatedForecasts)
         ):
-            self._forecasts.write_next(beginning, out, finish_step)
+            forecasts.write_next(beginning, out, finish_step)
             written = True
         else:
             finish_step()
         now.counters += self._increments
         if beginning.size:
             self._restart(beginning)
-        self._forecasts.advance(beginning)
+        forecasts.advance(beginning)
         if out is None or written:
             return
         if self._beliefs is not None and self._beliefs.begun.any():
