@@ -260,11 +260,11 @@ class Collisions:
         Returns:
             row * drones + drone for each of them; unordered, possibly with repetitions.
         """
-        if targets.shape[1] == 1:
+        drones = targets.shape[1]
+        if drones == 1:
             return _NO_DRONES
-        return self._sorted(targets) if targets.shape[1] > _FEW_DRONES else self._compared(targets)
-
-    def _compared(self, targets: NDArray[Any]) -> Drones:
+        if drones > _FEW_DRONES:
+            return self._sorted(targets)
         self._by_drone[...] = targets.T
         for one, other, equal in self._comparisons:
             np.equal(one, other, out=equal)

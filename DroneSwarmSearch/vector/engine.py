@@ -15,6 +15,7 @@ in `restart`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -321,8 +322,8 @@ class SearchBatch:
         if finds.size:
             found, all_found = searches.take(finds), world.all_found(rows.take(finds))
 
-        def resolve() -> None:
-            drones.resolve(world.step, targets, searches, probability, found, all_found, idle)
+        outcome = targets, searches, probability, found, all_found, idle
+        resolve = partial(drones.resolve, world.step, *outcome)
 
         # 3. The clock advances; `resolve` runs while background threads write and drift.
         world.advance(rows, cells, beginning, matrices, resolve)

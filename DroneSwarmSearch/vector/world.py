@@ -359,9 +359,8 @@ class BatchState:
         persons = range(len(self._detections))
         values = [probability(*self._forecasts.marginals(person, rows)) for person in persons]
         counted = self._counted_persons(rows)
-        by_person = [np.moveaxis(each, 0, -1) for each in values]
-        mean = means_over_missing(by_person, counted)
-        return np.moveaxis(mean, -1, 0).astype(np.float32)
+        shown = counted.reshape(counted.shape + (1,) * (values[0].ndim - 1))
+        return means_over_missing(values, shown).astype(np.float32)
 
 
 def _outer_products(of_x: Floats, of_y: Floats) -> Floats:
