@@ -27,15 +27,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 
 __all__ = [
     "OFF_GRID",
     "Action",
+    "Collisions",
     "Ending",
     "RewardScheme",
     "ending",
@@ -86,6 +88,11 @@ _DESCRIPTIONS = {
 
 OFF_GRID = -1
 """The target of a move that leaves the grid."""
+
+_FEW_DRONES = 32
+"""Up to this many drones, comparing all pairs is faster than sorting the cells."""
+
+_NO_DRONES: Drones = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True)
@@ -200,7 +207,7 @@ def same_cell(targets: Sequence[int]) -> set[int]:
     """The cells that hold two or more drones after moving; these drones collide.
 
     A drone that tries to leave the grid is in no cell, so OFF_GRID is never in the result. Two
-    drones that exchange cells do not collide. `vector.collisions` has the array form.
+    drones that exchange cells do not collide.
     """
     seen: set[int] = set()
     shared: set[int] = set()
@@ -211,6 +218,75 @@ def same_cell(targets: Sequence[int]) -> set[int]:
             seen.add(cell)
     shared.discard(OFF_GRID)
     return shared
+
+
+class Collisions:
+    """`same_cell` for many searches: finds the drones that collided.
+
+    Args:
+        rows: the number of searches.
+        drones: the drones in each.
+        dtype: the integer type of the cells.
+    """
+
+    def __init__(self, rows: int, drones: int, dtype: DTypeLike) -> None:
+        self._arguments = rows, drones, dtype
+        if drones > _FEW_DRONES:
+            return
+        # With the drones as the first axis, one call compares pairs in all rows.
+        self._by_drone = np.empty((drones, rows), dtype)
+        lower, higher = np.triu_indices(drones, 1)
+        order = np.argsort(higher - lower, kind="stable")
+        self._pairs = np.stack([higher, lower])[:, order]  # by their distance
+        self._equal = np.empty((len(order), rows), np.bool_)
+        ends = np.arange(drones - 1, 0, -1).cumsum()
+        self._comparisons = [
+            (self._by_drone[apart:], self._by_drone[:-apart], equal)
+            for apart, equal in enumerate(np.split(self._equal, ends[:-1]), 1)
+        ]
+        # NumPy calculates faster with 0-d arrays than with Python numbers.
+        self._rows, self._drones = np.array(rows), np.array(drones)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._arguments  # no state outlives a call
+
+    def __call__(self, targets: NDArray[Any]) -> Drones:
+        """Return the drones that share a cell with another drone after moving.
+
+        Args:
+            targets: the cell that each drone tried to enter, or OFF_GRID: shape
+                (rows, drones).
+
+        Returns:
+            row * drones + drone for each of them; unordered, possibly with repetitions.
+        """
+        drones = targets.shape[1]
+        if drones == 1:
+            return _NO_DRONES
+        if drones > _FEW_DRONES:
+            return self._sorted(targets)
+        self._by_drone[...] = targets.T
+        for one, other, equal in self._comparisons:
+            np.equal(one, other, out=equal)
+        together = self._equal.reshape(-1).nonzero()[0]
+        if not together.size:
+            return _NO_DRONES
+        pairs, rows = np.divmod(together, self._rows)
+        both: Drones = self._pairs.take(pairs, axis=1)
+        both += np.multiply(rows, self._drones)
+        cells = targets.take(both[0])
+        if np.minimum.reduce(cells) == OFF_GRID:  # drones off the grid do not collide
+            both = both[:, cells != OFF_GRID]
+        return both.reshape(-1)
+
+    def _sorted(self, targets: NDArray[Any]) -> Drones:
+        cells = np.sort(targets, axis=1)
+        equal = (cells[:, 1:] == cells[:, :-1]) & (cells[:, 1:] != OFF_GRID)
+        rows = np.logical_or.reduce(equal, axis=1).nonzero()[0]
+        order = targets[rows].argsort(axis=1, kind="stable") + (rows * targets.shape[1])[:, None]
+        equal = equal[rows]
+        drones: Drones = np.concatenate([order[:, 1:][equal], order[:, :-1][equal]])
+        return drones
 
 
 def reward(

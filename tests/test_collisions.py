@@ -8,9 +8,8 @@ import itertools
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.rules import OFF_GRID, same_cell
-from DroneSwarmSearch.vector import collisions
-from DroneSwarmSearch.vector.collisions import Collisions
+from DroneSwarmSearch import rules
+from DroneSwarmSearch.rules import OFF_GRID, Collisions, same_cell
 
 
 def named(targets: np.ndarray) -> list[set[int]]:
@@ -33,7 +32,7 @@ def expected(targets: np.ndarray) -> list[set[int]]:
 @pytest.mark.parametrize("few", [0, 32], ids=["sorted", "compared"])
 @pytest.mark.parametrize("drones", [1, 2, 3, 4])
 def test_every_constellation_of_few_drones(monkeypatch, few: int, drones: int) -> None:
-    monkeypatch.setattr(collisions, "_FEW", few)
+    monkeypatch.setattr(rules, "_FEW_DRONES", few)
     targets = np.array(list(itertools.product((OFF_GRID, 0, 1, 2), repeat=drones)))
     assert named(targets) == expected(targets)
 

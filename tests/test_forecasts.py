@@ -11,8 +11,7 @@ from helpers import plain
 
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.vector import tabulated_forecasts
-from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts, choose_forecasts
 
 

@@ -19,7 +19,7 @@ from helpers import EVENTS, INTENTS, SCHEMES, inside, planned_actions, target_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, rules
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
@@ -27,13 +27,11 @@ from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.vector import (
     SearchBatch,
     beliefs,
-    collisions,
-    on_the_fly_forecasts,
+    forecasts,
     tabulated_forecasts,
     threads,
 )
-from DroneSwarmSearch.vector.forecasts import DriftParameters
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
 
 # A batch, and a single environment for each of its rows.
 
@@ -229,7 +227,7 @@ class Case:
     parameters: dict[str, Any]
     on_the_fly: bool  # forecasts
     tile_rows: int
-    few_drones: int  # up to this many are compared in pairs, see `collisions`
+    few_drones: int  # up to this many are compared in pairs, see `rules.Collisions`
     plans: list[list[int]]
     seed: int
     steps: int
@@ -325,8 +323,8 @@ def check_case(case: Case) -> Counter[str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
         patch.setattr(beliefs, "_BEGIN_ROWS", 2)
-        patch.setattr(on_the_fly_forecasts, "_CHUNK_BYTES", 500)  # so that there are several
-        patch.setattr(collisions, "_FEW", case.few_drones)
+        patch.setattr(forecasts, "_CHUNK_BYTES", 500)  # so that there are several
+        patch.setattr(rules, "_FEW_DRONES", case.few_drones)
         if case.on_the_fly:
             patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
         if case.shared:

@@ -1,4 +1,4 @@
-"""Reading and validating the actions of a step."""
+"""Reading and validating the actions of a step, in a single search and in a batch."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from operator import getitem, index, itemgetter
 from typing import Any, NoReturn
 
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["Reader", "check_agent", "reader"]
+__all__ = ["Reader", "check_agent", "checked_actions", "reader"]
 
 Reader = Callable[[Mapping[str, int], Neighbours, list[int]], tuple[bytes, list[int]]]
 """Reads the actions of a step.
@@ -20,6 +23,7 @@ each drone's action and target cell; the target cells are the given list itself 
 moves. Raises TypeError or ValueError, see `_refuse`.
 """
 
+_ACTIONS = len(Action)
 _SEARCH = int(Action.SEARCH)
 _STAYING = bytes((Action.SEARCH, Action.IDLE))
 _SINGLE = {int(action): bytes((action,)) for action in Action}
@@ -98,8 +102,41 @@ def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:
     for agent in names:
         if agent not in actions:
             raise ValueError(f"actions must hold an action for every drone, got none for {agent!r}")
-        checks.integer(f"actions[{agent!r}]", actions[agent], 0, len(Action) - 1)
+        checks.integer(f"actions[{agent!r}]", actions[agent], 0, _ACTIONS - 1)
     raise TypeError(f"actions cannot be read, got {actions!r}")
+
+
+def checked_actions(actions: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Validate the actions of many searches; returns them in a new array.
+
+    Args:
+        actions: integers from 0 to 5.
+        shape: the required shape, (rows, n_drones).
+        dtype: an integer type for the result.
+
+    Raises:
+        TypeError: they are not integers.
+        ValueError: they are out of range, or of another shape.
+    """
+    what = f"actions must have the shape {shape}, one for each drone of each search"
+    try:
+        given = np.asarray(actions)
+    except ValueError:  # rows that differ in length
+        raise ValueError(f"{what}, got {actions!r}") from None
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"actions must be integers from 0 to 5, got {given.dtype}")
+    if given.shape != shape:
+        raise ValueError(f"{what}, got {given.shape}")
+    # As unsigned integers, negative numbers are large.
+    whole = np.ascontiguousarray(given, np.int64)
+    unsigned = whole.reshape(-1).view(np.uint64)
+    if np.maximum.reduce(unsigned) >= _ACTIONS:
+        row, drone = divmod(int((unsigned >= _ACTIONS).argmax()), shape[1])
+        raise ValueError(
+            f"actions must be integers from 0 to 5, got {given[row, drone]} "
+            f"for drone {drone} of search {row}"
+        )
+    return whole.astype(dtype)
 
 
 def _range(names: Sequence[str]) -> str:

@@ -23,6 +23,7 @@ __all__ = [
     "array",
     "boolean",
     "cell",
+    "cell_numbers",
     "cells",
     "choice",
     "finite",
@@ -38,6 +39,7 @@ __all__ = [
     "positive",
     "real",
     "reals",
+    "row_numbers",
     "seeds",
 ]
 
@@ -286,6 +288,58 @@ def array(name: str, value: object, what: str) -> NDArray[Any]:
         return np.asarray(value)
     except ValueError:
         raise ValueError(f"{name} must be {what}, got {value!r}") from None
+
+
+def row_numbers(value: object, count: int, *, rising: bool = False, repeated: bool = False) -> Ints:
+    """Numbers of the rows of a batch: int64, shape (n,).
+
+    Args:
+        value: integers from 0 to count - 1.
+        count: the number of rows.
+        rising: they must be in rising order.
+        repeated: equal numbers are allowed.
+
+    Raises:
+        TypeError: they are not integers.
+        ValueError: there is no such row, or they are out of order.
+    """
+    if isinstance(value, np.ndarray) and value.dtype == np.int64 and value.ndim == 1:
+        # A fast test for the usual case, which occurs in every step.
+        in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
+        if in_order and value[0] >= 0 and value[-1] < count:
+            return value
+    order = "in rising order" if rising else "without repetitions"
+    what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
+    given = array("rows", value, "a list or an array of integers")
+    if given.ndim == 1 and not given.size:
+        return np.empty(0, np.int64)
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"{what}; got {given.dtype}")
+    if given.ndim != 1:
+        raise ValueError(f"{what}; got shape {given.shape}")
+    rows = given.astype(np.int64)
+    wrong = rows[(rows < 0) | (rows >= count)]
+    if wrong.size:
+        raise ValueError(f"{what}; got {wrong[0]}")
+    steps = np.diff(rows if rising else np.sort(rows))
+    if (steps < (not repeated)).any():
+        raise ValueError(f"{what}; got {value!r}")
+    return rows
+
+
+def cell_numbers(value: object, shape: tuple[int, ...], grid_size: int) -> Ints:
+    """A cell, y * grid_size + x, for each of some rows of a batch: int64, of this shape."""
+    last = grid_size**2 - 1
+    what = f"integers from 0 to {last}, one for each of the rows"
+    given = array("cells", value, what)
+    if given.dtype.kind not in "iu" and given.size:
+        raise TypeError(f"cells must be {what}, got {given.dtype}")
+    if given.shape != shape:
+        raise ValueError(f"cells must be {what}, got shape {given.shape}")
+    wrong = given[(given < 0) | (given > last)]
+    if wrong.size:
+        raise ValueError(f"cells must be {what}, got {wrong[0]}")
+    return given.astype(np.int64)
 
 
 def output_array(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:

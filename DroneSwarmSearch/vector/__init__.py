@@ -4,7 +4,7 @@
 which works with plain arrays. `sb3` adapts them to Stable-Baselines3 and is imported separately.
 """
 
-from DroneSwarmSearch.vector.buffers import Buffers
+from DroneSwarmSearch.vector.arguments import Buffers
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.parameters import Sampler

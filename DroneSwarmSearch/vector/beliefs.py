@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from DroneSwarmSearch.drift.belief import drift, normalise
-from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
+from DroneSwarmSearch.drift.belief import drift, means_over_missing, normalise
 from DroneSwarmSearch.vector.forecasts import Forecasts
 from DroneSwarmSearch.vector.threads import run_in_parts
 
-__all__ = ["Beliefs", "mean_over_persons"]
+__all__ = ["Beliefs"]
 
 _TILE_ROWS = 1024
 """The largest number of rows in a tile."""
@@ -229,7 +229,7 @@ class Beliefs:
     def _write(self, tile: int, counted: Flags, out: Singles) -> None:
         """Write the matrices of a tile."""
         cells, rows = self._size**2, self._rows[tile]
-        mean = mean_over_persons(self._tiles[tile], counted[:, rows]).reshape(cells, -1)
+        mean = _mean(self._tiles[tile], counted[:, rows]).reshape(cells, -1)
         flat = out[rows].reshape(-1, cells)
         single = np.empty((cells, len(flat) + _PADDING), np.float32)[:, : len(flat)]
         single[...] = mean
@@ -245,14 +245,14 @@ class Beliefs:
         out = np.empty((len(rows), self._size, self._size), np.float32)
         for tile, here in self._parts(rows):
             beliefs = self._tiles[tile].take(rows[here] - self._first[tile], axis=-1)
-            out[here] = np.moveaxis(mean_over_persons(beliefs, counted[:, here]), -1, 0)
+            out[here] = np.moveaxis(_mean(beliefs, counted[:, here]), -1, 0)
         return out
 
     def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
         """The matrix entry of one cell in each of some rows, in rising order: float32, (n,)."""
         persons = range(len(self._detections))
         of_cells = np.stack([self._flat.take(self._index(k, rows, cells)) for k in persons])
-        values: Singles = mean_over_persons(of_cells, counted).astype(np.float32)
+        values: Singles = _mean(of_cells, counted).astype(np.float32)
         return values
 
     def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
@@ -263,12 +263,7 @@ class Beliefs:
                 yield tile, here
 
 
-def mean_over_persons(beliefs: Floats, counted: Flags) -> Floats:
-    """The mean over the counted persons of beliefs of shape (persons, ..., n)."""
-    mean: Floats = beliefs[0]
-    if len(beliefs) > 1:
-        total = np.zeros(mean.shape)
-        for belief, counts in zip(beliefs, counted, strict=True):
-            np.add(total, belief, out=total, where=counts)
-        mean = total / counted.sum(axis=0)
+def _mean(beliefs: Floats, counted: Flags) -> Floats:
+    """`means_over_missing`, without a copy if there is only one person."""
+    mean: Floats = beliefs[0] if len(beliefs) == 1 else means_over_missing([*beliefs], counted)
     return mean

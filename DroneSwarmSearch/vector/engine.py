@@ -3,7 +3,7 @@
 A step goes through the four phases of the single environment, for all rows at once:
 
 1. all drones move or search, given the state they were shown;
-2. `outcomes` applies the rules: rewards and endings;
+2. the rules decide rewards and endings;
 3. the clock advances: the persons drift, and so do the beliefs, in background threads where
    that saves time;
 4. the new state can be read: positions, matrices, or indices into the table of matrices.
@@ -14,26 +14,26 @@ in `restart`.
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import rules
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.actions import checked_actions
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.streams import mixed
-from DroneSwarmSearch.rules import OFF_GRID, Action, RewardScheme
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector.actions import checked_actions
-from DroneSwarmSearch.vector.arrays import Ints, Singles, Words
-from DroneSwarmSearch.vector.collisions import Collisions
+from DroneSwarmSearch.vector.drones import BatchDrones
 from DroneSwarmSearch.vector.episodes import Episodes
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
-from DroneSwarmSearch.vector.outcomes import Outcomes
-from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler, checked_rows
-from DroneSwarmSearch.vector.readings import BatchReadings
+from DroneSwarmSearch.vector.forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler
 from DroneSwarmSearch.vector.tabulated_forecasts import (
     TabulatedForecasts,
     check_table,
@@ -43,10 +43,7 @@ from DroneSwarmSearch.vector.world import BatchState
 
 __all__ = ["SearchBatch"]
 
-# NumPy calculates faster with 0-d arrays than with Python numbers.
-_SEARCH, _IDLE, _ACTIONS, _OFF_GRID = (
-    np.array(number, np.int16) for number in (Action.SEARCH, Action.IDLE, len(Action), OFF_GRID)
-)
+_IDLE = np.array(Action.IDLE, np.int16)  # 0-d: NumPy calculates faster than with an int
 
 # glibc returns large freed blocks to the system, which costs up to a third of a step, until a
 # block of this size has been freed once. Without effect on other systems.
@@ -54,7 +51,7 @@ _large = np.empty(2**24, np.uint8)
 del _large
 
 
-class SearchBatch(BatchReadings):
+class SearchBatch:
     """Many independent searches with the rules, forecasts and random numbers of one.
 
     Given the same seed and actions, each row reproduces `DroneSwarmSearch` bit for bit.
@@ -130,29 +127,14 @@ class SearchBatch(BatchReadings):
         self._varies = sampler is not None  # whether they may differ from the usual ones
         self._scenario = scenario = self._usual.scenario
         if wants_table:
-            self._check_table(self._usual)
+            check_table(scenario, self._usual.forecasts)
 
-        rows, n, size = self._usual.num_rows, scenario.n_drones, scenario.grid_size
-        self._rows = np.arange(rows)
-        # Drones are numbered throughout the batch: row * n + drone.
-        self._drones_of = np.arange(rows * n).reshape(rows, n)
-        self._row_of = self._rows.repeat(n)
-        # Cells and actions are stored in narrow integers, which are faster to process.
-        largest = size**2 * len(Action)
-        kinds = (np.int16, np.int32, np.int64)
-        self._narrow: Any = next(kind for kind in kinds if largest <= np.iinfo(kind).max)
-        neighbours = rules.neighbours_of_all(size)  # which checks that such tables fit in memory
-        super().__init__(size)
-        self._neighbours = neighbours.reshape(-1).astype(self._narrow)
-        self._collided = Collisions(rows, n, self._narrow)
-
+        self._rows = np.arange(self._usual.num_rows)
         self.ready = False
         self._changing = False  # stays True after an interrupted step or reset
-        self._episodes = Episodes(rows)
-        self._outcomes = Outcomes(scenario, rows)
+        self._episodes = Episodes(self._usual.num_rows)
+        self._drones = BatchDrones(scenario, self._usual.num_rows)
         self._world = self._new_world()
-        self._cells = np.zeros((rows, n), self._narrow)
-        self._chosen = np.full((rows, n), _IDLE, self._narrow)  # the last step's actions
 
     def _new_world(self) -> BatchState:
         scenario = self._scenario
@@ -169,9 +151,9 @@ class SearchBatch(BatchReadings):
         forecasts = self._usual.forecasts, self._now.forecasts
         return choose_forecasts(size, steps, *forecasts, wants_table=self._wants_table)
 
-    def _check_table(self, parameters: BatchParameters) -> None:
-        size, steps = self._scenario.grid_size, self._scenario.timestep_limit
-        check_table(size, steps, parameters.forecasts)
+    def _check_complete(self, what: str) -> None:
+        if self._changing:
+            raise ResetNeeded(f"{what}: a step or reset was interrupted; reset all searches first")
 
     # Episodes.
 
@@ -197,18 +179,22 @@ class SearchBatch(BatchReadings):
             TypeError: a value is of the wrong type.
             ValueError: a value is out of its limits.
         """
-        rows = self._rows if rows is None else checked_rows(rows, self.num_rows)
+        rows = self._rows if rows is None else checks.row_numbers(rows, self.num_rows)
         wanted = self._usual if given is None else self._usual.changed(given)
         if given and self._wants_table:
-            self._check_table(wanted)
+            check_table(self._scenario, wanted.forecasts)
         seeds = None if seeds is None else checks.seeds("seeds", seeds)
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
-        if self._changing:
-            self._recover(rows)
+        if self._changing:  # a step or reset was interrupted: replace what it left incomplete
+            if np.unique(rows).size < self.num_rows:
+                raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
+            self._episodes.forget_prepared()
+            self._world = self._new_world()
         self._prepare(rows)
         counters = self._episodes.reseeded(rows, seeds)
-        values = self._draw(mixed(counters[2]), given or {})
+        values = self._usual.drawn(self._sampler, mixed(counters[2]))
+        values = {name: value for name, value in values.items() if name not in (given or ())}
 
         # The input is valid: from here on the batch changes.
         self._changing = True
@@ -222,7 +208,7 @@ class SearchBatch(BatchReadings):
             if isinstance(self._world.forecasts, TabulatedForecasts):
                 self._world.change_forecasts(self._choose_forecasts(), self._now.forecasts)
         self._start(rows, values, wanted)
-        self._outcomes.clear(rows)
+        self._drones.clear(rows)
         self._changing = False
 
     def restart(self, rows: Ints) -> None:
@@ -233,7 +219,7 @@ class SearchBatch(BatchReadings):
             TypeError: the rows are not integers.
             ValueError: there is no such row.
         """
-        rows = checked_rows(rows, self.num_rows)
+        rows = checks.row_numbers(rows, self.num_rows)
         self._check_complete("restart")
         if not (self.ready or self._episodes.seeded[rows].all()):
             raise ResetNeeded("restart: not all rows have begun; call reset() first")
@@ -242,19 +228,12 @@ class SearchBatch(BatchReadings):
         self._start(rows, values, self._usual)
         self._changing = False
 
-    def _recover(self, rows: Ints) -> None:
-        """Replace the state that an interrupted step or reset has left incomplete."""
-        if np.unique(rows).size < self.num_rows:
-            raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
-        self._episodes.forget_prepared()
-        self._world = self._new_world()
-
     def _start(self, rows: Ints, values: RowValues, parameters: BatchParameters) -> None:
         """Begin episodes outside of a step."""
         drones = self._begin(rows, values, parameters)
         self._world.begin(rows)
-        self._outcomes.ended[rows] = False
-        self._chosen.reshape(-1)[drones] = _IDLE
+        self._drones.ended[rows] = False
+        self._drones.chosen.reshape(-1)[drones] = _IDLE
 
     def _begin(self, rows: Ints, values: RowValues, parameters: BatchParameters) -> Ints:
         """Set the parameters and drones of prepared rows; the persons begin separately.
@@ -272,17 +251,14 @@ class SearchBatch(BatchReadings):
             self._now.assign(rows, parameters)
             self._now.assign_values(rows, values)
             self._world.assign(rows, self._now.forecasts)
-        drones = self._drones_of.take(rows, axis=0).reshape(-1)
-        self._cells.reshape(-1)[drones] = self._now.drones.take(drones)
-        self._outcomes.begin(drones)
-        return drones
+        return self._drones.begin(rows, self._now.drones)
 
     def _next(self, rows: Ints) -> RowValues:
         """Prepare the next episodes of some rows; returns the sampler's values for them."""
         self._prepare(rows)
-        if self._sampler is None:
+        if self._sampler is None:  # saves computing the keys
             return {}
-        return self._draw(self._episodes.sampling_keys(rows))
+        return self._usual.drawn(self._sampler, self._episodes.sampling_keys(rows))
 
     def _prepare(self, rows: Ints) -> None:
         """Set the random keys of the next episodes, unless these rows have them already."""
@@ -291,13 +267,6 @@ class SearchBatch(BatchReadings):
         before, self._changing = self._changing, True
         self._world.prepare(*self._episodes.prepare_all())
         self._changing = before
-
-    def _draw(self, keys: Words, given: Container[str] = ()) -> RowValues:
-        """The sampler's values for some episodes, except for given ones."""
-        if self._sampler is None:
-            return {}
-        drawn = self._usual.drawn(len(keys), self._sampler, keys)
-        return {name: value for name, value in drawn.items() if name not in given}
 
     # A step.
 
@@ -322,10 +291,10 @@ class SearchBatch(BatchReadings):
         self._check_complete("step")
         if not self.ready:
             raise ResetNeeded("step: no episode has begun; call reset() first")
-        chosen = checked_actions(actions, self._cells.shape, self._narrow)
+        chosen = checked_actions(actions, self._drones.cells.shape, self._drones.dtype)
         if matrices is not None:
             self._check_output(matrices)
-        beginning = self._outcomes.ended.nonzero()[0]
+        beginning = self._drones.ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(
                 f"step: the episodes of searches {beginning.tolist()} have ended; reset them "
@@ -335,37 +304,214 @@ class SearchBatch(BatchReadings):
 
         # The input is valid: from here on the batch changes.
         self._changing = True
+        drones, world = self._drones, self._world
         idle = beginning  # the drones of rows that begin
         if beginning.size:
             idle = self._begin(beginning, values, self._usual)
             chosen.reshape(-1)[idle] = _IDLE
 
         # 1. All drones move or search.
-        moves = self._cells * _ACTIONS
-        moves += chosen
-        targets = self._neighbours.take(moves, mode="clip")
-        searches = (chosen == _SEARCH).reshape(-1).nonzero()[0]
-        rows = self._row_of.take(searches)
-        cells = self._cells.reshape(-1).take(searches).astype(np.int64)
+        targets, searches = drones.move(chosen)
+        rows = drones.row_of.take(searches)
+        cells = drones.cells.reshape(-1).take(searches).astype(np.int64)
 
         # 2. The rules decide outcomes, rewards and endings.
-        world, outcomes = self._world, self._outcomes
         probability = world.probabilities(rows, cells).astype(np.float64)
         finds = world.search(rows, cells, searches)
         found = all_found = finds
         if finds.size:
             found, all_found = searches.take(finds), world.all_found(rows.take(finds))
 
-        def decide() -> None:
-            left_grid = (targets.reshape(-1) == _OFF_GRID).nonzero()[0]
-            collided = self._collided(targets)
-            outcomes.decide(
-                world.step, searches, probability, found, all_found, left_grid, collided, idle
-            )
-            if left_grid.size:  # these drones stay where they were
-                targets.reshape(-1)[left_grid] = self._cells.reshape(-1).take(left_grid)
+        outcome = targets, searches, probability, found, all_found, idle
+        resolve = partial(drones.resolve, world.step, *outcome)
 
-        # 3. The clock advances; `decide` runs while background threads write and drift.
-        world.advance(rows, cells, beginning, matrices, decide)
-        self._cells, self._chosen = targets, chosen
+        # 3. The clock advances; `resolve` runs while background threads write and drift.
+        world.advance(rows, cells, beginning, matrices, resolve)
+        drones.cells, drones.chosen = targets, chosen
         self._changing = False
+
+    # Parameters.
+
+    @property
+    def num_rows(self) -> int:
+        """The number of searches, E."""
+        return self._now.num_rows
+
+    @property
+    def scenario(self) -> Scenario:
+        """The parameters of all searches in their present episodes.
+
+        Before the first `reset`, those of the constructor.
+
+        Raises:
+            ValueError: the searches have different parameters; see `scenario_of`.
+        """
+        return self._now.common_scenario()
+
+    def scenario_of(self, row: int) -> Scenario:
+        """The parameters of one search in its present episode.
+
+        Args:
+            row: its number, from 0 to E - 1.
+
+        Raises:
+            TypeError: `row` is not an integer.
+            ValueError: there is no such search.
+        """
+        return self._now.scenario_of(checks.integer("row", row, 0, self.num_rows - 1))
+
+    @property
+    def parameters(self) -> RowValues:
+        """Every row's parameters in its present episode, in the form that `reset` accepts."""
+        return self._now.to_dict()
+
+    # The last step.
+
+    @property
+    def rewards(self) -> Floats:
+        """The rewards of the last step: float64, (E, n_drones)."""
+        return self._drones.rewards
+
+    @property
+    def endings(self) -> NDArray[np.int8]:
+        """Why the last step ended episodes, each an `Ending`, or 0: int8, (E,)."""
+        return self._drones.endings.copy()
+
+    @property
+    def ended(self) -> Flags:
+        """Rows that begin an episode in place of the next step: bool, (E,)."""
+        return self._drones.ended.copy()
+
+    @property
+    def searching(self) -> Flags:
+        """Which drones searched in the last step: bool, (E, n_drones)."""
+        return self._drones.searching
+
+    # The state.
+
+    @property
+    def steps(self) -> Ints:
+        """Completed steps of every row: int64, (E,)."""
+        return self._world.step.copy()
+
+    @property
+    def positions(self) -> NDArray[np.int32]:
+        """Every drone's cell (x, y): int32, (E, n_drones, 2)."""
+        return self._drones.positions
+
+    @property
+    def cells(self) -> Ints:
+        """Every drone's cell, y * N + x: int64, (E, n_drones)."""
+        return self._drones.cells.astype(np.int64)
+
+    @property
+    def missing(self) -> Flags:
+        """Which persons have not been found: bool, (E, persons)."""
+        return self._world.missing.T.copy()
+
+    @property
+    def found(self) -> Flags:
+        """Whether any person has been found in the episode: bool, (E,)."""
+        found: Flags = ~np.logical_and.reduce(self._world.missing)
+        return found
+
+    @property
+    def person_cells(self) -> Ints:
+        """Every person's cell, y * N + x, hidden from the drones: int64, (E, persons)."""
+        return self._world.person_cells.T.copy()
+
+    def frame(self, row: int) -> Frame:
+        """Everything that a picture of one row shows, including the persons.
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+        """
+        row = checks.integer("row", row, 0, self.num_rows - 1)
+        self._check_complete("frame")
+        _, positions = grid_of(self._scenario.grid_size)
+        x, y = self._now.forecasts.drift[:, row].tolist()
+        ending = self._drones.endings[row]
+        missing = self._world.missing[:, row]
+        finders, find_cells = self._world.finds[..., row]
+        persons = np.where(missing, self._world.person_cells[:, row], find_cells)
+        found_by = np.where(missing, -1, finders % self._scenario.n_drones)
+        return Frame(
+            matrix=self.matrices_of(np.array([row]))[0],
+            drones=tuple(positions[cell] for cell in self._drones.cells[row].tolist()),
+            searching=tuple(self.searching[row].tolist()),
+            persons=tuple(positions[cell] for cell in persons.tolist()),
+            found_by=tuple(None if drone < 0 else drone for drone in found_by.tolist()),
+            step=int(self._world.step[row]),
+            timestep_limit=self._scenario.timestep_limit,
+            vector=(x, y),
+            ending=Ending(ending) if ending else None,
+        )
+
+    # The matrices.
+
+    def write_matrices(self, out: Singles) -> None:
+        """Write the matrix of every row: float32, (E, N, N), C-contiguous, indexed [y, x].
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+            TypeError: `out` is not an array.
+            ValueError: `out` has another shape, dtype or order, or is read-only.
+        """
+        self._check_output(out)
+        self._check_complete("write_matrices")
+        self._world.write_matrices(out)
+
+    def _check_output(self, matrices: Singles) -> None:
+        size = self._scenario.grid_size
+        checks.output_array("matrices", matrices, (self.num_rows, size, size), np.float32)
+
+    def matrices_of(self, rows: Ints) -> Singles:
+        """The matrices of some rows: float32, (n, N, N), indexed [y, x].
+
+        Args:
+            rows: their numbers, in rising order.
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+            TypeError: the rows are not integers.
+            ValueError: there is no such row, or they are not in rising order.
+        """
+        rows = checks.row_numbers(rows, self.num_rows, rising=True)
+        self._check_complete("matrices_of")
+        return self._world.matrices(rows)
+
+    def probabilities(self, rows: Ints, cells: Ints) -> Singles:
+        """The matrix entries of one cell in each of some rows: float32, (n,).
+
+        Args:
+            rows: their numbers, in rising order; a row may occur several times.
+            cells: y * N + x, shape (n,).
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+            TypeError: the rows or cells are not integers.
+            ValueError: there is no such row or cell, or the rows are not in rising order.
+        """
+        self._check_complete("probabilities")
+        rows = checks.row_numbers(rows, self.num_rows, rising=True, repeated=True)
+        numbers = checks.cell_numbers(cells, rows.shape, self._scenario.grid_size)
+        return self._world.probabilities(rows, numbers)
+
+    @property
+    def table(self) -> Singles:
+        """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
+
+        A copy of the table that the batch uses. It is filled as episodes advance; entries
+        that `table_index` has returned do not change. A reset with given parameters makes a
+        new table.
+
+        Raises:
+            ValueError: the matrices depend on the searches, or do not fit into a table.
+        """
+        return self._world.tabulated().matrices
+
+    @property
+    def table_index(self) -> Ints:
+        """The entry of `table` that is the matrix of each row: int64, (E,)."""
+        entries: Ints = self._world.tabulated().entries[0].copy()
+        return entries

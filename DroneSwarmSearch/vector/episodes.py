@@ -1,4 +1,4 @@
-"""Which episode each row of a batch is in, and the keys of its random numbers."""
+"""Which episode each row of a batch is in, and the integers that its start sets."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from DroneSwarmSearch._internal.arrays import Flags, Ints, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, stream_keys
-from DroneSwarmSearch.vector.arrays import Flags, Ints, Words
 
-__all__ = ["Episodes"]
+__all__ = ["Episodes", "RowState"]
 
 
 class Episodes:
@@ -20,17 +20,15 @@ class Episodes:
 
     Args:
         rows: the number of rows.
+
+    Attributes:
+        seeded: which rows have begun an episode: bool, (rows,).
     """
 
     def __init__(self, rows: int) -> None:
         self._counters = np.zeros((3, rows), np.uint64)  # drift, detection, sampling
         self._prepared = np.zeros(rows, np.bool_)
-        self._seeded = np.zeros(rows, np.bool_)
-
-    @property
-    def seeded(self) -> Flags:
-        """Which rows have begun an episode."""
-        return self._seeded
+        self.seeded: Flags = np.zeros(rows, np.bool_)
 
     def prepared(self, rows: Ints) -> bool:
         """Whether all of these rows are prepared."""
@@ -60,14 +58,14 @@ class Episodes:
         """
         counters: Words = self._counters[:, rows]
         for index, seed in enumerate([None] * len(rows) if seeds is None else seeds):
-            if seed is not None or not self._seeded[rows[index]]:
+            if seed is not None or not self.seeded[rows[index]]:
                 counters[:, index] = stream_keys(seed) + GOLDEN
         return counters
 
     def assign(self, rows: Ints, counters: Words) -> Words:
         """Set the counters of some rows; returns their keys for drift and detection."""
         self._counters[:, rows] = counters
-        self._seeded[rows] = True
+        self.seeded[rows] = True
         return mixed(counters[:2])
 
     def begin(self, rows: Ints) -> None:
@@ -78,3 +76,59 @@ class Episodes:
         """Put the counters of all rows back at their present episodes."""
         self._counters[:, self._prepared] -= GOLDEN
         self._prepared[...] = False
+
+
+class RowState:
+    """The integers of every row that the start of an episode sets.
+
+    They are one array, so that one assignment starts an episode and one addition makes a step.
+
+    Args:
+        persons: the persons in each row.
+        pointers: the pointers that the forecasts keep for each row.
+        rows: the number of rows.
+
+    Attributes:
+        all: int64, (6 persons + 2 + pointers, rows). The other attributes are views of it.
+        coordinates: each person's x and y: int64, (persons, 2, rows).
+        x: the first of these: int64, (persons, rows).
+        y: the second of these.
+        cells: y * N + x: int64, (persons, rows).
+        missing: 1 for persons who have not been found, else 0: int64, (persons, rows).
+        detection_keys: the key of the episode's detections: uint64, (rows,).
+        counters: all integers that grow by a constant in every step, which are:
+        step: completed steps: int64, (rows,).
+        draws: counters of the next drift draws: uint64, (2 persons, rows).
+        pointers: the pointers of the forecasts: int64, (pointers, rows).
+    """
+
+    def __init__(self, persons: int, pointers: int, rows: int) -> None:
+        self._persons = persons
+        self.all = np.zeros((6 * persons + 2 + pointers, rows), np.int64)
+        self._make_views()
+
+    def _make_views(self) -> None:
+        n = self._persons
+        coordinates, self.cells, self.missing, keys, self.counters = np.split(
+            self.all, (2 * n, 3 * n, 4 * n, 4 * n + 1)
+        )
+        self.coordinates: Ints = coordinates.reshape(n, 2, -1)
+        self.x, self.y = self.coordinates[:, 0], self.coordinates[:, 1]
+        self.detection_keys: Words = keys[0].view(np.uint64)
+        self.step: Ints = self.counters[0]
+        self.draws: Words = self.counters[1 : 2 * n + 1].view(np.uint64)
+        self.pointers: Ints = self.counters[2 * n + 1 :]
+
+    def with_pointers(self, pointers: int) -> RowState:
+        """A copy with room for another number of pointers."""
+        other = RowState(self._persons, pointers, self.all.shape[1])
+        kept = len(self.all) - len(self.pointers)
+        other.all[:kept] = self.all[:kept]
+        return other
+
+    def __getstate__(self) -> tuple[int, Ints]:
+        return self._persons, self.all  # views would become arrays of their own in a copy
+
+    def __setstate__(self, state: tuple[int, Ints]) -> None:
+        self._persons, self.all = state
+        self._make_views()

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 
-from DroneSwarmSearch.vector.arrays import Ints, Singles
+from DroneSwarmSearch._internal.arrays import Ints, Singles
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
 from DroneSwarmSearch.wrappers.layouts import (

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Ints, Words
 from DroneSwarmSearch._internal.streams import RowGenerator
 from DroneSwarmSearch.scenario import Scenario, persons_of_rows, resolve_scenario
-from DroneSwarmSearch.vector.arrays import Ints, Words
 from DroneSwarmSearch.vector.forecasts import DriftParameters
 
-__all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler", "checked_rows"]
+__all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler"]
 
 RowValues = dict[str, NDArray[Any]]
 """Valid values of some of `ROW_PARAMETERS`; the row is the last axis."""
@@ -200,22 +200,23 @@ class BatchParameters:
         for name, value in values.items():
             arrays[name][..., rows] = value
 
-    def drawn(self, rows: int, sampler: Sampler, keys: Words) -> RowValues:
-        """Draw and validate parameters for some rows.
+    def drawn(self, sampler: Sampler | None, keys: Words) -> RowValues:
+        """Draw and validate parameters for some episodes; nothing without a sampler.
 
         Args:
-            rows: how many.
             sampler: draws them.
-            keys: the sampling keys of the rows' episodes.
+            keys: the sampling keys of the episodes.
 
         Raises:
             TypeError: the sampler returns something of the wrong type.
             ValueError: it returns values out of their limits.
         """
+        if sampler is None:
+            return {}
         values = sampler(RowGenerator(keys))
         if not isinstance(values, Mapping):
             raise TypeError(f"sampler must return a mapping, got {values!r}")
-        return self.validated(rows, values, "the mapping that sampler returns")
+        return self.validated(len(keys), values, "the mapping that sampler returns")
 
     def validated(self, rows: int, values: Mapping[str, Any], name: str) -> RowValues:
         """Validate some of `ROW_PARAMETERS`, each with one value for all rows or one for each.
@@ -252,42 +253,3 @@ class BatchParameters:
 def _by_person(persons: Ints) -> Ints:
     """Cells of shape (rows, persons, 2) as (persons, 2, rows)."""
     return np.ascontiguousarray(persons.transpose(1, 2, 0))
-
-
-def checked_rows(
-    value: object, count: int, *, rising: bool = False, repeated: bool = False
-) -> Ints:
-    """Row numbers as int64, shape (n,).
-
-    Args:
-        value: integers from 0 to count - 1.
-        count: the number of rows.
-        rising: they must be in rising order.
-        repeated: equal numbers are allowed.
-
-    Raises:
-        TypeError: they are not integers.
-        ValueError: there is no such row, or they are out of order.
-    """
-    if isinstance(value, np.ndarray) and value.dtype == np.int64 and value.ndim == 1:
-        # A fast test for the usual case, which occurs in every step.
-        in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
-        if in_order and value[0] >= 0 and value[-1] < count:
-            return value
-    order = "in rising order" if rising else "without repetitions"
-    what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
-    given = checks.array("rows", value, "a list or an array of integers")
-    if given.ndim == 1 and not given.size:
-        return np.empty(0, np.int64)
-    if given.dtype.kind not in "iu":
-        raise TypeError(f"{what}; got {given.dtype}")
-    if given.ndim != 1:
-        raise ValueError(f"{what}; got shape {given.shape}")
-    rows = given.astype(np.int64)
-    wrong = rows[(rows < 0) | (rows >= count)]
-    if wrong.size:
-        raise ValueError(f"{what}; got {wrong[0]}")
-    steps = np.diff(rows if rising else np.sort(rows))
-    if (steps < (not repeated)).any():
-        raise ValueError(f"{what}; got {value!r}")
-    return rows

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.tables import tabulate
-from DroneSwarmSearch.vector.arrays import Floats, Ints, Rows, Singles
-from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
-from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
+from DroneSwarmSearch.vector.threads import parts_of, run_in_parts
 
 __all__ = ["TABLE_BYTES", "TabulatedForecasts", "check_table", "choose_forecasts"]
 
@@ -136,10 +136,14 @@ class TabulatedForecasts(Forecasts):
             if self._latest + 1 == self._filled:
                 self._fill()
 
-    def writes_in_background(self, out: Singles) -> bool:
-        return worth_sharing(out)
-
     def write_next(self, beginning: Ints, out: Singles, foreground: Callable[[], None]) -> None:
+        """Write the matrices of the next step in the background of the present one.
+
+        Args:
+            beginning: rows that will be at step 0; their first pointers are set.
+            out: for the matrix of each row's only person: float32, shape (rows, N, N).
+            foreground: the rest of the step.
+        """
         entries = self.entries[0] + 1
         entries[beginning] = self._first[0].take(beginning)
 
@@ -224,13 +228,14 @@ def choose_forecasts(
     return OnTheFlyForecasts(grid_size, parameters[-1])
 
 
-def check_table(grid_size: int, steps: int, parameters: DriftParameters) -> None:
+def check_table(scenario: Scenario, parameters: DriftParameters) -> None:
     """Raise a ValueError if tables of these forecasts do not fit in memory."""
+    size, steps = scenario.grid_size, scenario.timestep_limit
     forecasts = len(_distinct([parameters]))
     checks.fits(
         f"the table of matrices for {forecasts} different forecasts",
-        _forecast_bytes(grid_size, steps) * forecasts,
-        grid_size=grid_size,
+        _forecast_bytes(size, steps) * forecasts,
+        grid_size=size,
         timestep_limit=steps,
     )
 

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-__all__ = ["parts_of", "processors", "run_in_parts", "usual_number", "worth_sharing"]
+__all__ = ["parts_of", "run_in_parts", "usual_number", "worth_sharing"]
 
 Part = TypeVar("Part")
 
@@ -37,13 +37,6 @@ _MOST = 8
 """With more threads, memory bandwidth is the limit."""
 
 
-def processors() -> int:
-    """The number of processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def usual_number() -> int:
     """The number of threads that a process uses, the main thread included; at most 8.
 
@@ -51,8 +44,11 @@ def usual_number() -> int:
     Without it, it is the number of processors that the process may use.
     """
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
-    number = int(wanted) if wanted.isdecimal() and int(wanted) > 0 else processors()
-    return min(number, _MOST)
+    if wanted.isdecimal() and int(wanted) > 0:
+        return min(int(wanted), _MOST)
+    if hasattr(os, "sched_getaffinity"):
+        return min(len(os.sched_getaffinity(0)), _MOST)
+    return min(os.cpu_count() or 1, _MOST)
 
 
 class _Workers:

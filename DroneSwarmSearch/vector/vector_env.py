@@ -19,15 +19,18 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
-from DroneSwarmSearch.vector.arrays import Flags, Ints, Singles
-from DroneSwarmSearch.vector.buffers import Buffers, check_buffers
+from DroneSwarmSearch.vector.arguments import (
+    Buffers,
+    check_buffers,
+    parse_options,
+    parse_seeds,
+    shows_keywords_of,
+)
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.keywords import shows_keywords_of
 from DroneSwarmSearch.vector.observations import BatchObservations
-from DroneSwarmSearch.vector.parameters import checked_rows
-from DroneSwarmSearch.vector.reset_arguments import parse_options, parse_seeds
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 from DroneSwarmSearch.wrappers.masks import action_masks
 
@@ -279,7 +282,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         Args:
             rows: the swarms' numbers, in rising order; int64, shape (n,).
         """
-        rows = checked_rows(rows, self.batch.num_rows, rising=True)
+        rows = checks.row_numbers(rows, self.batch.num_rows, rising=True)
         return self._observations.of_rows(rows)
 
     def action_masks(self, right_of_way: bool = False) -> Flags:

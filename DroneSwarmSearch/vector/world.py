@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, numerators
-from DroneSwarmSearch.vector.arrays import Flags, Floats, Ints, Singles, Words
-from DroneSwarmSearch.vector.beliefs import Beliefs, mean_over_persons
-from DroneSwarmSearch.vector.forecasts import DriftParameters
-from DroneSwarmSearch.vector.on_the_fly_forecasts import OnTheFlyForecasts
-from DroneSwarmSearch.vector.row_state import RowState
+from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
+from DroneSwarmSearch.vector.beliefs import Beliefs
+from DroneSwarmSearch.vector.episodes import RowState
+from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts
+from DroneSwarmSearch.vector.threads import worth_sharing
 
 __all__ = ["BatchState"]
 
@@ -73,6 +74,22 @@ class BatchState:
     @property
     def forecasts(self) -> TabulatedForecasts | OnTheFlyForecasts:
         """The rows' forecasts."""
+        return self._forecasts
+
+    def tabulated(self) -> TabulatedForecasts:
+        """The table that shows the matrix of every row.
+
+        Raises:
+            ValueError: the matrices depend on the searches, or do not fit into a table.
+        """
+        if self._beliefs is not None or len(self._detections) > 1:
+            raise ValueError(
+                "with bayesian_update or several persons there is no table of matrices"
+            )
+        if not isinstance(self._forecasts, TabulatedForecasts):
+            raise ValueError(
+                "there is no table of matrices: there are too many forecasts, or a sampler"
+            )
         return self._forecasts
 
     @property
@@ -211,43 +228,39 @@ class BatchState:
             foreground: the rest of the step, which this thread runs while background threads
                 write matrices and update beliefs.
         """
+        now, forecasts = self._now, self._forecasts
 
         def finish_step() -> None:
             foreground()
-            self._walk()
+            draws = numerators(now.draws).reshape(now.coordinates.shape)
+            forecasts.walk(now.coordinates, draws)
+            np.multiply(now.y, self._width, out=now.cells)
+            now.cells += now.x
 
         written = False
         if self._beliefs is not None:
             counted = self._counted_persons(slice(None))
-            self._beliefs.update(
-                rows, cells, self.missing, counted, self._forecasts, out, finish_step
-            )
+            self._beliefs.update(rows, cells, self.missing, counted, forecasts, out, finish_step)
         elif (
             out is not None
+            and worth_sharing(out)
             and len(self._detections) == 1
-            and self._forecasts.writes_in_background(out)
+            and isinstance(forecasts, TabulatedForecasts)
         ):
-            self._forecasts.write_next(beginning, out, finish_step)
+            forecasts.write_next(beginning, out, finish_step)
             written = True
         else:
             finish_step()
-        self._now.counters += self._increments
+        now.counters += self._increments
         if beginning.size:
             self._restart(beginning)
-        self._forecasts.advance(beginning)
+        forecasts.advance(beginning)
         if out is None or written:
             return
         if self._beliefs is not None and self._beliefs.begun.any():
             self._write_others(out)
         else:
             self.write_matrices(out)
-
-    def _walk(self) -> None:
-        """Move all persons by a step."""
-        now = self._now
-        self._forecasts.walk(now.coordinates, numerators(now.draws).reshape(now.coordinates.shape))
-        np.multiply(now.y, self._width, out=now.cells)
-        now.cells += now.x
 
     # Which persons the matrix shows.
 
@@ -264,9 +277,7 @@ class BatchState:
         if len(self._detections) == 1:
             number = len(self.step) if isinstance(rows, slice) else len(rows)
             return np.ones((1, number), np.bool_)
-        missing: Flags = self._now.missing[:, rows] != 0
-        counted: Flags = missing | ~missing.any(axis=0)
-        return counted
+        return shown_persons(self._now.missing[:, rows] != 0)
 
     # The matrices.
 
@@ -347,9 +358,9 @@ class BatchState:
         """The mean over the counted persons of a function of their marginals."""
         persons = range(len(self._detections))
         values = [probability(*self._forecasts.marginals(person, rows)) for person in persons]
-        by_person = np.moveaxis(np.stack(values), 1, -1)
-        mean = mean_over_persons(by_person, self._counted_persons(rows))
-        return np.moveaxis(mean, -1, 0).astype(np.float32)
+        counted = self._counted_persons(rows)
+        shown = counted.reshape(counted.shape + (1,) * (values[0].ndim - 1))
+        return means_over_missing(values, shown).astype(np.float32)
 
 
 def _outer_products(of_x: Floats, of_y: Floats) -> Floats:
