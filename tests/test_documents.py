@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib.util
 import io
 import itertools
@@ -37,7 +38,7 @@ SLOW_PAGES = (
     *("docs/contributing.md", "docs/guides/training.md", "docs/guides/trainers/"),
     *("docs/leaderboard/", "docs/model.md", "docs/performance.md"),
 )
-"""Pages whose commands may take minutes or need packages that are not installed."""
+"""Pages whose commands may take minutes or need optional packages."""
 
 QUICK_COMMANDS = ("bound", "evaluate", "play", "record")
 """Sub-commands that take seconds, on these pages too."""
@@ -213,12 +214,10 @@ class Command(NamedTuple):
         """Whether it may take minutes, or needs a file that is missing."""
         if any("runs/" in argument for argument in self.arguments):  # the result of a training
             return True
-        quick = (
-            self.arguments[0] == "-m"
-            and self.arguments[2:3]
-            and (self.arguments[2] in QUICK_COMMANDS)
-        )
-        return self.page.startswith(SLOW_PAGES) and not quick
+        subcommand = "".join(self.arguments[2:3]) if self.arguments[0] == "-m" else ""
+        if subcommand == "leaderboard":  # draws many pictures; test_leaderboard.py runs it
+            return True
+        return self.page.startswith(SLOW_PAGES) and subcommand not in QUICK_COMMANDS
 
 
 def commands() -> list[Command]:
@@ -249,6 +248,12 @@ def command_params(slow: bool) -> list[object]:
     ]
 
 
+@functools.cache
+def help_text(*start: str) -> str:
+    """Return the help of a script or a sub-command."""
+    return run_python([*start, "--help"], ROOT)
+
+
 @pytest.mark.parametrize("command", command_params(slow=True))
 def test_slow_commands_use_existing_options(command: Command) -> None:
     """The tests of the examples run the training scripts themselves."""
@@ -259,7 +264,7 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
         known = (ROOT / command.script).read_text("utf-8") + shared.format_help()
     elif options:
         start = command.arguments[:1] if command.script else command.arguments[:3]
-        known = run_python([*start, "--help"], ROOT)
+        known = help_text(*start)
     assert not command.script or (ROOT / command.script).exists()
     assert [option for option in options if not re.search(rf"{option}\b", known)] == []
 
@@ -288,7 +293,18 @@ def test_command(command: Command, tmp_path: Path) -> None:
     [
         (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
-        (["tests/benchmarks/bench_step.py", "--rounds", "1", "--steps", "20"], "idle/floor"),
+        (
+            [
+                "tests/benchmarks/bench_step.py",
+                "--rounds",
+                "1",
+                "--steps",
+                "20",
+                "--environments",
+                "20",
+            ],
+            "idle/floor",
+        ),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

@@ -213,11 +213,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds (15)")
     parser.add_argument("--steps", type=int, default=2000, help="steps per round (2000)")
+    parser.add_argument(
+        "--environments", type=int, default=10_000, help="environments made for memory (10000)"
+    )
     options = parser.parse_args()
     report_steps(options.rounds, options.steps)
     report_wrappers(options.rounds, options.steps)
     report_life(options.rounds)
-    report_memory(10_000)
+    report_memory(options.environments)
 
 
 if __name__ == "__main__":
