@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers import inside, plain, target_of
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
@@ -40,6 +40,7 @@ def swarms(draw: st.DrawFn) -> tuple[int, list[list[Cell]]]:
     return size, draw(st.lists(swarm, min_size=1, max_size=5))
 
 
+@settings(max_examples=60)
 @given(case=swarms(), right_of_way=st.booleans())
 def test_masks_close_what_they_should(
     case: tuple[int, list[list[Cell]]], right_of_way: bool
@@ -51,6 +52,7 @@ def test_masks_close_what_they_should(
     assert plain(masks) == plain(np.array(wanted))
 
 
+@settings(max_examples=40)
 @given(case=swarms(), data=st.data())
 def test_with_right_of_way_no_two_drones_meet_whatever_they_choose(
     case: tuple[int, list[list[Cell]]], data: st.DataObject

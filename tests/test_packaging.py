@@ -183,7 +183,10 @@ def test_the_sdist_holds_the_sources_the_tests_and_nothing_stray(built):
     }
 
 
-@pytest.mark.parametrize("what", ["wheel", "sdist", "editable"])
+@pytest.mark.parametrize(
+    "what",
+    ["wheel", *(pytest.param(what, marks=pytest.mark.slow) for what in ("sdist", "editable"))],
+)
 def test_installed(what, built, tmp_path):
     """In a fresh environment each, with the running environment's dependencies in view."""
     home = tmp_path / "environment"

@@ -126,7 +126,7 @@ class TestSectorSearch:
 
 
 class TestParallelLegs:
-    @settings(deadline=None, max_examples=80, derandomize=True)
+    @settings(deadline=None, max_examples=40, derandomize=True)
     @given(rectangles, st.booleans(), st.data())
     def test_visit_every_cell_once(
         self, area: Rectangle, along_x: bool, data: st.DataObject
@@ -144,7 +144,7 @@ class TestParallelLegs:
         for (_, end), (begin, _) in pairwise(legs):
             assert math.dist(end, begin) == 1
 
-    @settings(deadline=None, max_examples=80, derandomize=True)
+    @settings(deadline=None, max_examples=40, derandomize=True)
     @given(rectangles, st.integers(1, 12), st.booleans())
     def test_strips_divide_all_cells_as_evenly_as_whole_legs_allow(
         self, area: Rectangle, count: int, along_x: bool
@@ -159,7 +159,7 @@ class TestParallelLegs:
             assert all((p.width if along_x else p.height) == length for p in parts)
 
 
-@settings(deadline=None, max_examples=80, derandomize=True)
+@settings(deadline=None, max_examples=40, derandomize=True)
 @given(rectangles, st.integers(1, 12))
 def test_parts_divide_all_cells(area: Rectangle, count: int) -> None:
     parts = parts_of(area, count)
@@ -175,7 +175,7 @@ def test_seven_parts_stand_as_two_three_two() -> None:
 class TestCells:
     points = st.tuples(st.floats(-5, 14), st.floats(-5, 14))
 
-    @settings(deadline=None, max_examples=100, derandomize=True)
+    @settings(deadline=None, max_examples=50, derandomize=True)
     @given(
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
@@ -190,7 +190,7 @@ class TestCells:
             off = abs((x - begin[0]) * down - (y - begin[1]) * across)
             assert off <= 0.75 * (math.hypot(across, down) or 1)
 
-    @settings(deadline=None, max_examples=100, derandomize=True)
+    @settings(deadline=None, max_examples=50, derandomize=True)
     @given(st.lists(points, min_size=1, max_size=6))
     def test_cells_outside_the_grid_are_left_out_and_none_is_repeated_at_once(
         self, points: list[Point]
@@ -217,7 +217,7 @@ class TestDatum:
         area = Datum((20.0, 12.0), (4.0, 2.0), 10_000).area(40)
         assert area == Rectangle(12, 8, 17, 9)
 
-    @settings(deadline=None, max_examples=100, derandomize=True)
+    @settings(deadline=None, max_examples=50, derandomize=True)
     @given(
         st.tuples(st.floats(0, 11), st.floats(0, 11)),
         st.tuples(st.floats(0, 8), st.floats(0, 8)),
@@ -384,7 +384,7 @@ def test_drones_that_are_done_let_others_pass(kind: type[PatternPolicy]) -> None
     assert laid_out_in_a_long_search(kind, starts, grid_size=3, **place) >= 2
 
 
-@settings(deadline=None, max_examples=20, derandomize=True)
+@settings(deadline=None, max_examples=12, derandomize=True)
 @given(st.data(), st.sampled_from(PATTERNS))
 def test_drones_never_block_each_other_for_ever(
     data: st.DataObject, kind: type[PatternPolicy]

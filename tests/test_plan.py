@@ -79,7 +79,7 @@ def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path]
     return of, random_paths(of, steps, draw(st.integers(0, 2**32))), worth
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=20, derandomize=True)
 @given(plans(), st.sampled_from([1.0, 0.5, 3.0]))
 def test_value_and_success_are_the_sums_over_all_trajectories(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], weight: float
@@ -310,7 +310,7 @@ def tiny(draw: st.DrawFn) -> NamedSearch:
     )
 
 
-@settings(deadline=None, max_examples=50, derandomize=True)
+@settings(deadline=None, max_examples=20, derandomize=True)
 @given(tiny())
 def test_branch_and_bound_finds_the_best_plan(of: NamedSearch) -> None:
     best = best_success(of.scenario, of.drones)

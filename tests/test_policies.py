@@ -183,7 +183,7 @@ def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
-    @settings(deadline=None, max_examples=3 if name == "planner" else 20, derandomize=True)
+    @settings(deadline=None, max_examples=2 if name == "planner" else 8, derandomize=True)
     @given(scenes())
     def whole_episodes(scene: tuple[dict[str, Any], int]) -> None:
         parameters, seed = scene
@@ -213,7 +213,7 @@ def actions_after(seen: list[bytes]) -> list[int]:
     return [digest % 6, digest // 6 % 6]
 
 
-@settings(deadline=None, max_examples=80, derandomize=True)
+@settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.data())
 def test_every_row_remembers_its_own_observations_only(data: st.DataObject) -> None:
     policy = Historian(scenario())

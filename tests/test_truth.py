@@ -8,7 +8,7 @@ import pytest
 from DroneSwarmSearch import DroneSwarmSearch
 
 IDLE, SEARCH = 5, 4
-EPISODES = 3000
+EPISODES = 2000
 
 
 def distance(counts: np.ndarray, matrix: np.ndarray) -> tuple[float, float]:
