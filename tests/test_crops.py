@@ -33,7 +33,7 @@ def window(scale: int, own: list[int], values: np.ndarray) -> np.ndarray:
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, matrices and shares of the steps left."""
+    """Positions, matrices and remaining time fractions."""
     count, size, drones = draw(st.integers(1, 3)), draw(st.integers(2, 24)), draw(st.integers(1, 4))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     cells = np.stack([rng.permutation(size**2)[:drones] for _ in range(count)])
@@ -67,7 +67,7 @@ def test_windows_show_the_boxes_around_the_drone(
 
 
 @given(shown=searches())
-def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+def test_searches_are_independent(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
     together = crops(*shown)
     alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
     with pytest.MonkeyPatch.context() as patch:
@@ -81,7 +81,7 @@ def test_length_depends_on_neither_grid_nor_swarm() -> None:
     assert lengths == {(LENGTH,)}
 
 
-def test_a_matrix_in_one_cell_is_seen_there() -> None:
+def test_a_person_in_a_known_cell_is_at_the_right_place_in_the_windows() -> None:
     matrix = np.zeros((1, 9, 9), np.float32)
     matrix[0, 5, 4] = 1.0
     seen = crops(np.array([[[3, 5]]]), matrix, np.ones(1, np.float32))[0, 0]
@@ -92,7 +92,7 @@ def test_a_matrix_in_one_cell_is_seen_there() -> None:
     assert seen[-1] == 0.0
 
 
-def test_it_writes_into_parts_of_larger_arrays() -> None:
+def test_writes_into_parts_of_larger_arrays() -> None:
     rng = np.random.default_rng(1)
     matrices = rng.random((2, 6, 6)).astype(np.float32)
     positions = rng.integers(0, 6, (2, 3, 2))

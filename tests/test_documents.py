@@ -92,7 +92,7 @@ class Block(NamedTuple):
 
 
 def blocks(language: str) -> list[Block]:
-    """The code blocks of all pages in a language."""
+    """Return the code blocks of all pages in a language."""
     found = []
     for page in PAGES:
         fences = list(FENCE.finditer(page.read_text("utf-8")))
@@ -102,7 +102,7 @@ def blocks(language: str) -> list[Block]:
                 continue
             output = following[2] if following is not None and following[1] == "text" else None
             if following is not None and re.search(r"^#", between(fence, following), re.M):
-                output = None  # it belongs to another section
+                output = None  # belongs to another section
             found.append(Block(f"{path_of(page)}-{number}", fence[2], output))
             number += 1
     return found
@@ -221,7 +221,7 @@ class Command(NamedTuple):
 
 
 def commands() -> list[Command]:
-    """The commands that run the package or a script, without installation and tests."""
+    """The commands that run the package or a script; not those that install or test."""
     found = []
     for block in blocks("sh"):
         page = block.name.rsplit("-", 1)[0]
@@ -236,13 +236,16 @@ def commands() -> list[Command]:
 
 
 def command_params(slow: bool) -> list[object]:
-    """Slow or quick commands as test parameters, each once; those that start Ray are marked."""
+    """Slow or quick commands as test parameters, each once.
+
+    Commands that start Ray and those that record MP4 films are marked as slow.
+    """
     unique = {shlex.join(each.arguments): each for each in commands() if each.is_slow == slow}
     return [
         pytest.param(
             each,
             id=f"{each.page}: {text}{'-needs-rllib' * each.needs_ray}",
-            marks=[pytest.mark.slow] * each.needs_ray,
+            marks=[pytest.mark.slow] * (each.needs_ray or ".mp4" in text),
         )
         for text, each in unique.items()
     ]
@@ -256,7 +259,7 @@ def help_text(*start: str) -> str:
 
 @pytest.mark.parametrize("command", command_params(slow=True))
 def test_slow_commands_use_existing_options(command: Command) -> None:
-    """The tests of the examples run the training scripts themselves."""
+    """Only the options are checked; other tests run the training scripts."""
     options = [argument for argument in command.arguments if argument.startswith("--")]
     known = ""
     if command.script.startswith("examples/train_"):  # its RL library may not be installed
@@ -271,13 +274,15 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
 
 @pytest.mark.parametrize("command", command_params(slow=False))
 def test_command(command: Command, tmp_path: Path) -> None:
-    """Every command runs, with few episodes, in a writable folder with the scripts of a clone."""
+    """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
     arguments = list(command.arguments)
     if command.needs_ray:
         skip_without("ray")
     elif "--episodes" in arguments:
         place = arguments.index("--episodes") + 1
         arguments[place] = str(min(int(arguments[place]), EPISODES))
+    elif command.script == "basic_env.py":
+        arguments += ["--timestep-limit", "20"]
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "basic_env.py", tmp_path)
     printed = run_python(arguments, tmp_path)

@@ -19,7 +19,7 @@ def drone_cells(observations: dict) -> list[tuple[int, int]]:
     return [seen["observation"][0] for seen in observations.values()]
 
 
-def test_searches_are_resolved_before_the_person_drifts_and_observed_after() -> None:
+def test_searches_precede_the_drift_and_observations_follow_it() -> None:
     env = DroneSwarmSearch(grid_size=9, vector=(1, 0), disperse_constant=0)
     env.reset(seed=0)
     observations, rewards, _, _, infos = play(env, SEARCH)
@@ -96,7 +96,7 @@ def test_crashes(
     assert env.frame().ending is ending
 
 
-def test_a_search_counts_even_if_another_drone_collides_with_the_searcher() -> None:
+def test_a_search_succeeds_even_if_another_drone_collides_with_the_searcher() -> None:
     env = DroneSwarmSearch(grid_size=5, n_drones=2, person_initial_position=(1, 0))
     env.reset(seed=0)
     _, rewards, _, _, infos = play(env, RIGHT, SEARCH)

@@ -100,7 +100,7 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     assert plan.steps == of.scenario.timestep_limit
 
 
-def test_a_plan_may_begin_at_a_later_step() -> None:
+def test_a_plan_may_start_at_a_later_step() -> None:
     of = search(
         [(0, 0)], grid_size=4, person_initial_position=(1, 1), vector=(0.4, 0.2),
         disperse_constant=5, timestep_limit=6, probability_of_detection=0.7,
@@ -205,7 +205,7 @@ def test_the_initial_paths_are_not_changed() -> None:
 
 
 def test_a_path_meets_the_person_as_early_as_possible() -> None:
-    """A person who moves as fast as a drone, in a known direction, can be searched for once."""
+    """A person who moves as fast as a drone, in a known direction, can be searched only once."""
     of = search(
         [(3, 2)], grid_size=6, person_initial_position=(0, 0), vector=(1, 0),
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
@@ -216,7 +216,7 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
     assert plan.paths[0].searches.tolist() == [False, False, False, True, False]
 
 
-def test_the_person_with_more_weight_comes_first() -> None:
+def test_the_person_with_the_larger_weight_is_searched_first() -> None:
     of = search(
         [(3, 0)], grid_size=7, person_initial_position=[(0, 0), (6, 0)], vector=(0, 0),
         disperse_constant=0, timestep_limit=4,
@@ -231,7 +231,7 @@ def test_the_person_with_more_weight_comes_first() -> None:
         assert plan.value() == 2.0
 
 
-def test_early_finds_are_preferred_if_they_are_worth_more() -> None:
+def test_early_finds_are_preferred_if_they_have_a_higher_value() -> None:
     of = search(
         [(2, 0)], grid_size=7, person_initial_position=(2, 0), vector=(0, 0),
         disperse_constant=0, timestep_limit=6,

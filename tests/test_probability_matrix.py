@@ -1,4 +1,4 @@
-"""The forecast against the mathematics it comes from, written out plainly here."""
+"""The forecast compared with a plain implementation of its formulas."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ def test_forecast_is_the_clipped_gaussian(drift: tuple[float, float], constant: 
 
 @pytest.mark.parametrize("drift", DRIFTS)
 @pytest.mark.parametrize("constant", CONSTANTS)
-def test_moves_carry_each_forecast_into_the_next_exactly(
-    drift: tuple[float, float], constant: float
-) -> None:
+def test_moves_map_each_forecast_to_the_next(drift: tuple[float, float], constant: float) -> None:
     forecast = ProbabilityMatrix(11, (4, 9), drift, constant)
     for t in range(100):
         right, left, down, up = forecast.moves(t)
@@ -114,13 +112,13 @@ def test_oracles() -> None:
     assert moments(x) == pytest.approx((30.00, 2.25), abs=0.01)
 
 
-def test_drift_beyond_one_cell_a_step_moves_one_cell_a_step() -> None:
+def test_drift_is_limited_to_one_cell_per_step() -> None:
     fast = ProbabilityMatrix(40, (3, 20), (9.0, 0), 10)
     for t in range(1, 25):
         assert moments(fast.marginals(t)[0])[0] == pytest.approx(3 + t, abs=0.01)
 
 
-def test_no_chance_is_negative_however_the_error_function_is_rounded(
+def test_probabilities_are_not_negative_for_any_rounding_of_erf(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     noise = np.random.default_rng(0)
@@ -141,7 +139,7 @@ def test_dispersion_rate_grows_to_two_thirds() -> None:
     assert rates[3] == pytest.approx(4 / 9) and rates[-1] == pytest.approx(2 / 3)
 
 
-def test_steps_come_in_any_order() -> None:
+def test_steps_can_be_read_in_any_order() -> None:
     one, other = (ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5) for _ in range(2))
     expected = [one.at(t).copy() for t in range(100)]
     for t in (99, 0, 33, 32, 31, 64, 98, 1):
@@ -159,8 +157,8 @@ def test_matrices_are_new_arrays() -> None:
         assert max(chances.max() for chances in same.moves(7)) <= 1
 
 
-def test_a_million_steps_keep_bounded_memory() -> None:
-    """Tables stay within their limit, whatever the forecast and step."""
+def test_memory_is_bounded_over_a_million_steps() -> None:
+    """Tables stay within their limit at every step."""
     forecast = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
     for t in range(6000):
         forecast.at(t)
@@ -182,7 +180,7 @@ def test_a_million_steps_keep_bounded_memory() -> None:
     assert kept._bytes == sum(kept._bytes_by_forecast.values())
 
 
-def test_a_huge_grid_keeps_small_blocks() -> None:
+def test_blocks_of_huge_grids_are_small() -> None:
     assert ProbabilityMatrix(1500, (0, 0), (0, 0), 1).block_steps == 1
     assert ProbabilityMatrix(300, (0, 0), (0, 0), 1).block_steps == 8
     assert ProbabilityMatrix(50, (0, 0), (0, 0), 1).block_steps == 32
@@ -212,7 +210,7 @@ def test_steps_before_the_first() -> None:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-def test_a_process_forked_while_another_thread_makes_tables_goes_on() -> None:
+def test_a_process_can_be_forked_while_another_thread_makes_tables() -> None:
     held, forking = threading.Event(), threading.Event()
 
     def hold() -> None:

@@ -86,7 +86,7 @@ def test_numbers_may_have_underscores(tmp_path: Path) -> None:
         (("--episodes", "0.5"), "--episodes: must be an integer of at least 1, got '0.5'"),
     ],
 )
-def test_invalid_options_are_refused(
+def test_invalid_options_are_rejected(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], given: tuple[str, ...], message: str
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
@@ -174,7 +174,7 @@ def test_an_incomplete_last_line_is_ignored(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "got"), [("", "nothing"), ("time,loss\n", "time,loss"), ("steps", "nothing")]
 )
-def test_other_files_are_refused(tmp_path: Path, text: str, got: str) -> None:
+def test_other_files_are_rejected(tmp_path: Path, text: str, got: str) -> None:
     (tmp_path / "curve.csv").write_text(text)
     with pytest.raises(ValueError, match=f"must be a learning curve with the col.*, got '{got}'"):
         Curve(tmp_path / "curve.csv")
@@ -346,8 +346,8 @@ def test_a_curve_without_a_checkpoint_is_not_overwritten(tmp_path: Path) -> None
 
 def test_resuming_needs_a_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match=r"nothing to resume in .*: no model; start without"):
-        training.Run(options(tmp_path / "nowhere", "--resume"), "Trial", "model")
-    assert not (tmp_path / "nowhere").exists()
+        training.Run(options(tmp_path / "missing", "--resume"), "Trial", "model")
+    assert not (tmp_path / "missing").exists()
     with training.Run(options(tmp_path), "Trial", "model") as run:
         run.log(10)
     with pytest.raises(SystemExit, match=r"no model; delete .*curve\.csv and start without --res"):

@@ -274,7 +274,7 @@ def main(arguments: list[str] | None = None) -> None:
         try:
             rows += measure(name, options.episodes, options.steps, options.settings, options.delay)
         except LeftOutError as reason:
-            print(f"{name:18}left out: {reason}")
+            print(f"{name:18}skipped: {reason}")
     if options.csv and rows:
         keep(options.csv, rows)
 
