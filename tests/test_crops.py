@@ -1,4 +1,4 @@
-"""The layout "crops", against boxes added up cell by cell."""
+"""The layout "crops", compared with sums over boxes, cell by cell."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.wrappers import crops as module
 from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
@@ -70,10 +69,19 @@ def test_windows_show_the_boxes_around_the_drone(
 def test_searches_are_independent(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
     together = crops(*shown)
     alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_CHUNK_DRONES", 4)
-        in_parts = crops(*shown)
-    assert plain(np.concatenate(alone)) == plain(together) == plain(in_parts)
+    assert plain(np.concatenate(alone)) == plain(together)
+
+
+def test_searches_of_large_batches_are_independent() -> None:
+    """Batches of thousands of drones are processed in parts."""
+    rng = np.random.default_rng(0)
+    few = (
+        rng.integers(0, 5, (7, 3, 2)),
+        rng.random((7, 5, 5), np.float32),
+        rng.random(7, np.float32),
+    )
+    many = [np.tile(array, (120, *[1] * (array.ndim - 1))) for array in few]
+    assert plain(crops(*many)) == plain(np.tile(crops(*few), (120, 1, 1)))
 
 
 def test_length_depends_on_neither_grid_nor_swarm() -> None:

@@ -125,15 +125,9 @@ def test_the_reward_of_an_unsuccessful_search_matches_the_table() -> None:
         assert unsuccessful_search_reward(RewardScheme(), probability) == line
 
 
-def test_reward_scheme_is_frozen_and_checked() -> None:
+def test_reward_scheme_is_frozen_and_limited_to_floats() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         RewardScheme().step = 2.0  # type: ignore[misc]
-    with pytest.raises(ValueError, match=r"RewardScheme\.find must be finite, got inf"):
-        RewardScheme(find=math.inf)
-    with pytest.raises(TypeError, match=r"RewardScheme\.step must be a real number, got 'a'"):
-        RewardScheme(step="a")  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"RewardScheme\.step"):
-        RewardScheme(step=True)
     with pytest.raises(ValueError, match=r"RewardScheme\.step must be finite, got 1000"):
         RewardScheme(step=10**400)
     assert RewardScheme(step=2).step == 2.0
