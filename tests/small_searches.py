@@ -99,8 +99,8 @@ def success_of(
 ) -> list[float]:
     """The probability that drones on some paths find each missing person."""
     first = 0 if tracker is None else tracker.step
-    worth = np.ones(of.scenario.timestep_limit - first)
-    return Plan(targets_of(of, tracker), worth, first, paths).success_probabilities()
+    value = np.ones(of.scenario.timestep_limit - first)
+    return Plan(targets_of(of, tracker), value, first, paths).success_probabilities()
 
 
 def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:

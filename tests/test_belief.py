@@ -68,7 +68,7 @@ def test_belief_without_searches_is_the_forecast(
         np.testing.assert_allclose(belief, forecast.exact(t + 1), atol=1e-13)
 
 
-def test_drift_takes_batches() -> None:
+def test_drift_of_batches() -> None:
     forecasts = [ProbabilityMatrix(9, (4, 4), (drift, 0.1), 5) for drift in (-0.4, 0.0, 0.9)]
     t = 6
     batch = after_drift(

@@ -43,7 +43,7 @@ class TestSmallSearches:
         assert 0.0 <= bound.gap < 0.01 * bound.by_limit
 
     @pytest.mark.parametrize("index", [4, 8])
-    def test_holds_for_every_number_of_steps(self, index: int) -> None:
+    def test_is_valid_for_every_number_of_steps(self, index: int) -> None:
         bound = exact_bound(index)
         for steps in range(1, STEPS + 1):
             assert bound.by_time[steps] >= best(index, steps) - 1e-12
@@ -179,7 +179,7 @@ def test_a_sampled_bound_covers_the_sampling_error() -> None:
         ([(1, 1), (0, 0)], 1.0, 3, 3),  # from the corner, all trajectories are enumerated
     ],
 )
-def test_a_sampled_bound_holds_for_all_persons_and_steps_together(
+def test_a_sampled_bound_is_valid_for_all_persons_and_steps_together(
     persons: list[tuple[int, int]], detections: Any, horizons: int, bounds: int
 ) -> None:
     """The probability of failure, one in a thousand, is divided among the sampled bounds."""

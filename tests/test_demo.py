@@ -295,7 +295,7 @@ class TestOptions:
         assert len(set(cells)) == len(cells) == drones
         assert all({x, y} & {0, size - 1} for x, y in cells)
 
-    def test_more_drones_than_the_border_holds(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_more_drones_than_border_cells(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", "--grid-size", "4", "--drones", "16"]) == 0
         assert "persons found  1 of 1" in capsys.readouterr().out
 

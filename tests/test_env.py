@@ -70,7 +70,7 @@ def test_unsuccessful_searches_are_rewarded_by_the_observed_matrix() -> None:
             [(0, 1), (0, 1)],
             [-100_000, 1],
             Ending.LEFT_GRID,
-            id="a leaver collides with nobody",
+            id="a drone that leaves does not collide",
         ),
         pytest.param(
             [(0, 0), (1, 0)],
@@ -122,7 +122,7 @@ def test_persons_are_found_one_after_another() -> None:
     play(env, IDLE, RIGHT)
     play(env, IDLE, RIGHT)
     observations, rewards, terminations, _, _ = play(env, SEARCH, SEARCH)
-    # One search finds all who are there.
+    # One search finds all persons in the cell.
     assert list(rewards.values()) == [-100, 10_000 + 10_000 * (1 - 3 / 100)]
     assert all(terminations.values()) and env.frame().found == (True, True, True)
     matrix = observations["drone0"]["observation"][1]

@@ -180,14 +180,14 @@ class TestCells:
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
     )
-    def test_a_leg_is_a_staircase_close_to_the_line(self, begin: Cell, end: Cell) -> None:
-        cells = cells_along([begin, end], 10)
-        assert (cells[0], cells[-1]) == (begin, end)
-        assert len(cells) == abs(end[0] - begin[0]) + abs(end[1] - begin[1]) + 1
+    def test_a_leg_is_a_staircase_close_to_the_line(self, start: Cell, end: Cell) -> None:
+        cells = cells_along([start, end], 10)
+        assert (cells[0], cells[-1]) == (start, end)
+        assert len(cells) == abs(end[0] - start[0]) + abs(end[1] - start[1]) + 1
         assert all(adjacent(a, b) for a, b in pairwise(cells))
-        across, down = end[0] - begin[0], end[1] - begin[1]
+        across, down = end[0] - start[0], end[1] - start[1]
         for x, y in cells:
-            off = abs((x - begin[0]) * down - (y - begin[1]) * across)
+            off = abs((x - start[0]) * down - (y - start[1]) * across)
             assert off <= 0.75 * (math.hypot(across, down) or 1)
 
     @settings(deadline=None, max_examples=50, derandomize=True)

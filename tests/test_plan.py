@@ -58,7 +58,7 @@ def random_paths(of: NamedSearch, steps: int, seed: int) -> list[Path]:
 
 @st.composite
 def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path], np.ndarray]:
-    """A search with legal paths, and the worth of a find in each step."""
+    """A search with legal paths, and the value of a find in each step."""
     size = draw(st.integers(2, 4))
     cells = [(x, y) for y in range(size) for x in range(size)]
     drones = draw(st.permutations(cells))[: draw(st.integers(1, 3))]

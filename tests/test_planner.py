@@ -143,7 +143,7 @@ A_SEARCH = search(
 
 
 class TestFollowingPlans:
-    def test_follows_one_plan_while_nobody_is_found(self, plans_made: list[int]) -> None:
+    def test_follows_one_plan_until_a_find(self, plans_made: list[int]) -> None:
         paths = paths_of(planner(A_SEARCH), A_SEARCH)
         assert_legal(paths, [0, 63], 8)
         assert plans_made == [0]

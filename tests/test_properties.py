@@ -207,19 +207,19 @@ class Model:
             "left the grid": any(left),
             "left and collided in one step": any(left) and any(collided),
             "a drone entered the cell of one that left": entered,
-            "a drone left beside a find": any(left) and bool(found),
+            "a drone left in the step of a find": any(left) and bool(found),
             "exchange of cells": exchanges,
-            "time up": last and not crashed and not finders,
-            "time up, somebody had found somebody": last and not crashed and bool(self.successful),
+            "time limit": last and not crashed and not finders,
+            "time limit after a find": last and not crashed and bool(self.successful),
             "find in the last step": last and bool(finders),
             "find": bool(finders),
             "two persons found by one search": len(found) > len({persons[k] for k in found}),
             "two drones found in one step": len(finders) > 1,
             "one of several found": several and bool(found) and found < self.missing,
             "all of several found": several and bool(found) and found == self.missing,
-            "find beside a collision": bool(found) and any(collided),
+            "find in the step of a collision": bool(found) and any(collided),
             "missed in the right cell": bool(in_reach - found),
-            "search of a cell where somebody was found": any(
+            "search of a found person's cell": any(
                 before[i] in where_found and i not in finders for i in searches
             ),
         }

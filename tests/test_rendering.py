@@ -242,7 +242,7 @@ class TestCells:
         r, g, b = cell_of(picture, grid_size, 1, 1).reshape(-1, 3).T
         assert (g > 1.5 * r).all() and (g > 1.5 * b).all()
 
-    def test_a_gradient_goes_through_yellow(self) -> None:
+    def test_the_middle_of_the_gradient_is_yellow(self) -> None:
         matrix = np.linspace(0.0, 1.0, 49).reshape(7, 7)
         picture = draw(bare(make_frame(matrix=matrix)))
         middles = np.array([cell_of(picture, 7, x, y)[50, 50] for y in range(7) for x in range(7)])
@@ -419,7 +419,7 @@ class TestSymbols:
             assert (np.abs(pictures[0] - other).max(axis=2) > 40).sum() >= 20
 
     @pytest.mark.parametrize("grid_size", SIZES)
-    def test_drones_that_collided_are_both_seen(self, grid_size: int) -> None:
+    def test_drones_that_collided_are_both_visible(self, grid_size: int) -> None:
         frame = make_frame(grid_size, drones=((1, 1), (1, 1)), persons=())
         swapped = {}
         for pair in ((0, 1), (0, 2), (3, 1)):
@@ -543,7 +543,7 @@ class TestEndScreens:
         pictures = [map_of(draw(bare(make_frame(ending=ending))), 7) for ending in list(Ending)[1:]]
         assert all((a != b).any() for a, b in pairwise(pictures))
 
-    def test_the_banner_leaves_symbols_visible_where_it_can(self) -> None:
+    def test_the_banner_avoids_symbols_if_possible(self) -> None:
         for row in (0, 9, 19):
             frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_LIMIT)
             changed = draw(frame) != draw(replace(frame, searching=(True,)))

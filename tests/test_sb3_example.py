@@ -64,7 +64,7 @@ def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     assert (folder / "evaluation.csv").exists()
 
 
-def test_masks_of_flat_are_the_environments(example: ModuleType) -> None:
+def test_masks_of_flat_equal_the_environments(example: ModuleType) -> None:
     env = example.make_batch(5, seed=3)
     env.reset()
     rng = np.random.default_rng(0)

@@ -203,7 +203,7 @@ def test_defaults_may_be_given_together_with_a_scenario():
             kind(scenario=scenario, vector=[[1, 2], [3]])
 
 
-def test_policies_plans_and_evaluation_take_a_scenario():
+def test_policies_plans_and_evaluation_accept_a_scenario():
     scenario = Scenario(6, 1, (0, 0), (3, 3), 2, 6)
     assert make("greedy-matrix", scenario).scenario is scenario
     assert 0 < success_bound(scenario, [(0, 0)], sample=64).by_time[-1] <= 1
@@ -232,7 +232,9 @@ def test_the_example_can_be_changed() -> None:
     assert env.render_mode == "rgb_array"
 
 
-def test_a_comparison_of_training_takes_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_after_training_accepts_a_scenario(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     of = {"scenario": Scenario(6, 1, (0, 0), (3, 3), 2, 6), "drones_positions": [(1, 1)]}
     how: dict[str, Any] = {"view": "parallel", "observation": "dict", "episodes": 2}
     mine, *_ = compare_with_baselines(lambda seen: {"drone0": 4}, of, **how)

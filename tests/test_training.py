@@ -618,7 +618,7 @@ def test_the_comparison_counts_crashes(capsys: pytest.CaptureFixture[str]) -> No
     assert trained.split()[-1] == "100.0"
 
 
-def test_the_comparison_takes_start_cells(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_accepts_start_cells(capsys: pytest.CaptureFixture[str]) -> None:
     task = {**SMALL, "drones_positions": [(2, 0), (4, 4)]}
     search = always(Action.SEARCH)
     (trained,) = training.compare_with_baselines(search, task, episodes=20, baselines=[])
@@ -626,7 +626,7 @@ def test_the_comparison_takes_start_cells(capsys: pytest.CaptureFixture[str]) ->
     assert (trained.success.value, trained.time.value) == (1.0, 1.0)
 
 
-def test_the_comparison_takes_other_layouts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_accepts_other_layouts(capsys: pytest.CaptureFixture[str]) -> None:
     shapes = []
 
     def idle(observations: dict[str, np.ndarray]) -> np.ndarray:
@@ -642,7 +642,7 @@ def test_the_comparison_takes_other_layouts(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize("right_of_way", [False, True])
 @pytest.mark.parametrize(("grid_size", "n_drones"), [(2, 1), (2, 4), (5, 3), (13, 16), (41, 2)])
-def test_masks_of_flat_are_the_environments(
+def test_masks_of_flat_equal_the_environments(
     grid_size: int, n_drones: int, right_of_way: bool
 ) -> None:
     parameters = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 20}

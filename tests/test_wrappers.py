@@ -505,7 +505,7 @@ def test_only_the_time_limit_is_truncation(case: dict[str, Any]) -> None:
         ((Action.IDLE, Action.LEFT), True),
         ((Action.IDLE, Action.IDLE), False),
     ],
-    ids=["found", "left the grid", "collided", "time up"],
+    ids=["found", "left the grid", "collided", "time limit"],
 )
 def test_endings_in_the_last_step(last: tuple[Action, Action], terminated: bool) -> None:
     env = SeparateFlags(

@@ -165,7 +165,7 @@ def peak_mib() -> float:
 
 
 def machine() -> dict[str, Any]:
-    """What the figures depend on: versions and processors."""
+    """The versions and processors that the results depend on."""
     versions = {"python": platform.python_version()}
     for name in ("DroneSwarmSearchEnvironment", "numpy", "gymnasium", "DSSE", "jax", "jaxmarl"):
         try:
