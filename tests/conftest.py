@@ -1,4 +1,4 @@
-"""What holds for all tests."""
+"""Fixtures and hooks of all tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNPACKED_SDIST = (Path(__file__).parents[1] / "PKG-INFO").exists()
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Leave out, before its fixtures are made, what needs files that an sdist lacks."""
+    """Skip tests of pictures in an unpacked sdist, before their fixtures are made."""
     if UNPACKED_SDIST and item.get_closest_marker("pictures") is not None:
         pytest.skip("the sdist comes without pictures")
 

@@ -28,7 +28,7 @@ MOVES = {
 }
 
 
-# The default one, the sparse one, and one whose sums are not exact in binary.
+# The default, the sparse one, and one whose sums are not exact in binary.
 SCHEMES = [
     RewardScheme(),
     RewardScheme.sparse(),
@@ -38,34 +38,34 @@ SCHEMES = [
     ),
 ]  # fmt: skip
 
-# Events of an episode; tests that play at random assert that each occurs.
+# Events of an episode; tests with random actions assert that each occurs.
 EVENTS = (
     "collision",
     "collision of three",
     "left the grid",
     "left and collided in one step",
     "a drone entered the cell of one that left",
-    "a drone left beside a find",
+    "a drone left in the step of a find",
     "exchange of cells",
-    "time up",
-    "time up, somebody had found somebody",
+    "time limit",
+    "time limit after a find",
     "find in the last step",
     "find",
     "two persons found by one search",
     "two drones found in one step",
     "one of several found",
     "all of several found",
-    "find beside a collision",
+    "find in the step of a collision",
     "missed in the right cell",
     "search of a likely cell",
     "search of an unlikely cell",
-    "search of a cell where somebody was found",
+    "search of a found person's cell",
 )
 
 # What a drone may intend: an action, or a goal that makes rare events likely.
-HUNT = 6  # go to the nearest missing person, and search there
+HUNT = 6  # move to the nearest missing person, and search there
 SPREAD = 7  # move at random, neither out of the grid nor into another drone
-MEET = 8  # go for the nearest other drone's cell
+MEET = 8  # move towards the nearest other drone
 INTENTS = [*[SPREAD] * 5, *[HUNT] * 8, *[MEET] * 2, Action.SEARCH, *Action]
 
 
@@ -108,7 +108,7 @@ def planned_actions(
     grid_size: int,
     rng: random.Random,
 ) -> list[Action]:
-    """The actions that follow in a step from the drones' plans, which repeat their intents."""
+    """Return the actions of a step; plans are intents, repeated cyclically."""
     taken = set(drones)
     actions = []
     for plan, cell in zip(plans, drones, strict=True):
@@ -182,7 +182,7 @@ def module_at(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module  # where its classes look for themselves
+    sys.modules[path.stem] = module  # dataclasses look up their module
     spec.loader.exec_module(module)
     return module
 

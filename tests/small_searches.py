@@ -99,8 +99,8 @@ def success_of(
 ) -> list[float]:
     """The probability that drones on some paths find each missing person."""
     first = 0 if tracker is None else tracker.step
-    worth = np.ones(of.scenario.timestep_limit - first)
-    return Plan(targets_of(of, tracker), worth, first, paths).success_probabilities()
+    value = np.ones(of.scenario.timestep_limit - first)
+    return Plan(targets_of(of, tracker), value, first, paths).success_probabilities()
 
 
 def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
 def fly(
     policy: SwarmPolicy, tracker: BeliefTracker, cells: Sequence[Cell], steps: int
 ) -> list[Path]:
-    """The paths of a policy's drones while nobody is found. Checks that every step is legal.
+    """Return the paths of a policy's drones without a find; checks that every step is legal.
 
     Args:
         policy: as it is in the present step.
@@ -135,7 +135,7 @@ def fly(
 
 
 def paths_of(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
-    """The paths of a policy's drones in a whole episode in which nobody is found."""
+    """Return the paths of a policy's drones in an episode without a find."""
     return fly(policy, BeliefTracker(of.scenario), of.drones, of.scenario.timestep_limit)
 
 
@@ -178,7 +178,7 @@ def schedule_of(paths: Sequence[Path]) -> list[list[int]]:
 
 
 def assert_legal(paths: Sequence[Path], starts: Sequence[int], size: int) -> None:
-    """Paths start where they should, move by single cells, stay to search, and never meet."""
+    """Check the start cells, single-cell moves, searches without moves, and distinct cells."""
     assert [path.cells[0] for path in paths] == list(starts)
     cells = np.array([path.cells for path in paths])
     assert ((cells >= 0) & (cells < size**2)).all()

@@ -39,7 +39,7 @@ def test_repeated_searches_in_any_order() -> None:
     assert kept == pytest.approx(expected.sum())
 
 
-def test_detection_that_never_and_always_succeeds() -> None:
+def test_detection_probabilities_of_0_and_1() -> None:
     prior = np.array([[0.1, 0.2], [0.3, 0.4]])
     belief, kept = after_unsuccessful_search(prior, [2, 3], 0.0)
     np.testing.assert_array_equal(belief, prior)
@@ -49,7 +49,7 @@ def test_detection_that_never_and_always_succeeds() -> None:
     assert kept == pytest.approx(0.3)
 
 
-def test_a_search_that_contradicts_the_belief_leaves_it() -> None:
+def test_a_search_that_contradicts_the_belief_does_not_change_it() -> None:
     prior = np.array([[0.0, 1.0]])
     belief, kept = after_unsuccessful_search(prior, [1], 1.0)
     np.testing.assert_array_equal(belief, prior)
@@ -68,7 +68,7 @@ def test_belief_without_searches_is_the_forecast(
         np.testing.assert_allclose(belief, forecast.exact(t + 1), atol=1e-13)
 
 
-def test_drift_takes_batches() -> None:
+def test_drift_of_batches() -> None:
     forecasts = [ProbabilityMatrix(9, (4, 4), (drift, 0.1), 5) for drift in (-0.4, 0.0, 0.9)]
     t = 6
     batch = after_drift(
@@ -86,7 +86,7 @@ def test_drift_takes_batches() -> None:
 
 @pytest.mark.parametrize("size", [2, 3, 9, 50])
 @pytest.mark.parametrize("batch", [(1,), (2,), (3, 5)])
-def test_normalising_is_the_same_to_the_bit_alone_and_in_a_batch(size: int, batch: tuple) -> None:
+def test_normalising_a_batch_equals_normalising_each_belief(size: int, batch: tuple) -> None:
     beliefs = np.random.default_rng(size).random((size, size, *batch))
     beliefs[..., 0] *= 0.0
     rows = np.moveaxis(beliefs.reshape(size, size, -1), -1, 0).copy()
@@ -109,7 +109,7 @@ def test_searches_without_normalising_agree_with_bayes_rule() -> None:
 
 
 @pytest.mark.parametrize("missing", [(0, 1, 2), (0, 2), (1,), ()])
-def test_the_mean_over_missing_persons_is_the_same_for_one_search_and_a_batch(
+def test_the_mean_over_missing_persons_in_a_batch_equals_that_of_each_search(
     missing: tuple[int, ...],
 ) -> None:
     beliefs = list(np.random.default_rng(1).random((3, 5, 5)))

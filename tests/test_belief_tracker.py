@@ -1,4 +1,4 @@
-"""The belief tracker: equals the environment's matrix bit for bit, and infers who was found."""
+"""The belief tracker equals the environment's matrix bit for bit and infers who was found."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def cells_of(observations: dict[str, Any]) -> list[tuple[int, int]]:
 
 @settings(deadline=None, max_examples=70, derandomize=True)
 @given(searches(1), st.integers(0, 2**32))
-def test_one_persons_belief_is_the_environments_matrix_bit_for_bit(
+def test_one_persons_belief_equals_the_environments_matrix(
     parameters: dict[str, Any], seed: int
 ) -> None:
     env = DroneSwarmSearch(**{**parameters, "bayesian_update": True})
@@ -66,7 +66,7 @@ def test_one_persons_belief_is_the_environments_matrix_bit_for_bit(
 
 @settings(deadline=None, max_examples=70, derandomize=True)
 @given(searches(3), st.integers(0, 2**32))
-def test_several_persons_explain_the_environments_matrix_bit_for_bit(
+def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(
     parameters: dict[str, Any], seed: int
 ) -> None:
     env = DroneSwarmSearch(**parameters)

@@ -1,4 +1,4 @@
-"""The benchmarks in tests/benchmarks: every case runs, and the figures fit each other."""
+"""The benchmarks in tests/benchmarks: every case runs, and the results are consistent."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _no_peers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def measured(path: Path, *arguments: str) -> dict[str, Any]:
-    """Run the benchmark, and read what it writes."""
+    """Run the benchmark and return its results."""
     bench_vector.main([*SMALL, *arguments, "--json", str(path)])
     results: dict[str, Any] = json.loads(path.read_text("utf-8"))
     return results
@@ -55,23 +55,23 @@ def test_memory_is_measured(tmp_path: Path) -> None:
     assert memory["growth_mib"] >= 0
 
 
-def test_missing_peers_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_packages_are_skipped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     results = measured(tmp_path / "results.json", "--only", "peers", "coin-game")
     assert [size["ratios"] for size in results["sizes"]] == [[], []]
     shown = capsys.readouterr().out
-    assert "left out: DSSE, not installed" in shown
-    assert "left out: JaxMARL coin_game, scan, not installed" in shown
+    assert "skipped: DSSE, not installed" in shown
+    assert "skipped: JaxMARL coin_game, scan, not installed" in shown
     assert "python -m pip install jaxmarl" in shown
 
 
-def test_cases_that_take_too_much_memory_are_left_out() -> None:
+def test_cases_that_need_too_much_memory_are_skipped() -> None:
     assert callable(cases.MATRICES.make(Size(20, 4), 8))
     with pytest.raises(cases.LeftOutError, match="matrices take 15,259 MiB per step"):
         cases.MATRICES.make(Size(200, 4), 100_000)
 
 
 @pytest.mark.parametrize("size", ["20", "1x1", "3x10", "3x0"])
-def test_impossible_sizes_are_refused(size: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_sizes_are_rejected(size: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         bench_vector.main(["--sizes", size])
     assert f"must be CELLSxDRONES, such as 20x4, got '{size}'" in capsys.readouterr().err

@@ -43,7 +43,7 @@ class TestSmallSearches:
         assert 0.0 <= bound.gap < 0.01 * bound.by_limit
 
     @pytest.mark.parametrize("index", [4, 8])
-    def test_holds_for_every_number_of_steps(self, index: int) -> None:
+    def test_is_valid_for_every_number_of_steps(self, index: int) -> None:
         bound = exact_bound(index)
         for steps in range(1, STEPS + 1):
             assert bound.by_time[steps] >= best(index, steps) - 1e-12
@@ -57,8 +57,8 @@ class TestSmallSearches:
         assert (np.diff(bound.by_time) >= 0.0).all()
         assert bound.by_limit == bound.by_time[-1] <= 1.0
 
-    def test_is_tight_where_effort_cannot_be_spread(self) -> None:
-        """A drone above a stationary person has nothing to choose."""
+    def test_is_exact_if_the_drone_has_no_choice(self) -> None:
+        """The drone is in the cell of a stationary person, and can only search."""
         of = search(
             [(2, 2)], grid_size=5, person_initial_position=(2, 2), vector=(0, 0),
             disperse_constant=0, timestep_limit=4, probability_of_detection=0.3,
@@ -83,18 +83,18 @@ class TestSuccessBound:
         of = self.search(**changes)
         return success_bound(of.scenario, of.drones, horizons=horizons)
 
-    def test_for_several_persons_is_that_of_the_hardest_to_find(self) -> None:
+    def test_for_several_persons_is_the_bound_of_the_hardest_to_find(self) -> None:
         cells, detections = [(2, 3), (4, 1), (1, 1), (2, 3)], (0.9, 0.5, 0.4, 0.9)
         together = self.bound(5, person_initial_position=cells, probability_of_detection=detections)
-        apart = [
+        single_bounds = [
             self.bound(5, person_initial_position=cell, probability_of_detection=detection)
             for cell, detection in zip(cells[:3], detections[:3], strict=True)
         ]
-        lowest = np.min([bound.by_time for bound in apart], axis=0)
+        lowest = np.min([bound.by_time for bound in single_bounds], axis=0)
         assert together.by_time.tolist() == lowest.tolist()
-        hardest = min(apart, key=lambda bound: bound.by_limit)
+        hardest = min(single_bounds, key=lambda bound: bound.by_limit)
         assert (together.relaxed, together.gap) == (hardest.relaxed, hardest.gap)
-        curves = {bound.by_time.tobytes() for bound in apart}
+        curves = {bound.by_time.tobytes() for bound in single_bounds}
         assert len(curves) == 3
 
     def test_falls_with_the_probability_of_detection(self) -> None:
@@ -111,7 +111,7 @@ class TestSuccessBound:
         assert coarse.by_time[2] > fine.by_time[2] + 0.01
 
     @pytest.mark.parametrize("sample", [None, 2000])
-    def test_the_same_call_gives_the_same_bits(self, sample: int | None) -> None:
+    def test_is_deterministic(self, sample: int | None) -> None:
         of = self.search() if sample is None else self.search(timestep_limit=9)
         options = {} if sample is None else {"sample": sample}
         one, two = (
@@ -129,7 +129,7 @@ class TestSuccessBound:
         assert reported == sorted(reported)
         assert reported[-1] == 1.0
 
-    def test_does_not_depend_on_what_the_drones_see(self) -> None:
+    def test_does_not_depend_on_the_observations(self) -> None:
         one, two = self.bound(), self.bound(bayesian_update=True)
         assert one.by_time.tobytes() == two.by_time.tobytes()
 
@@ -179,7 +179,7 @@ def test_a_sampled_bound_covers_the_sampling_error() -> None:
         ([(1, 1), (0, 0)], 1.0, 3, 3),  # from the corner, all trajectories are enumerated
     ],
 )
-def test_a_sampled_bound_holds_for_all_persons_and_steps_together(
+def test_a_sampled_bound_is_valid_for_all_persons_and_steps_together(
     persons: list[tuple[int, int]], detections: Any, horizons: int, bounds: int
 ) -> None:
     """The probability of failure, one in a thousand, is divided among the sampled bounds."""
@@ -193,7 +193,7 @@ def test_a_sampled_bound_holds_for_all_persons_and_steps_together(
     assert bound.confidence == 0.999
 
 
-def test_the_planner_comes_near_the_bound() -> None:
+def test_the_planner_is_close_to_the_bound() -> None:
     bound = sampled_bound()
     reached = success_of(SAMPLED, paths_of(make("planner", SAMPLED.scenario), SAMPLED))[0]
     assert reached > 0.6 * bound.by_limit

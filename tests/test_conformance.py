@@ -1,4 +1,4 @@
-"""PettingZoo's own tests, the spaces, the names, and what importing does and does not do."""
+"""PettingZoo's tests, the spaces, the names, and the side effects of importing."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ other_names_are_recommended = pytest.mark.filterwarnings(
 
 
 class FlatObservations(BaseParallelWrapper):
-    """Observations as one vector, which is what PettingZoo's AEC test can digest."""
+    """Flattens observations to one vector, as PettingZoo's AEC test requires."""
 
     def __init__(self, env: DroneSwarmSearch) -> None:
         super().__init__(env)
@@ -138,8 +138,8 @@ def test_aec_render(monkeypatch):
     render_test(lambda **mode: env_module.env(grid_size=10, n_drones=2, **mode))
 
 
-def seen_in_turn(aec):
-    """What a user of the AEC form can see."""
+def observed_in_turn(aec):
+    """Return everything that the AEC form returns in an episode."""
     state = (aec.agent_selection, aec.agents, aec.rewards, aec.terminations, aec.infos)
     return copy.deepcopy((*state, aec.last(), aec.state().tolist()))
 
@@ -164,14 +164,14 @@ def seen_in_turn(aec):
     ],
     ids=str,
 )
-def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, action, error):
+def test_an_invalid_action_in_the_aec_form_changes_nothing(make, n_drones, action, error):
     aec, twin = (make(n_drones=n_drones, grid_size=5, timestep_limit=4) for _ in range(2))
     for each in (aec, twin):
         each.reset(seed=1)
     while aec.agents:
         ended = any(aec.last()[2:4])
         if not ended or action is not None:
-            before = plain(seen_in_turn(aec))
+            before = plain(observed_in_turn(aec))
             refused = (
                 pytest.raises(ValueError, match="action must be None after the episode's end, got")
                 if ended
@@ -180,15 +180,15 @@ def test_a_wrong_action_in_turn_is_refused_and_changes_nothing(make, n_drones, a
             for _ in range(2):
                 with refused:
                     aec.step(action)
-            assert plain(seen_in_turn(aec)) == before
+            assert plain(observed_in_turn(aec)) == before
         for each in (aec, twin):
             each.step(None if ended else np.int64(Action.SEARCH))
         assert aec.agents == twin.agents
         if aec.agents:
-            assert plain(seen_in_turn(aec)) == plain(seen_in_turn(twin))
+            assert plain(observed_in_turn(aec)) == plain(observed_in_turn(twin))
 
 
-def test_the_aec_form_asks_for_a_reset_after_an_interrupt(monkeypatch):
+def test_the_aec_form_needs_a_reset_after_an_interrupt(monkeypatch):
     aec = env_module.env(n_drones=2, grid_size=5, timestep_limit=9)
     raw = drone_swarm_search_v0.raw_env(n_drones=2)
     with pytest.raises(ResetNeeded):
@@ -217,7 +217,7 @@ def test_the_aec_form_asks_for_a_reset_after_an_interrupt(monkeypatch):
     assert aec.observe("drone1")["observation"][0] == (1, 1)
 
 
-def test_the_aec_form_converts_back():
+def test_the_aec_form_converts_back_to_the_parallel_form():
     aec = env_module.env(n_drones=2)
     assert aec_to_parallel(aec) is aec.unwrapped
 
@@ -226,7 +226,7 @@ def test_the_aec_form_converts_back():
 
 
 def whole_episodes(parameters: dict[str, Any]) -> Any:
-    """The observations of some whole episodes, careful ones and careless ones."""
+    """Return the observations of whole episodes, with and without crashes."""
     env = DroneSwarmSearch(**parameters)
     rng = random.Random(1)
     for episode in range(6):
@@ -242,7 +242,7 @@ def whole_episodes(parameters: dict[str, Any]) -> Any:
 
 
 @each_parameters
-def test_observations_and_state_lie_in_their_spaces(parameters):
+def test_spaces_contain_observations_and_states(parameters):
     for env, observations in whole_episodes(parameters):
         assert list(observations) == env.possible_agents
         for agent, observation in observations.items():
@@ -276,7 +276,7 @@ def test_observations_have_the_documented_form(parameters):
         np.testing.assert_array_equal(state[2], missing)
 
 
-def test_a_state_belongs_to_who_asked_for_it():
+def test_states_are_copies():
     env = DroneSwarmSearch()
     env.reset(seed=0)
     env.state()[:] = 7
@@ -304,7 +304,7 @@ def test_spaces_are_the_same_objects_at_every_call():
     assert len({id(space) for space in before}) == len(before)
 
 
-def test_the_spaces_are_those_of_the_specification():
+def test_spaces_match_the_specification():
     env = DroneSwarmSearch(grid_size=5)
     assert env.action_space("drone0") == spaces.Discrete(6)
     assert env.observation_space("drone0") == spaces.Dict(
@@ -363,7 +363,7 @@ def test_the_three_import_forms_give_one_class():
         assert importlib.import_module(name).DroneSwarmSearch is DroneSwarmSearch
 
 
-def test_every_public_name_is_there():
+def test_public_names_exist():
     package = importlib.import_module("DroneSwarmSearch")
     forward = importlib.import_module("DroneSwarmSearchEnvironment")
     for name in package.__all__:
@@ -450,7 +450,7 @@ def test_gymnasium_error_base():
         DroneSwarmSearch().step({"drone0": 4})
 
 
-# Rewards and infos: dicts by drone that answer further names.
+# Rewards and infos: dicts by drone with further names on look-up.
 
 
 def last_mappings() -> tuple[Rewards, Infos]:
@@ -491,14 +491,14 @@ COPIES = {
     ],
     ids=["total_reward", *FACTS],
 )
-def test_mappings_answer_further_names_which_are_not_listed(which, name, answer, values, make):
+def test_mappings_look_up_further_names_without_listing_them(which, name, answer, values, make):
     mapping = make(last_mappings()[which])
     assert isinstance(mapping, dict)
-    # The further name is answered on look-up ...
+    # Look-up finds the further name ...
     assert mapping[name] == answer
     assert mapping.get(name) == mapping.get(name, "default") == answer
     assert name in mapping
-    # ... and is nowhere else.
+    # ... but nothing lists it.
     assert list(mapping) == list(mapping.keys()) == list(values)
     assert len(mapping) == len(values)
     assert list(mapping.values()) == list(values.values())
@@ -512,7 +512,7 @@ def test_mappings_answer_further_names_which_are_not_listed(which, name, answer,
 
 
 @pytest.mark.parametrize("make", COPIES.values(), ids=COPIES)
-def test_what_is_set_in_a_mapping_is_answered(make):
+def test_values_set_in_a_mapping_are_returned(make):
     rewards, infos = (make(mapping) for mapping in last_mappings())
     rewards["drone0"] = 5.0
     assert rewards["total_reward"] == -94.0
@@ -525,7 +525,7 @@ def test_what_is_set_in_a_mapping_is_answered(make):
     assert infos["Found"] is True
 
 
-def test_a_copy_is_a_mapping_of_its_own():
+def test_copies_of_mappings_are_independent():
     rewards, _ = last_mappings()
     for make in list(COPIES.values())[1:]:
         other = make(rewards)
@@ -533,7 +533,7 @@ def test_a_copy_is_a_mapping_of_its_own():
         assert rewards["total_reward"] == 19_901.0 and other["total_reward"] == -99.0
 
 
-def test_the_further_name_can_be_taken_away_as_a_key_could():
+def test_further_names_can_be_popped():
     rewards, infos = last_mappings()
     assert rewards.pop("total_reward") == 19_901.0 and infos.pop("Found", None) is True
     del rewards["total_reward"]
@@ -549,7 +549,7 @@ def test_the_further_name_can_be_taken_away_as_a_key_could():
     ("which", "name", "answer"),
     [(0, "total_reward", 19_901.0), *((1, name, answer) for name, answer in FACTS.items())],
 )
-def test_the_further_name_cannot_become_a_key(which, name, answer, make):
+def test_further_names_cannot_become_keys(which, name, answer, make):
     mapping = make(last_mappings()[which])
     values = dict(mapping)
     assert mapping.setdefault(name, 5) == mapping.setdefault(name) == answer
@@ -571,7 +571,7 @@ def test_the_further_name_cannot_become_a_key(which, name, answer, make):
 
 
 @pytest.mark.parametrize("make", [make for name, make in COPIES.items() if name != ".copy()"])
-def test_what_reset_returns_answers_names_as_well(make):
+def test_mappings_of_reset_look_up_further_names(make):
     start = make(DroneSwarmSearch(n_drones=2).reset(seed=1))
     observations, infos = start
     assert isinstance(start, tuple) and len(start) == 2 and list(start) == [*start]

@@ -1,4 +1,4 @@
-"""The layout "crops", against boxes added up cell by cell."""
+"""The layout "crops", compared with sums over boxes, cell by cell."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.wrappers import crops as module
 from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
@@ -33,7 +32,7 @@ def window(scale: int, own: list[int], values: np.ndarray) -> np.ndarray:
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, matrices and shares of the steps left."""
+    """Positions, matrices and remaining time fractions."""
     count, size, drones = draw(st.integers(1, 3)), draw(st.integers(2, 24)), draw(st.integers(1, 4))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     cells = np.stack([rng.permutation(size**2)[:drones] for _ in range(count)])
@@ -67,13 +66,22 @@ def test_windows_show_the_boxes_around_the_drone(
 
 
 @given(shown=searches())
-def test_searches_do_not_mix(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+def test_searches_are_independent(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
     together = crops(*shown)
     alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_CHUNK_DRONES", 4)
-        in_parts = crops(*shown)
-    assert plain(np.concatenate(alone)) == plain(together) == plain(in_parts)
+    assert plain(np.concatenate(alone)) == plain(together)
+
+
+def test_searches_of_large_batches_are_independent() -> None:
+    """Batches of thousands of drones are processed in parts."""
+    rng = np.random.default_rng(0)
+    few = (
+        rng.integers(0, 5, (7, 3, 2)),
+        rng.random((7, 5, 5), np.float32),
+        rng.random(7, np.float32),
+    )
+    many = [np.tile(array, (120, *[1] * (array.ndim - 1))) for array in few]
+    assert plain(crops(*many)) == plain(np.tile(crops(*few), (120, 1, 1)))
 
 
 def test_length_depends_on_neither_grid_nor_swarm() -> None:
@@ -81,7 +89,7 @@ def test_length_depends_on_neither_grid_nor_swarm() -> None:
     assert lengths == {(LENGTH,)}
 
 
-def test_a_matrix_in_one_cell_is_seen_there() -> None:
+def test_a_person_in_a_known_cell_is_at_the_right_place_in_the_windows() -> None:
     matrix = np.zeros((1, 9, 9), np.float32)
     matrix[0, 5, 4] = 1.0
     seen = crops(np.array([[[3, 5]]]), matrix, np.ones(1, np.float32))[0, 0]
@@ -92,7 +100,7 @@ def test_a_matrix_in_one_cell_is_seen_there() -> None:
     assert seen[-1] == 0.0
 
 
-def test_it_writes_into_parts_of_larger_arrays() -> None:
+def test_writes_into_parts_of_larger_arrays() -> None:
     rng = np.random.default_rng(1)
     matrices = rng.random((2, 6, 6)).astype(np.float32)
     positions = rng.integers(0, 6, (2, 3, 2))

@@ -1,4 +1,4 @@
-"""The demo as its users see it: in the terminal, in a window, flown by hand, as a film."""
+"""The demo: in the terminal, in a window, with manual control, and as a film."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def figures(output: str) -> dict[str, str]:
 
 
 @pytest.fixture
-def invisible_window(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """An invisible display."""
+def dummy_video(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Select the dummy video driver."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     pygame.quit()
     yield
@@ -123,7 +123,7 @@ class TestText:
         assert summary["persons found"] == "0 of 1"
         assert re.fullmatch(r"[\d,]+ steps/s \(the environment alone\)", summary["speed"])
 
-    def test_seed_decides(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_the_seed_determines_the_episode(self, capsys: pytest.CaptureFixture[str]) -> None:
         outputs = []
         for seed in ("1", "1", "2"):
             demo.main(["--text", "--seed", seed])
@@ -170,7 +170,7 @@ class TestText:
             legend = lines.pop()
             assert [*lines, legend] == render_text(frame, columns).split("\n")
 
-    def test_an_interruption_ends_without_a_traceback(
+    def test_an_interrupt_ends_without_a_traceback(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         def interrupt(*_: object) -> None:
@@ -192,7 +192,7 @@ class TestText:
         assert done.returncode == code
 
     @pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
-    def test_the_reader_of_the_output_may_leave(self) -> None:
+    def test_a_closed_output_pipe_ends_the_demo_quietly(self) -> None:
         with subprocess.Popen(
             [sys.executable, "-m", "DroneSwarmSearch", "--text"],
             cwd=ROOT,
@@ -264,7 +264,7 @@ class TestOptions:
         assert "the other drones fly by greedy-matrix, so not with --policy" in line
 
     @pytest.mark.parametrize("policy", POLICIES)
-    def test_every_policy_flies_and_always_does_the_same(
+    def test_every_policy_runs_and_is_deterministic(
         self, capsys: pytest.CaptureFixture[str], policy: str
     ) -> None:
         small = ("--text", "--grid-size", "8", "--timestep-limit", "15", "--fps", "50")
@@ -284,7 +284,7 @@ class TestOptions:
         with pytest.raises(ValueError, match="something else"):
             demo.main(["--text"])
 
-    @pytest.mark.usefixtures("invisible_window")
+    @pytest.mark.usefixtures("dummy_video")
     @pytest.mark.parametrize(("drones", "size"), [(1, 2), (4, 2), (4, 20), (7, 5), (76, 20)])
     def test_drones_start_around_the_border(
         self, drones: int, size: int, monkeypatch: pytest.MonkeyPatch
@@ -295,16 +295,16 @@ class TestOptions:
         assert len(set(cells)) == len(cells) == drones
         assert all({x, y} & {0, size - 1} for x, y in cells)
 
-    def test_more_drones_than_the_border_holds(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_more_drones_than_border_cells(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", "--grid-size", "4", "--drones", "16"]) == 0
         assert "persons found  1 of 1" in capsys.readouterr().out
 
-    def test_several_persons_and_the_prior(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_several_persons_without_posterior(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", "--prior", "--persons", "3", *SHORT]) == 0
         assert figures(capsys.readouterr().out)["persons found"].endswith(" of 3")
 
 
-@pytest.mark.usefixtures("invisible_window")
+@pytest.mark.usefixtures("dummy_video")
 class TestWindow:
     def test_plays_to_the_end_and_closes(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -355,7 +355,7 @@ class TestWindow:
         assert captured.err == ""
         assert figures(captured.out)["outcome"] == "stopped: you quit"
 
-    def test_flown_by_hand(
+    def test_manual_control(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         keys = [
@@ -460,13 +460,13 @@ class TestFilm:
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         pytest.importorskip("imageio_ffmpeg")
-        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "missing"))
         line = refusal(capsys, "--record", str(tmp_path / "film.mp4"), *SHORT)
         assert "error: an MP4 film needs the program ffmpeg" in line
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
-    def test_an_interruption_leaves_the_film_that_was_there(
+    def test_an_interrupted_recording_keeps_the_previous_film(
         self,
         suffix: str,
         tmp_path: Path,
@@ -494,6 +494,6 @@ class TestFilm:
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         (tmp_path / "file").touch()
-        nowhere = tmp_path / "file" / "film.gif"
-        line = refusal(capsys, "--record", str(nowhere), *SHORT)
-        assert f"error: cannot write {nowhere}: " in line
+        target = tmp_path / "file" / "film.gif"
+        line = refusal(capsys, "--record", str(target), *SHORT)
+        assert f"error: cannot write {target}: " in line

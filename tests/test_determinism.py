@@ -53,13 +53,13 @@ EVERYTHING = PARAMETERS["everything"]
 @each_parameters
 def test_same_seed_same_episode(parameters):
     env, other = make_env(parameters), make_env(parameters)
-    play(other, 5, seed=99)  # what came before a seed does not matter
+    play(other, 5, seed=99)  # episodes before the seed have no effect
     for seed in range(5):
         assert play(env, seed, seed=seed) == play(other, seed, seed=seed)
 
 
 @each_parameters
-def test_nothing_else_in_the_process_matters(parameters):
+def test_episodes_do_not_depend_on_other_code_in_the_process(parameters):
     alone = make_env(parameters)
     expected = [play(alone, 1, seed=3), play(alone, 2)]
 
@@ -85,7 +85,7 @@ def test_nothing_else_in_the_process_matters(parameters):
 
 
 @each_parameters
-def test_global_random_states_are_neither_read_nor_moved(parameters):
+def test_global_random_states_are_neither_read_nor_changed(parameters):
     random.seed(1)
     np.random.seed(1)
     python, numpy = random.getstate(), plain(np.random.get_state())
@@ -96,7 +96,7 @@ def test_global_random_states_are_neither_read_nor_moved(parameters):
     assert plain(np.random.get_state()) == numpy
 
 
-def test_global_seeds_do_not_make_episodes_alike():
+def test_episodes_do_not_depend_on_global_seeds():
     paths = []
     for _ in range(2):
         random.seed(1)
@@ -106,11 +106,11 @@ def test_global_seeds_do_not_make_episodes_alike():
     assert paths[0] != paths[1]
 
 
-# Different seeds, and episodes that follow each other.
+# Different seeds and successive episodes.
 
 
 def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...]:
-    """Where the persons go while a drone idles."""
+    """Return the persons' cells while a drone idles."""
     env.reset(**reset)
     cells = [env.frame().persons]
     for _ in range(steps):
@@ -134,21 +134,21 @@ def test_episodes_without_a_seed_differ_and_can_be_repeated(parameters):
     assert [path(twin, seed=7), *(path(twin) for _ in range(99))] == paths
 
 
-def test_environments_never_seeded_differ():
+def test_unseeded_environments_differ():
     env, other = make_env({}), make_env({})
     assert [path(env) for _ in range(3)] != [path(other) for _ in range(3)]
 
 
 @each_parameters
-def test_two_environments_stay_in_step_over_many_episodes(parameters):
+def test_two_environments_stay_equal_over_many_episodes(parameters):
     env, twin = make_env(parameters), make_env(parameters)
     assert play(env, seed=11) == play(twin, seed=11)
-    for episode in range(40):
+    for episode in range(15):
         assert play(env, episode) == play(twin, episode)
 
 
-def test_a_seed_is_no_offset_of_another():
-    """Episode k + 1 of seed s is not episode k of seed s + 1, and the like."""
+def test_streams_of_different_seeds_do_not_overlap():
+    """For example, episode k + 1 of seed s is not episode k of seed s + 1."""
     env = make_env({})
     paths = [
         walk
@@ -158,7 +158,7 @@ def test_a_seed_is_no_offset_of_another():
     assert len(set(paths)) >= 95
 
 
-# For one seed, the persons drift alike whatever the drones do.
+# Common random numbers: with one seed, the drift does not depend on the actions.
 
 
 def idle(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
@@ -178,7 +178,7 @@ def careless(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
 
 
 def hunt(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
-    """Drone 0 goes where the first missing person really is, and searches; others idle."""
+    """Drone 0 moves to the true cell of the first missing person and searches; others idle."""
     frame = env.frame()
     x, y = frame.drones[0]
     goal = next(cell for cell, found in zip(frame.persons, frame.found, strict=True) if not found)
@@ -214,7 +214,7 @@ def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[
 @pytest.mark.parametrize(
     "name", ["defaults", "unreliable", "posterior", "persons", "everything", "swarm"]
 )
-def test_the_persons_drift_alike_whatever_the_drones_do(name):
+def test_drift_does_not_depend_on_actions(name):
     env = make_env(PARAMETERS[name])
     longest = paths_under(env, idle, episodes=40)
     assert all(len(cells) == 61 for cells in longest)
@@ -229,8 +229,8 @@ def test_the_persons_drift_alike_whatever_the_drones_do(name):
 
 @each_parameters
 @pytest.mark.parametrize("watched_every", [1, 2, 5, 11, 37])
-def test_watching_does_not_change_the_drift(parameters, watched_every):
-    """The truth may be looked at in every step, in some, or at the end alone."""
+def test_reading_the_persons_cells_does_not_change_the_drift(parameters, watched_every):
+    """The persons' cells may be read in every step, in some, or only at the end."""
 
     def episodes(watched_every: int) -> list[Any]:
         env = make_env(parameters)
@@ -252,33 +252,33 @@ def test_watching_does_not_change_the_drift(parameters, watched_every):
     assert episodes(watched_every) == episodes(1000)
 
 
-def test_detections_do_not_depend_on_what_was_searched_before():
-    """Whether a search in step t succeeds is settled by the seed alone."""
+def test_detections_do_not_depend_on_earlier_searches():
+    """The seed alone determines whether a search in step t succeeds."""
     fixed = {"disperse_constant": 0, "vector": (0, 0), "probability_of_detection": 0.2}
 
-    def step_of_find(env: DroneSwarmSearch, seed: int, begin: int) -> int:
+    def step_of_find(env: DroneSwarmSearch, seed: int, first: int) -> int:
         env.reset(seed=seed)
         while env.agents:
             t = env.frame().step
-            env.step({"drone0": 4 if t >= begin else 5})
+            env.step({"drone0": 4 if t >= first else 5})
         return env.frame().step if env.frame().found[0] else 1000
 
     env = make_env(fixed, timestep_limit=40)
     begins_mattered = 0
     for seed in range(30):
         in_first = step_of_find(env, seed, 0)
-        for begin in (1, 5, 20):
-            found = step_of_find(env, seed, begin)
-            assert found == in_first if begin < in_first else found > in_first
+        for first in (1, 5, 20):
+            found = step_of_find(env, seed, first)
+            assert found == in_first if first < in_first else found > in_first
             begins_mattered += found != in_first
     assert begins_mattered > 30
 
 
-def test_detections_do_not_depend_on_the_episodes_before():
+def test_detections_do_not_depend_on_earlier_episodes():
     fixed = {"disperse_constant": 0, "vector": (0, 0), "probability_of_detection": 0.2}
 
     def steps_of_find(actions: tuple[int, ...]) -> list[int]:
-        """When searches succeed in episodes between which others use `actions` alone."""
+        """Return the steps of finds in episodes that alternate with episodes of other `actions`."""
         env = make_env(fixed, timestep_limit=40)
         env.reset(seed=1)
         steps = []
@@ -316,7 +316,7 @@ def test_copies_during_an_episode_continue_identically(name, steps, copied):
     assert plain(vars(other.frame())) == plain(vars(env.frame()))
     assert other.render() == env.render()
     seen, seen_by_other = observed(env), observed(other)
-    # One after the other: a copy shares nothing that changes.
+    # One after the other, because copies share no mutable state.
     logs = [
         [*play_on(one, cells, random.Random(2)), play(one, 3), play(one, 4, seed=1), one.vector]
         for one, cells in ((env, seen), (other, seen_by_other))
@@ -336,7 +336,7 @@ def test_copies_before_reset_and_after_the_end(copied):
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
-def test_matrices_of_copies_are_read_only_too(copied):
+def test_matrices_of_copies_are_read_only(copied):
     env = make_env(EVERYTHING)
     env.reset(seed=1)
     env.step(dict.fromkeys(env.agents, 4))
@@ -372,7 +372,7 @@ def test_returned_matrices_never_change_and_are_read_only(parameters):
 
 @each_parameters
 def test_changing_returned_arrays_does_not_change_the_episode(parameters):
-    """Not this one, not a later one, and none of an environment made afterwards."""
+    """Neither this episode, nor a later one, nor one of a new environment."""
 
     def episodes(env, touch):
         log, rng = [], random.Random(4)
@@ -401,7 +401,7 @@ def test_changing_returned_arrays_does_not_change_the_episode(parameters):
     assert episodes(make_env(parameters), lambda array: None) == expected
 
 
-def test_what_step_returns_belongs_to_the_caller():
+def test_results_of_step_can_be_changed_by_the_caller():
     env, twin = make_env(EVERYTHING), make_env(EVERYTHING)
     log, expected = [], []
     for one, spoil, seen in ((env, True, log), (twin, False, expected)):
@@ -436,7 +436,7 @@ def test_infos_are_fresh_and_mutable_for_every_drone():
     assert infos == {agent: {"Found": False} for agent in env.agents}
 
 
-def test_terminations_and_truncations_are_dicts_of_their_own():
+def test_terminations_and_truncations_are_separate_dicts():
     env = make_env({})
     env.reset(seed=1)
     _, _, terminations, truncations, _ = env.step({"drone0": 5})
@@ -445,7 +445,7 @@ def test_terminations_and_truncations_are_dicts_of_their_own():
     assert env.step({"drone0": 5})[2:4] == ({"drone0": False}, {"drone0": False})
 
 
-def test_arguments_may_be_changed_afterwards():
+def test_changing_arguments_afterwards_has_no_effect():
     persons = np.array([[3, 3], [5, 1]])
     vector, cells = [0.5, 0.5], [[1, 1], [2, 2]]
     env = make_env({"n_drones": 2}, person_initial_position=persons, vector=vector)
@@ -460,10 +460,10 @@ def test_arguments_may_be_changed_afterwards():
     assert env.frame().persons == ((3, 3), (5, 1))
 
 
-# What reset is given: how long it stays, and what wins.
+# Arguments of reset: duration and precedence.
 
 
-def test_a_vector_stays_until_another_is_given():
+def test_a_vector_is_kept_until_the_next_one():
     env = make_env({}, person_initial_position=(3, 3), vector=(1, 0), disperse_constant=0)
 
     def drift(**reset: Any) -> tuple[int, int]:
@@ -480,14 +480,14 @@ def test_a_vector_stays_until_another_is_given():
     assert drift() == drift(options={}) == (-1, 1)
 
 
-def test_an_environment_given_a_vector_is_as_if_made_with_it():
+def test_a_vector_given_to_reset_equals_one_given_to_the_constructor():
     made = make_env(EVERYTHING, vector=(-0.5, 0.25))
     given = make_env(EVERYTHING)
     given.reset(vector=(-0.5, 0.25))
     assert play(given, seed=3) == play(made, seed=3)
 
 
-def test_positions_hold_for_one_episode():
+def test_start_cells_apply_to_one_episode():
     env = make_env({"n_drones": 3, "person_initial_position": (4, 4)})
     rows = ((0, 0), (1, 0), (2, 0))
     cells = ((6, 6), (0, 3), (2, 5))
@@ -516,13 +516,13 @@ def test_the_number_of_persons_may_differ_for_one_episode():
     assert not env.agents and env.frame().found == (True,)
 
 
-def test_drones_stand_row_by_row():
+def test_default_start_cells_fill_the_rows():
     env = DroneSwarmSearch(grid_size=3, n_drones=7)
     env.reset()
     assert env.frame().drones == ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2))
 
 
-def test_a_keyword_wins_over_an_option():
+def test_keywords_override_options():
     env = make_env({"n_drones": 1})
     options = {"drones_positions": [(1, 1)], "vector": (1, 1), "person_initial_position": (5, 5)}
     env.reset(options=options, drones_positions=[(2, 3)], vector=(0, 0.5))
@@ -566,7 +566,7 @@ def test_rendering_never_changes_the_episode(mode, name, monkeypatch):
     seen.close()
 
 
-def test_the_modes_render_what_they_say(monkeypatch):
+def test_every_render_mode_returns_its_form(monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env = DroneSwarmSearch(render_mode="rgb_array")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib.util
 import io
 import itertools
@@ -37,12 +38,22 @@ SLOW_PAGES = (
     *("docs/contributing.md", "docs/guides/training.md", "docs/guides/trainers/"),
     *("docs/leaderboard/", "docs/model.md", "docs/performance.md"),
 )
-"""Pages whose commands may take minutes or need packages that are not installed."""
+"""Pages whose commands may take minutes or need optional packages."""
 
 QUICK_COMMANDS = ("bound", "evaluate", "play", "record")
 """Sub-commands that take seconds, on these pages too."""
 
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
+
+EPISODES = 50
+"""Commands play at most this many episodes, in every search."""
+
+OUTPUT = {
+    "basic_env.py": "return",
+    "examples/evaluate_your_own.py": "greedy-posterior: found",
+    "examples/random_searches.py": "ppo ahead",
+}
+"""A part of what these scripts print."""
 
 TIMEOUT = 120.0
 """Seconds for one command; code blocks with an RL library get five times as long."""
@@ -81,7 +92,7 @@ class Block(NamedTuple):
 
 
 def blocks(language: str) -> list[Block]:
-    """The code blocks of all pages in a language."""
+    """Return the code blocks of all pages in a language."""
     found = []
     for page in PAGES:
         fences = list(FENCE.finditer(page.read_text("utf-8")))
@@ -91,7 +102,7 @@ def blocks(language: str) -> list[Block]:
                 continue
             output = following[2] if following is not None and following[1] == "text" else None
             if following is not None and re.search(r"^#", between(fence, following), re.M):
-                output = None  # it belongs to another section
+                output = None  # belongs to another section
             found.append(Block(f"{path_of(page)}-{number}", fence[2], output))
             number += 1
     return found
@@ -102,13 +113,25 @@ def between(fence: re.Match[str], following: re.Match[str]) -> str:
     return fence.string[fence.end() : following.start()]
 
 
+def block_params() -> list[object]:
+    """The Python blocks as test parameters; those that start Ray are slow."""
+    return [
+        pytest.param(
+            block,
+            id=block.test_id,
+            marks=[pytest.mark.slow] * ("ray" in block.optional_packages),
+        )
+        for block in blocks("python")
+    ]
+
+
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("block", [pytest.param(b, id=b.test_id) for b in blocks("python")])
+@pytest.mark.parametrize("block", block_params())
 def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each runs on its own, in an empty folder, and prints what the page shows."""
+    """Every block runs in an empty folder and prints what the page shows."""
     for package in block.optional_packages:
         skip_without(package)
-    if block.optional_packages:  # in a process of its own, which ends what they leave running
+    if block.optional_packages:  # a separate process, because libraries leave threads running
         printed = run_python(["-c", block.text], tmp_path, 5 * TIMEOUT)
     else:
         monkeypatch.chdir(tmp_path)
@@ -182,20 +205,23 @@ class Command(NamedTuple):
         return self.arguments[0] if self.arguments[0].endswith(".py") else ""
 
     @property
+    def needs_ray(self) -> bool:
+        """Whether it starts Ray."""
+        return "--ray" in self.arguments
+
+    @property
     def is_slow(self) -> bool:
-        """Whether it may take minutes, or needs something that is missing here."""
+        """Whether it may take minutes, or needs a file that is missing."""
         if any("runs/" in argument for argument in self.arguments):  # the result of a training
             return True
-        quick = (
-            self.arguments[0] == "-m"
-            and self.arguments[2:3]
-            and (self.arguments[2] in QUICK_COMMANDS)
-        )
-        return self.page.startswith(SLOW_PAGES) and not quick
+        subcommand = "".join(self.arguments[2:3]) if self.arguments[0] == "-m" else ""
+        if subcommand == "leaderboard":  # draws many pictures; test_leaderboard.py runs it
+            return True
+        return self.page.startswith(SLOW_PAGES) and subcommand not in QUICK_COMMANDS
 
 
 def commands() -> list[Command]:
-    """The commands that run the package or a script, without installation and tests."""
+    """The commands that run the package or a script; not those that install or test."""
     found = []
     for block in blocks("sh"):
         page = block.name.rsplit("-", 1)[0]
@@ -210,17 +236,30 @@ def commands() -> list[Command]:
 
 
 def command_params(slow: bool) -> list[object]:
-    """Slow or quick commands as test parameters, each once."""
+    """Slow or quick commands as test parameters, each once.
+
+    Commands that start Ray and those that record MP4 films are marked as slow.
+    """
     unique = {shlex.join(each.arguments): each for each in commands() if each.is_slow == slow}
     return [
-        pytest.param(each, id=f"{each.page}: {text}{'-needs-rllib' * ('--ray' in each.arguments)}")
+        pytest.param(
+            each,
+            id=f"{each.page}: {text}{'-needs-rllib' * each.needs_ray}",
+            marks=[pytest.mark.slow] * (each.needs_ray or ".mp4" in text),
+        )
         for text, each in unique.items()
     ]
 
 
+@functools.cache
+def help_text(*start: str) -> str:
+    """Return the help of a script or a sub-command."""
+    return run_python([*start, "--help"], ROOT)
+
+
 @pytest.mark.parametrize("command", command_params(slow=True))
 def test_slow_commands_use_existing_options(command: Command) -> None:
-    """The tests of the examples run the training scripts themselves."""
+    """Only the options are checked; other tests run the training scripts."""
     options = [argument for argument in command.arguments if argument.startswith("--")]
     known = ""
     if command.script.startswith("examples/train_"):  # its RL library may not be installed
@@ -228,20 +267,27 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
         known = (ROOT / command.script).read_text("utf-8") + shared.format_help()
     elif options:
         start = command.arguments[:1] if command.script else command.arguments[:3]
-        known = run_python([*start, "--help"], ROOT)
+        known = help_text(*start)
     assert not command.script or (ROOT / command.script).exists()
     assert [option for option in options if not re.search(rf"{option}\b", known)] == []
 
 
 @pytest.mark.parametrize("command", command_params(slow=False))
 def test_command(command: Command, tmp_path: Path) -> None:
-    """Each runs in a writable folder with the scripts of a clone."""
-    arguments = command.arguments
-    if "--ray" in arguments:
+    """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
+    arguments = list(command.arguments)
+    if command.needs_ray:
         skip_without("ray")
+    elif "--episodes" in arguments:
+        place = arguments.index("--episodes") + 1
+        arguments[place] = str(min(int(arguments[place]), EPISODES))
+    elif command.script == "basic_env.py":
+        arguments += ["--timestep-limit", "20"]
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "basic_env.py", tmp_path)
-    assert run_python(arguments, tmp_path).strip()
+    printed = run_python(arguments, tmp_path)
+    assert printed.strip()
+    assert OUTPUT.get(command.script, "") in printed
     for option, argument in itertools.pairwise(arguments):
         if option in ("--out", "--record", "--csv"):
             assert (tmp_path / argument).exists() or argument.startswith("-")
@@ -250,23 +296,24 @@ def test_command(command: Command, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("script", "shown"),
     [
-        (["basic_env.py", "--text"], "return"),
-        (["-m", "DroneSwarmSearch"], "return"),
         (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
-        (["examples/evaluate_your_own.py", "--episodes", "20"], "greedy-posterior: found"),
         (
             [
-                *("examples/random_searches.py", "--searches", "2", "--episodes", "20"),
-                *("--policies", "ppo", "random"),
+                "tests/benchmarks/bench_step.py",
+                "--rounds",
+                "1",
+                "--steps",
+                "20",
+                "--environments",
+                "20",
             ],
-            "ppo ahead",
+            "idle/floor",
         ),
-        (["tests/benchmarks/bench_step.py", "--rounds", "1", "--steps", "20"], "idle/floor"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )
-def test_script(script: list[str], shown: str) -> None:
+def test_scripts_without_a_command_on_a_page(script: list[str], shown: str) -> None:
     assert shown in run_python(script, ROOT)
 
 

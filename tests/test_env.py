@@ -19,7 +19,7 @@ def drone_cells(observations: dict) -> list[tuple[int, int]]:
     return [seen["observation"][0] for seen in observations.values()]
 
 
-def test_searches_are_resolved_before_the_person_drifts_and_observed_after() -> None:
+def test_searches_precede_the_drift_and_observations_follow_it() -> None:
     env = DroneSwarmSearch(grid_size=9, vector=(1, 0), disperse_constant=0)
     env.reset(seed=0)
     observations, rewards, _, _, infos = play(env, SEARCH)
@@ -70,7 +70,7 @@ def test_unsuccessful_searches_are_rewarded_by_the_observed_matrix() -> None:
             [(0, 1), (0, 1)],
             [-100_000, 1],
             Ending.LEFT_GRID,
-            id="a leaver collides with nobody",
+            id="a drone that leaves does not collide",
         ),
         pytest.param(
             [(0, 0), (1, 0)],
@@ -96,7 +96,7 @@ def test_crashes(
     assert env.frame().ending is ending
 
 
-def test_a_search_counts_even_if_another_drone_collides_with_the_searcher() -> None:
+def test_a_search_succeeds_even_if_another_drone_collides_with_the_searcher() -> None:
     env = DroneSwarmSearch(grid_size=5, n_drones=2, person_initial_position=(1, 0))
     env.reset(seed=0)
     _, rewards, _, _, infos = play(env, RIGHT, SEARCH)
@@ -122,7 +122,7 @@ def test_persons_are_found_one_after_another() -> None:
     play(env, IDLE, RIGHT)
     play(env, IDLE, RIGHT)
     observations, rewards, terminations, _, _ = play(env, SEARCH, SEARCH)
-    # One search finds all who are there.
+    # One search finds all persons in the cell.
     assert list(rewards.values()) == [-100, 10_000 + 10_000 * (1 - 3 / 100)]
     assert all(terminations.values()) and env.frame().found == (True, True, True)
     matrix = observations["drone0"]["observation"][1]

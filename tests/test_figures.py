@@ -1,4 +1,4 @@
-"""The figures of the documentation, and the calibration benchmark that one of them shows."""
+"""The figures of the documentation and the calibration benchmark."""
 
 from __future__ import annotations
 
@@ -95,33 +95,33 @@ def test_the_kept_fractions_predict_the_episodes_without_a_find(detection: float
     assert (np.abs(measured - predicted) <= 4 * deviation + 1e-12).all()
 
 
-# The measurement.
+# The calibration benchmark.
 
 
 def margin(episodes: int) -> float:
-    """Four standard deviations of a total variation at most (Efron and Stein's inequality)."""
+    """Return four standard deviations of a total variation (Efron-Stein inequality)."""
     return 4 * 0.5 / np.sqrt(episodes)
 
 
 @pytest.mark.parametrize("setting", calibration.PACKAGES["DroneSwarmSearch"][1][::3])
-def test_we_are_at_the_floor(setting: tuple) -> None:
+def test_this_package_is_at_the_floor(setting: tuple) -> None:
     episodes, steps = 1500, 24
     seen = calibration.ours(setting, episodes, steps)
-    far = calibration.distances(seen)
+    distance = calibration.distances(seen)
     for step in range(steps + 1):
-        near = calibration.floor(seen.matrix[step], episodes)
-        assert abs(far[step] - near) < margin(episodes)
+        floor = calibration.floor(seen.matrix[step], episodes)
+        assert abs(distance[step] - floor) < margin(episodes)
 
 
-def test_a_matrix_beside_the_truth_is_noticed() -> None:
+def test_a_shifted_matrix_is_above_the_floor() -> None:
     setting = calibration.Setting((0.3, -0.2), 10.0)
     seen = calibration.ours(setting, 1500, 24)
-    beside = seen._replace(matrix=np.roll(seen.matrix, 2, axis=2))
-    near = calibration.floor(beside.matrix[24], 1500)
-    assert calibration.distances(beside)[24] > near + margin(1500)
+    shifted = seen._replace(matrix=np.roll(seen.matrix, 2, axis=2))
+    floor = calibration.floor(shifted.matrix[24], 1500)
+    assert calibration.distances(shifted)[24] > floor + margin(1500)
 
 
-def test_the_floor_is_the_mean_distance_of_true_samples() -> None:
+def test_the_floor_is_the_mean_distance_of_samples() -> None:
     rng = np.random.default_rng(3)
     forecast = rng.dirichlet(np.ones(50) / 2)
     samples = rng.multinomial(400, forecast, size=20_000) / 400
@@ -129,7 +129,7 @@ def test_the_floor_is_the_mean_distance_of_true_samples() -> None:
     assert calibration.floor(forecast, 400) == pytest.approx(sampled, rel=0.003)
 
 
-def test_who_is_outside_of_the_grid_is_in_no_cell() -> None:
+def test_persons_outside_the_grid_count_for_no_cell() -> None:
     seen = calibration.empty(0)
     seen.matrix[0, 3, 3] = 1.0
     seen.counts[0, 3, 3] = 6
@@ -137,7 +137,7 @@ def test_who_is_outside_of_the_grid_is_in_no_cell() -> None:
     assert calibration.distances(seen) == pytest.approx([0.25])
 
 
-def test_what_is_not_measured_stays_in_the_file(
+def test_other_rows_of_the_file_are_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "calibration.csv"
@@ -152,29 +152,29 @@ def test_what_is_not_measured_stays_in_the_file(
     assert "DroneSwarmSearch" in capsys.readouterr().out
 
 
-def test_contestants_that_are_not_there_are_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_packages_are_skipped(capsys: pytest.CaptureFixture[str]) -> None:
     calibration.main(["--only", "2023 package", "--episodes", "1", "--steps", "1"])
-    assert "left out: this package provides its import path" in capsys.readouterr().out
+    assert "skipped: this package provides its import path" in capsys.readouterr().out
 
 
-def kept_figures() -> list[dict[str, str]]:
+def committed_results() -> list[dict[str, str]]:
     with (COMMITTED / "calibration.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
-def test_the_file_has_every_contestant_and_shows_us_at_the_floor() -> None:
-    rows = kept_figures()
+def test_committed_results_are_complete_and_at_the_floor() -> None:
+    rows = committed_results()
     for name, (_, settings) in calibration.PACKAGES.items():
         own = [row for row in rows if row["package"] == name]
         assert len(own) == len(settings) * (calibration.STEPS + 1)
         assert all(int(row["episodes"]) >= 4000 for row in own)
     for row in rows:
         if row["package"] == "DroneSwarmSearch":
-            apart = abs(float(row["distance"]) - float(row["floor"]))
-            assert apart < margin(int(row["episodes"]))
+            difference = abs(float(row["distance"]) - float(row["floor"]))
+            assert difference < margin(int(row["episodes"]))
 
 
-def test_the_page_has_the_figures_of_the_file() -> None:
+def test_the_model_page_has_the_committed_results() -> None:
     page = (DOCS / "model.md").read_text("utf-8")
     columns = [
         *(("DroneSwarmSearch", "3.0"), ("DroneSwarmSearch", "10.0"), ("DSSE 1.1.9", "")),
@@ -182,7 +182,7 @@ def test_the_page_has_the_figures_of_the_file() -> None:
     ]
     at = {
         (row["package"], row["constant"], float(row["drift_x"]), float(row["drift_y"])): row
-        for row in kept_figures()
+        for row in committed_results()
         if row["step"] == "40"
     }
     for x, y in calibration.DRIFTS:

@@ -52,7 +52,7 @@ class TestObjectives:
             MarkovChain(self.FORECAST), self.FORECAST.exact(0), rate, effort.reshape(-1)
         )
 
-    def test_at_whole_paths_equal_the_success_of_the_plan(self) -> None:
+    def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
         paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
         expected = success_of(self.OF, paths)[0]
         assert expected > 0.1
@@ -149,7 +149,7 @@ class TestOracles:
 
 
 def free_effort(amount: float) -> Oracle:
-    """The oracle of searchers without paths: so much effort in each step, in any cell."""
+    """The oracle of searchers without paths: a fixed effort in each step, in any cell."""
 
     def oracle(gains: Floats) -> tuple[float, Effort]:
         flat = gains.reshape(len(gains), -1)
@@ -161,7 +161,7 @@ def free_effort(amount: float) -> Oracle:
 
 
 def stationary(size: int) -> MarkovChain:
-    """The chain of a person who stays."""
+    """The chain of a stationary person."""
     return MarkovChain(ProbabilityMatrix(size, (0, 0), (0.0, 0.0), 0.0))
 
 
@@ -215,7 +215,7 @@ class TestFreeEffort:
         assert reached.value == pytest.approx(chance, rel=0.01)
         assert reached.upper_bound == pytest.approx(chance, rel=0.01)
 
-    def test_several_steps_are_as_good_as_one_for_a_stationary_person(self) -> None:
+    def test_for_a_stationary_person_several_steps_are_as_good_as_one(self) -> None:
         reached, _ = self.searched(1.0, steps=3)
         assert reached.value == pytest.approx(0.264241, rel=0.01)
         assert reached.upper_bound == pytest.approx(0.264241, rel=0.01)

@@ -37,12 +37,12 @@ def test_the_scenarios_use_every_action_and_reach_every_ending():
         assert words in traces
 
 
-# What was released stays.
+# Released episodes do not change.
 
 
 @pytest.fixture
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder that regenerates instead, with all scenarios released."""
+def other_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A temporary folder of traces, with all scenarios released."""
     monkeypatch.setattr(regenerate, "FOLDER", tmp_path)
     monkeypatch.setattr(regenerate, "RELEASED", tmp_path / "released.txt")
     monkeypatch.setattr(regenerate, "SCENARIOS", dict(SCENARIOS))
@@ -61,36 +61,36 @@ def kept(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_released_episodes_are_as_they_were():
+def test_released_episodes_are_unchanged():
     assert regenerate.broken() == [], "see CONTRIBUTING.md, Versions"
 
 
-def test_the_same_episodes_may_be_written_and_released_again(elsewhere):
-    before = kept(elsewhere)
+def test_unchanged_episodes_can_be_written_and_released_again(other_folder):
+    before = kept(other_folder)
     assert set(before) == {f"{name}.txt" for name in SCENARIOS} | {"released.txt"}
     assert all(before[f"{name}.txt"] == path_of(name).read_bytes() for name in SCENARIOS)
     regenerate.main([])
     regenerate.main(["--release"])
-    assert kept(elsewhere) == before
+    assert kept(other_folder) == before
 
 
-def test_changed_episodes_of_a_released_id_are_refused(elsewhere):
+def test_changed_episodes_of_a_released_id_are_rejected(other_folder):
     change("find", reset={"seed": 2})
     regenerate.SCENARIOS.pop("persons")
-    before = kept(elsewhere)
+    before = kept(other_folder)
     for arguments in ([], ["--release"]):
         with pytest.raises(SystemExit, match=f"{ID} is released.*: find, persons") as refused:
             regenerate.main(arguments)
         assert '"Versions" in CONTRIBUTING.md' in str(refused.value)
-    assert kept(elsewhere) == before
+    assert kept(other_folder) == before
 
 
-def test_a_new_id_a_new_scenario_and_new_frames_are_free(elsewhere, monkeypatch):
+def test_new_ids_scenarios_and_frames_are_allowed(other_folder, monkeypatch):
     change("find", shows="Told in other words.")
     regenerate.SCENARIOS["new"] = SCENARIOS["find"]
     monkeypatch.setattr(regenerate, "framed", lambda env, frames: ["a map"] if frames else [])
     regenerate.main([])
-    assert "a map" in (elsewhere / "new.txt").read_text("utf-8")
+    assert "a map" in (other_folder / "new.txt").read_text("utf-8")
     assert set(regenerate.released()) == set(SCENARIOS)
     regenerate.main(["--release"])
     assert set(regenerate.released()) == {*SCENARIOS, "new"}
@@ -98,4 +98,4 @@ def test_a_new_id_a_new_scenario_and_new_frames_are_free(elsewhere, monkeypatch)
     monkeypatch.setattr(regenerate, "ID", "drone_swarm_search_v1000")
     change("find", reset={"seed": 2})
     regenerate.main([])
-    assert "environment: drone_swarm_search_v1000" in (elsewhere / "find.txt").read_text("utf-8")
+    assert "environment: drone_swarm_search_v1000" in (other_folder / "find.txt").read_text("utf-8")

@@ -81,7 +81,7 @@ class TestChoice:
             ((3, 3), Action.SEARCH),
         ],
     )
-    def test_goes_to_the_likely_cell_and_searches_it(
+    def test_moves_to_the_likely_cell_and_searches_it(
         self, peak: tuple[int, int], action: Action
     ) -> None:
         assert choose(7, [(3, 3)], {peak: 1.0}) == [action]
@@ -93,11 +93,11 @@ class TestChoice:
         far = near / DISCOUNT**2 * margin
         assert choose(7, [(3, 3)], {(2, 3): near, (6, 3): far}) == [action]
 
-    def test_goes_through_the_likelier_cells(self) -> None:
+    def test_moves_through_the_likelier_cells(self) -> None:
         assert choose(7, [(1, 1)], {(4, 4): 0.9, (1, 2): 0.01}) == [Action.DOWN]
         assert choose(7, [(1, 1)], {(4, 4): 0.9, (2, 1): 0.01}) == [Action.RIGHT]
 
-    def test_flies_the_longer_leg_first_in_a_tie(self) -> None:
+    def test_moves_along_the_longer_leg_first_in_a_tie(self) -> None:
         assert choose(7, [(1, 1)], {(2, 5): 1.0}) == [Action.DOWN]
         assert choose(7, [(1, 5)], {(2, 1): 1.0}) == [Action.UP]
         assert choose(7, [(1, 1)], {(5, 2): 1.0}) == [Action.RIGHT]
@@ -118,14 +118,14 @@ class TestChoice:
         # The cell is empty: one of them enters it.
         actions = choose(5, [(1, 2), (3, 2)], {(2, 2): 1.0})
         assert actions == [Action.RIGHT, Action.IDLE]
-        # Not even a cell whose drone is about to leave it: the drone may be blocked.
+        # A drone about to leave its cell may be blocked, so its cell is not entered either.
         actions = choose(5, [(1, 2), (2, 2)], {(4, 2): 1.0})
         assert actions == [Action.IDLE, Action.RIGHT]
 
     def test_without_drones_there_are_no_actions(self) -> None:
         assert greedy(5)({}) == {}
 
-    def test_is_a_policy(self) -> None:
+    def test_reset_returns_nothing(self) -> None:
         policy: Policy = greedy(5)
         assert policy.reset() is None  # type: ignore[func-returns-value]
 
@@ -220,13 +220,13 @@ class TestSuccess:
         assert self.rate(GreedyPolicy, **changes) >= least
 
     @pytest.mark.parametrize("bayesian_update", [False, True])
-    def test_the_tracked_posterior_is_as_good_whatever_the_matrix_shows(
+    def test_the_tracked_posterior_does_not_need_the_posterior_matrix(
         self, bayesian_update: bool
     ) -> None:
         rate = self.rate(PosteriorGreedyPolicy, episodes=30, bayesian_update=bayesian_update)
         assert rate >= 0.8
 
-    def test_the_random_policy_is_worse(self) -> None:
+    def test_is_better_than_the_random_policy(self) -> None:
         assert self.rate(RandomPolicy, episodes=20) <= 0.4
 
 

@@ -36,7 +36,7 @@ Arguments = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def arguments(searches: int = 5, size: int = 6, drones: int = 3) -> Arguments:
-    """Positions, matrices and shares of steps left; drones may share a cell, and cells a value."""
+    """Positions, matrices and remaining time fractions, with ties among drones and cells."""
     rng = np.random.default_rng(3)
     positions = rng.integers(0, size, (searches, drones, 2)).astype(np.int32)
     positions[0, :2] = positions[0, 0]  # as after a collision
@@ -48,14 +48,14 @@ def arguments(searches: int = 5, size: int = 6, drones: int = 3) -> Arguments:
 
 
 def made(name: str, size: int = 6, drones: int = 3) -> tuple[Layout, Layout]:
-    """What drones are shown, and what swarms are."""
+    """Return the observations of drones and those of swarms."""
     layout = LAYOUTS[name](size, drones)
     joint = JOINT_LAYOUTS[name](size, drones) if name in JOINT_LAYOUTS else StackedLayout(layout)
     return layout, joint
 
 
 def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
-    """What a layout writes, into arrays with something in them."""
+    """Return the observations that a layout writes into used arrays."""
     positions, matrices, left = shown
 
     def array(space: spaces.Space[Any]) -> np.ndarray:
@@ -73,7 +73,7 @@ def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
 
 @by_hand_too
 @pytest.mark.parametrize("drones", [1, 3])
-def test_every_drone_is_shown_what_it_should_be(name: str, drones: int) -> None:
+def test_drone_layouts_match_plain_implementations(name: str, drones: int) -> None:
     shown = arguments(drones=drones)
     layout, _ = made(name, drones=drones)
     out = written(layout, shown, 5, drones)
@@ -90,7 +90,7 @@ def test_every_drone_is_shown_what_it_should_be(name: str, drones: int) -> None:
 
 
 @by_hand_too
-def test_every_swarm_is_shown_what_it_should_be(name: str) -> None:
+def test_swarm_layouts_match_plain_implementations(name: str) -> None:
     shown = arguments()
     _, joint = made(name)
     out = written(joint, shown, 5)
@@ -106,7 +106,7 @@ def test_every_swarm_is_shown_what_it_should_be(name: str) -> None:
 
 
 @every_layout
-def test_a_search_is_shown_the_same_alone_and_among_others(name: str) -> None:
+def test_layouts_treat_every_search_independently(name: str) -> None:
     shown = arguments()
     layout, _ = made(name)
     together = written(layout, shown, 5, 3)
@@ -123,7 +123,7 @@ def test_a_search_is_shown_the_same_alone_and_among_others(name: str) -> None:
     cells=st.lists(st.sampled_from([0.0, 0.1, 0.25, 0.3, 1.0]), min_size=16, max_size=16),
     k=st.integers(1, 16),
 )
-def test_the_likeliest_cells_come_first_and_of_equals_the_first(cells: list[float], k: int) -> None:
+def test_top_cells_are_sorted_by_probability_then_index(cells: list[float], k: int) -> None:
     matrix = np.float32(cells).reshape(1, 4, 4)
     found, probabilities = likeliest_cells(matrix, k)
     wanted = np.argsort(-matrix.reshape(-1), kind="stable")[:k]
@@ -131,7 +131,7 @@ def test_the_likeliest_cells_come_first_and_of_equals_the_first(cells: list[floa
     assert plain(probabilities) == plain(matrix.reshape(-1)[wanted][None])
 
 
-def test_top_cells_are_as_many_as_asked_for() -> None:
+def test_the_number_of_top_cells() -> None:
     positions, matrices, left = arguments()
     for k in (1, 3, 36):
         layout = TopCellsLayout(6, 3, k)
@@ -146,7 +146,7 @@ def test_top_cells_are_as_many_as_asked_for() -> None:
             TopCellsLayout(6, 3, wrong)
 
 
-def test_equally_near_drones_come_by_number() -> None:
+def test_equally_near_drones_are_sorted_by_number() -> None:
     positions = np.array([[(2, 2), (2, 3), (2, 1), (2, 4), (1, 2)]], np.int32)
     _, matrices, left = arguments(1)
     out = written(TopCellsLayout(6, 5, 1), (positions, matrices, left), 1, 5)
@@ -154,17 +154,17 @@ def test_equally_near_drones_come_by_number() -> None:
     assert offsets.tolist() == [[0, 1], [0, -1], [-1, 0], [0, 2]]
 
 
-# The pieces.
+# Building blocks.
 
 
-def test_the_share_left_falls_from_one_to_zero() -> None:
+def test_the_remaining_time_fraction_falls_from_one_to_zero() -> None:
     assert plain(remaining_time_fraction([0, 1, 2, 3, 4], 4)) == plain(
         np.float32([1, 0.75, 0.5, 0.25, 0])
     )
     assert plain(remaining_time_fraction([1], 3)) == plain(np.float32([2 / 3]))
 
 
-def test_every_drone_comes_first_in_its_own_order() -> None:
+def test_every_drone_is_first_in_its_order() -> None:
     assert own_first(1).tolist() == [[0]]
     assert own_first(3).tolist() == [[0, 1, 2], [1, 0, 2], [2, 0, 1]]
 
@@ -184,7 +184,7 @@ def test_matrices_and_positions_may_have_any_leading_axes() -> None:
     assert plain(out) == plain((positions / 4).astype(np.float32))
 
 
-def test_marks_replace_whatever_was_there() -> None:
+def test_marks_overwrite_the_array() -> None:
     planes = np.full((2, 3, 3), 7, np.float32)
     mark(np.array([[(0, 0), (2, 1)], [(1, 1), (1, 1)]]), planes)
     assert planes[0].tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]

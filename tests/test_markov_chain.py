@@ -36,10 +36,10 @@ def random_grid(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarra
 @settings(deadline=None, max_examples=50, derandomize=True)
 @given(forecasts(), st.integers(0, 12), st.integers(1, 6), st.integers(0, 99))
 def test_forward_is_the_drift_of_a_belief(
-    forecast: ProbabilityMatrix, begin: int, steps: int, seed: int
+    forecast: ProbabilityMatrix, first: int, steps: int, seed: int
 ) -> None:
     chain = MarkovChain(forecast)
-    for step in range(begin, begin + steps):
+    for step in range(first, first + steps):
         mass = random_grid(forecast, seed + step)
         after = chain.forward(mass, step)
         np.testing.assert_allclose(after, after_drift(mass, *forecast.moves(step)), atol=1e-13)

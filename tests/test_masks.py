@@ -1,11 +1,11 @@
-"""Masks of actions: what they close, and that drones that keep to them come to no harm."""
+"""Action masks: the actions that they forbid, and that allowed actions cause no crash."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from helpers import inside, plain, target_of
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
@@ -15,7 +15,7 @@ Cell = tuple[int, int]
 
 
 def masks_by_hand(cells: list[Cell], size: int, right_of_way: bool) -> list[list[bool]]:
-    """The same, drone by drone and move by move."""
+    """Return the masks by a loop over drones and moves."""
     masks = []
     for drone, cell in enumerate(cells):
         mask = []
@@ -32,7 +32,7 @@ def masks_by_hand(cells: list[Cell], size: int, right_of_way: bool) -> list[list
 
 @st.composite
 def swarms(draw: st.DrawFn) -> tuple[int, list[list[Cell]]]:
-    """A grid size and some swarms, of which drones may share a cell."""
+    """A grid size and some swarms, whose drones may share cells."""
     size = draw(st.integers(2, 6))
     axis = st.integers(0, size - 1)
     drones = draw(st.integers(1, 7))
@@ -40,8 +40,9 @@ def swarms(draw: st.DrawFn) -> tuple[int, list[list[Cell]]]:
     return size, draw(st.lists(swarm, min_size=1, max_size=5))
 
 
+@settings(max_examples=60)
 @given(case=swarms(), right_of_way=st.booleans())
-def test_masks_close_what_they_should(
+def test_masks_match_a_plain_implementation(
     case: tuple[int, list[list[Cell]]], right_of_way: bool
 ) -> None:
     size, swarm = case
@@ -51,12 +52,13 @@ def test_masks_close_what_they_should(
     assert plain(masks) == plain(np.array(wanted))
 
 
+@settings(max_examples=40)
 @given(case=swarms(), data=st.data())
-def test_with_right_of_way_no_two_drones_meet_whatever_they_choose(
+def test_with_right_of_way_no_allowed_actions_collide(
     case: tuple[int, list[list[Cell]]], data: st.DataObject
 ) -> None:
     size, (drones, *_) = case
-    cells = list(dict.fromkeys(drones))  # no two alike, as in an episode
+    cells = list(dict.fromkeys(drones))  # distinct, as in an episode
     for _ in range(6):
         masks = action_masks([y * size + x for x, y in cells], size, right_of_way=True)
         chosen = [data.draw(st.sampled_from(mask.nonzero()[0].tolist())) for mask in masks]
@@ -75,13 +77,13 @@ def test_swarms_may_have_any_leading_axes() -> None:
 
 
 @pytest.mark.parametrize("right_of_way", [False, True])
-def test_a_lone_drone_is_kept_on_the_grid_alone(right_of_way: bool) -> None:
+def test_a_single_drone_is_only_kept_on_the_grid(right_of_way: bool) -> None:
     corner, middle = action_masks([[0], [4]], 3, right_of_way)
     assert [Action(action) for action in np.flatnonzero(~corner[0])] == [Action.LEFT, Action.UP]
     assert middle.all()
 
 
-def test_swarms_may_be_larger_than_short_integers_count() -> None:
+def test_swarms_may_exceed_the_range_of_short_integers() -> None:
     """With all cells but one occupied, the only allowed moves lead to that cell."""
     size = 182
     free = size**2 - 2
@@ -109,7 +111,7 @@ BAD_CELLS = [
 
 
 @pytest.mark.parametrize(("cells", "error", "came"), BAD_CELLS)
-def test_cells_off_the_grid_are_refused(cells: object, error: type[Exception], came: str) -> None:
+def test_cells_off_the_grid_are_rejected(cells: object, error: type[Exception], came: str) -> None:
     words = rf"cells must be integers from 0 to 24, of shape \(\.\.\., n\), {came}"
     with pytest.raises(error, match=words):
         action_masks(cells, 5)  # type: ignore[arg-type]
@@ -117,7 +119,7 @@ def test_cells_off_the_grid_are_refused(cells: object, error: type[Exception], c
         choose_in_turn(np.zeros((1, 1, 6)), cells, 5)  # type: ignore[arg-type]
 
 
-def test_other_wrong_arguments_of_masks_are_refused() -> None:
+def test_other_invalid_arguments_of_masks_are_rejected() -> None:
     with pytest.raises(TypeError, match=r"grid_size must be an integer of at least 2, got 5\.0"):
         action_masks([1], 5.0)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):

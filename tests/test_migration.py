@@ -161,6 +161,52 @@ def test_whole_script_of_2023(name):
     exec(compile(inspect.cleandoc(WHOLE_SCRIPTS[name]), name, "exec"), {})
 
 
+README_SCRIPT = """\
+from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+env = DroneSwarmSearch(
+    grid_size=50,
+    render_mode="human",
+    render_grid = True,
+    render_gradient = True,
+    n_drones=11,
+    vector=[0.5, 0.5],
+    person_initial_position = [5, 10],
+    disperse_constant = 3)
+
+def policy(obs, agent):
+    actions = {}
+    for i in range(11):
+        actions["drone{}".format(i)] = 1
+    return actions
+
+observations = env.reset()
+rewards = 0
+done = False
+
+while not done:
+    actions = policy(observations, env.get_agents())
+    observations, reward, _, done, info = env.step(actions)
+    rewards += reward["total_reward"]
+    done = True if True in [e for e in done.values()] else False
+
+print(rewards)
+"""
+"""The sample script in the README of the 2023 package."""
+
+WITHOUT_PAUSES = """
+from DroneSwarmSearch import DroneSwarmSearch
+DroneSwarmSearch.metadata["render_fps"] = 1000
+"""
+
+
+def test_readme_script_of_2023(tmp_path):
+    checkout = str(Path(package.__file__).parents[1])
+    printed = run(WITHOUT_PAUSES + README_SCRIPT, tmp_path, checkout)
+    # The drones start in columns 0 to 10 and move right: 39 steps with a reward of 1 each; in
+    # the next step, drone 10 leaves the grid from column 49.
+    assert float(printed) == 39 * 11 + 10 - 100_000
+
+
 def test_parameters_of_2023():
     table = {code(row[0]): row[1] for row in rows(section(OF_2023, "Parameters"))}
     signature = inspect.signature(DroneSwarmSearch).parameters

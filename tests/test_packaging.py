@@ -1,4 +1,4 @@
-"""The wheel and the sdist hold what they should, and every way to install works."""
+"""The contents of the wheel and the sdist, and installation in every form."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PACKAGES = ("DroneSwarmSearch", "DroneSwarmSearchEnvironment")
 NAME = f"droneswarmsearchenvironment-{DroneSwarmSearch.__version__}"
 MEGABYTE = 10**6
 PICTURES = (".gif", ".png", ".svg")
-"""Left out of the sdist, which is to stay small."""
+"""Not in the sdist, to keep it small."""
 
 pytestmark = [
     pytest.mark.skipif(
@@ -56,7 +56,7 @@ print(json.dumps({
 
 
 def run(*command: object, cwd: Path) -> str:
-    """Run a command to its end, away from the checkout; returns what it printed."""
+    """Run a command without the checkout on its path; returns its output."""
     clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     done = subprocess.run(
         [str(part) for part in command],
@@ -84,7 +84,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def dependencies() -> set[str]:
-    """The folders in which the running environment keeps what is needed."""
+    """Return the folders of the dependencies in the running environment."""
     specs = map(importlib.util.find_spec, ("gymnasium", "hatchling", "editables", "pettingzoo"))
     return {str(Path(spec.origin).parent.parent) for spec in specs if spec and spec.origin}
 
@@ -100,16 +100,16 @@ def sources() -> set[str]:
 
 
 def tracked(*folders: str) -> set[str]:
-    """The files of some folders that version control has or would take."""
+    """Return the files in some folders that Git tracks or does not ignore."""
     git = ("git", "ls-files", "--cached", "--others", "--exclude-standard", *folders)
     if not (CHECKOUT / ".git").exists():
-        pytest.skip("there is no version control to compare with")
+        pytest.skip("this is no Git checkout")
     files = run(*git, cwd=CHECKOUT).splitlines()
     return {file for file in files if (CHECKOUT / file).exists()}
 
 
 def imported(nodes: Iterable[ast.AST]) -> set[str]:
-    """The packages of others that some imports name."""
+    """Return the third-party packages that some nodes import."""
     names = set()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -119,8 +119,8 @@ def imported(nodes: Iterable[ast.AST]) -> set[str]:
     return {name.split(".")[0] for name in names} - {*PACKAGES, *sys.stdlib_module_names}
 
 
-def test_what_is_imported_is_declared():
-    """In the core what every module imports at once; in an extra what the others want."""
+def test_imported_packages_are_declared():
+    """Core dependencies cover imports at module level; extras cover the rest."""
     text = (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
     core, extras = (
         {
@@ -138,7 +138,7 @@ def test_what_is_imported_is_declared():
         assert imported(ast.walk(tree)) <= core | extras, path
 
 
-def test_the_wheel_holds_the_packages_and_nothing_else(built):
+def test_the_wheel_contains_only_the_packages(built):
     path = built / f"{NAME}-py3-none-any.whl"
     assert path.stat().st_size < MEGABYTE
     with zipfile.ZipFile(path) as wheel:
@@ -164,7 +164,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     ]
 
 
-def test_the_sdist_holds_the_sources_the_tests_and_nothing_stray(built):
+def test_the_sdist_contains_the_sources_and_the_tests(built):
     path = built / f"{NAME}.tar.gz"
     assert path.stat().st_size < MEGABYTE
     with tarfile.open(path) as sdist:
@@ -177,22 +177,25 @@ def test_the_sdist_holds_the_sources_the_tests_and_nothing_stray(built):
     assert {file.split("/")[0] for file in held} == {
         *(*tops, *texts, "pyproject.toml", "PKG-INFO", ".gitignore")
     }
-    # All of the tests, the examples and the documentation, but its pictures.
+    # All tests, examples and documentation except pictures.
     assert {file for file in held if file.startswith(("docs/", "examples/", "tests/"))} == {
         path for path in tracked("docs", "examples", "tests") if Path(path).suffix not in PICTURES
     }
 
 
-@pytest.mark.parametrize("what", ["wheel", "sdist", "editable"])
+@pytest.mark.parametrize(
+    "what",
+    ["wheel", *(pytest.param(what, marks=pytest.mark.slow) for what in ("sdist", "editable"))],
+)
 def test_installed(what, built, tmp_path):
-    """In a fresh environment each, with the running environment's dependencies in view."""
+    """Install into a new environment that can import the current one's dependencies."""
     home = tmp_path / "environment"
     builder = venv.EnvBuilder(with_pip=False)
     builder.create(home)
     python = builder.ensure_directories(home).env_exe
     purelib = "import sysconfig; print(sysconfig.get_path('purelib'))"
     own = Path(run(python, "-c", purelib, cwd=tmp_path).strip())
-    # The last .pth file by name: what is installed here comes first on the path.
+    # The last .pth file by name, so that packages installed here come first on the path.
     (own / "zz_dependencies.pth").write_text("\n".join(dependencies()), encoding="utf-8")
     source = {
         "wheel": [built / f"{NAME}-py3-none-any.whl"],
@@ -203,11 +206,11 @@ def test_installed(what, built, tmp_path):
     pip = (sys.executable, "-m", "pip", "--python", python)
     run(*pip, "install", "--quiet", *offline, *source, cwd=tmp_path)
 
-    told = json.loads(run(python, "-c", PROBE, cwd=tmp_path))
-    assert told["classes"] == 1
-    assert told["version"] == DroneSwarmSearch.__version__
-    assert told["frame"].startswith("step 1/100")
+    result = json.loads(run(python, "-c", PROBE, cwd=tmp_path))
+    assert result["classes"] == 1
+    assert result["version"] == DroneSwarmSearch.__version__
+    assert result["frame"].startswith("step 1/100")
     expected = CHECKOUT if what == "editable" else own
-    for file in told["files"]:
+    for file in result["files"]:
         assert Path(file).resolve().is_relative_to(expected.resolve())
     assert list(own.glob("droneswarmsearchenvironment-*.dist-info"))

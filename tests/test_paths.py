@@ -74,7 +74,7 @@ def test_the_best_path_is_the_first_of_all_best_paths(
 
 @settings(deadline=None, max_examples=20, derandomize=True)
 @given(boards())
-def test_later_values_do_not_depend_on_earlier_steps(
+def test_values_do_not_depend_on_earlier_steps(
     board: tuple[np.ndarray, np.ndarray, list[list[int]]],
 ) -> None:
     gains, at_end, blocked = board

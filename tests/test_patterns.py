@@ -70,7 +70,7 @@ rectangles = st.builds(
 
 
 class TestExpandingSquare:
-    def test_every_second_leg_is_longer_by_the_spacing(self) -> None:
+    def test_every_second_leg_grows_by_the_spacing(self) -> None:
         assert lengths(expanding_square((5, 5), 7)) == pytest.approx([1, 1, 2, 2, 3, 3, 4])
 
     def test_turns_are_right_angles_to_the_right(self) -> None:
@@ -78,7 +78,7 @@ class TestExpandingSquare:
         assert headings(points)[0] == pytest.approx(90)
         assert turns(points) == pytest.approx([90] * 6)
 
-    def test_turned_by_45_degrees_it_turns_at_centres_of_cells(self) -> None:
+    def test_turned_by_45_degrees_corners_are_centres_of_cells(self) -> None:
         points = expanding_square((5, 5), 7, heading=45)
         assert headings(points)[0] == pytest.approx(45)
         assert turns(points) == pytest.approx([90] * 6)
@@ -114,7 +114,7 @@ class TestSectorSearch:
             before, after = headings(self.POINTS)[leg - 1 : leg + 1]
             assert before == pytest.approx(after)
 
-    def test_each_triangle_begins_and_ends_at_the_datum(self) -> None:
+    def test_each_triangle_starts_and_ends_at_the_datum(self) -> None:
         for corner in (0, 3, 6, 9):
             assert self.POINTS[corner] == pytest.approx((10, 10))
 
@@ -126,7 +126,7 @@ class TestSectorSearch:
 
 
 class TestParallelLegs:
-    @settings(deadline=None, max_examples=80, derandomize=True)
+    @settings(deadline=None, max_examples=40, derandomize=True)
     @given(rectangles, st.booleans(), st.data())
     def test_visit_every_cell_once(
         self, area: Rectangle, along_x: bool, data: st.DataObject
@@ -141,10 +141,10 @@ class TestParallelLegs:
         assert len(legs) == (area.height if along_x else area.width)
         for (ax, ay), (bx, by) in legs:
             assert (ay == by) if along_x else (ax == bx)
-        for (_, end), (begin, _) in pairwise(legs):
-            assert math.dist(end, begin) == 1
+        for (_, end), (start, _) in pairwise(legs):
+            assert math.dist(end, start) == 1
 
-    @settings(deadline=None, max_examples=80, derandomize=True)
+    @settings(deadline=None, max_examples=40, derandomize=True)
     @given(rectangles, st.integers(1, 12), st.booleans())
     def test_strips_divide_all_cells_as_evenly_as_whole_legs_allow(
         self, area: Rectangle, count: int, along_x: bool
@@ -159,7 +159,7 @@ class TestParallelLegs:
             assert all((p.width if along_x else p.height) == length for p in parts)
 
 
-@settings(deadline=None, max_examples=80, derandomize=True)
+@settings(deadline=None, max_examples=40, derandomize=True)
 @given(rectangles, st.integers(1, 12))
 def test_parts_divide_all_cells(area: Rectangle, count: int) -> None:
     parts = parts_of(area, count)
@@ -167,7 +167,7 @@ def test_parts_divide_all_cells(area: Rectangle, count: int) -> None:
     assert Counter(cell for part in parts for cell in cells_of(part)) == Counter(cells_of(area))
 
 
-def test_seven_parts_stand_as_two_three_two() -> None:
+def test_seven_parts_form_rows_of_two_three_and_two() -> None:
     parts = parts_of(Rectangle(0, 0, 12, 12), 7)
     assert list(Counter(part.y for part in parts).values()) == [2, 3, 2]
 
@@ -175,24 +175,24 @@ def test_seven_parts_stand_as_two_three_two() -> None:
 class TestCells:
     points = st.tuples(st.floats(-5, 14), st.floats(-5, 14))
 
-    @settings(deadline=None, max_examples=100, derandomize=True)
+    @settings(deadline=None, max_examples=50, derandomize=True)
     @given(
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
     )
-    def test_a_leg_is_a_staircase_close_to_the_line(self, begin: Cell, end: Cell) -> None:
-        cells = cells_along([begin, end], 10)
-        assert (cells[0], cells[-1]) == (begin, end)
-        assert len(cells) == abs(end[0] - begin[0]) + abs(end[1] - begin[1]) + 1
+    def test_a_leg_is_a_staircase_close_to_the_line(self, start: Cell, end: Cell) -> None:
+        cells = cells_along([start, end], 10)
+        assert (cells[0], cells[-1]) == (start, end)
+        assert len(cells) == abs(end[0] - start[0]) + abs(end[1] - start[1]) + 1
         assert all(adjacent(a, b) for a, b in pairwise(cells))
-        across, down = end[0] - begin[0], end[1] - begin[1]
+        across, down = end[0] - start[0], end[1] - start[1]
         for x, y in cells:
-            off = abs((x - begin[0]) * down - (y - begin[1]) * across)
+            off = abs((x - start[0]) * down - (y - start[1]) * across)
             assert off <= 0.75 * (math.hypot(across, down) or 1)
 
-    @settings(deadline=None, max_examples=100, derandomize=True)
+    @settings(deadline=None, max_examples=50, derandomize=True)
     @given(st.lists(points, min_size=1, max_size=6))
-    def test_cells_outside_the_grid_are_left_out_and_none_is_repeated_at_once(
+    def test_cells_outside_the_grid_and_immediate_repetitions_are_omitted(
         self, points: list[Point]
     ) -> None:
         whole = cells_along([(x + 10, y + 10) for x, y in points], 40)
@@ -217,7 +217,7 @@ class TestDatum:
         area = Datum((20.0, 12.0), (4.0, 2.0), 10_000).area(40)
         assert area == Rectangle(12, 8, 17, 9)
 
-    @settings(deadline=None, max_examples=100, derandomize=True)
+    @settings(deadline=None, max_examples=50, derandomize=True)
     @given(
         st.tuples(st.floats(0, 11), st.floats(0, 11)),
         st.tuples(st.floats(0, 8), st.floats(0, 8)),
@@ -312,7 +312,7 @@ def test_the_sector_search_fits_the_effort() -> None:
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_flies_to_the_commence_search_point_then_searches_every_cell(
+def test_drones_move_to_the_commence_search_point_then_search_every_cell(
     kind: type[PatternPolicy],
 ) -> None:
     env = DroneSwarmSearch(
@@ -336,15 +336,15 @@ def test_flies_to_the_commence_search_point_then_searches_every_cell(
     route = route[: len(searched)]  # the required time is an estimate
     assert len(route) >= 0.8 * len(choices[0])
     assert searched[: len(route)] == route
-    begun = next(i for i, (_, action) in enumerate(flown) if action == Action.SEARCH)
-    assert begun == abs(route[0][0]) + abs(route[0][1]), "the shortest way"
-    ((*_, last),) = [[cell for cell, _ in flown[begun : begun + 2 * len(route) - 1]]]
+    start = next(i for i, (_, action) in enumerate(flown) if action == Action.SEARCH)
+    assert start == abs(route[0][0]) + abs(route[0][1]), "the shortest path"
+    ((*_, last),) = [[cell for cell, _ in flown[start : start + 2 * len(route) - 1]]]
     assert last == route[-1], "a move and a search per cell"
 
 
 @pytest.mark.parametrize("n_drones", [4, 7])
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_drones_that_meet_keep_searching(kind: type[PatternPolicy], n_drones: int) -> None:
+def test_drones_on_crossing_tracks_keep_searching(kind: type[PatternPolicy], n_drones: int) -> None:
     env = DroneSwarmSearch(
         grid_size=14,
         n_drones=n_drones,
@@ -364,8 +364,8 @@ def test_drones_that_meet_keep_searching(kind: type[PatternPolicy], n_drones: in
     assert all(searches[name] >= 100 for name in env.possible_agents)
 
 
-def laid_out_in_a_long_search(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
-    """How many times tracks are laid out in a long unsuccessful search."""
+def count_layouts(kind: type[PatternPolicy], starts: list[Cell], **changes: Any) -> int:
+    """Return how often tracks are laid out in a long unsuccessful search."""
     env = DroneSwarmSearch(
         n_drones=len(starts), probability_of_detection=0.0, timestep_limit=200, **changes
     )
@@ -378,21 +378,21 @@ def laid_out_in_a_long_search(kind: type[PatternPolicy], starts: list[Cell], **c
 
 
 @pytest.mark.parametrize("kind", PATTERNS)
-def test_drones_that_are_done_let_others_pass(kind: type[PatternPolicy]) -> None:
+def test_drones_with_finished_tracks_let_others_pass(kind: type[PatternPolicy]) -> None:
     starts = [(0, 0), (1, 0), (2, 0), (0, 1)]
     place = {"vector": (0, 0), "person_initial_position": (2, 0), "disperse_constant": 1}
-    assert laid_out_in_a_long_search(kind, starts, grid_size=3, **place) >= 2
+    assert count_layouts(kind, starts, grid_size=3, **place) >= 2
 
 
-@settings(deadline=None, max_examples=20, derandomize=True)
+@settings(deadline=None, max_examples=12, derandomize=True)
 @given(st.data(), st.sampled_from(PATTERNS))
-def test_drones_never_block_each_other_for_ever(
+def test_drones_never_block_each_other_permanently(
     data: st.DataObject, kind: type[PatternPolicy]
 ) -> None:
     size = data.draw(st.integers(2, 6))
     grid = [(x, y) for y in range(size) for x in range(size)]
     n = data.draw(st.integers(1, min(8, len(grid))))
-    passes = laid_out_in_a_long_search(
+    passes = count_layouts(
         kind,
         data.draw(st.permutations(grid))[:n],
         grid_size=size,

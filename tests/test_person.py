@@ -1,4 +1,4 @@
-"""The person's walk, for injected numbers and in distribution."""
+"""The person's walk, for given uniforms and in distribution."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.person import moves, walk
 
 
-def test_numbers_choose_right_left_and_stay() -> None:
+def test_uniforms_select_right_left_or_stay() -> None:
     forecast = ProbabilityMatrix(9, (4, 4), (0.1, -0.1), 10)
     right, left, down, up = forecast.moves(0)
     eps = 1e-9
@@ -20,7 +20,7 @@ def test_numbers_choose_right_left_and_stay() -> None:
         assert walk(forecast, 0, 4 * 9 + 4, [0.9999], [v]) == [y * 9 + 4]
 
 
-def test_a_walk_in_pieces_is_the_walk() -> None:
+def test_a_walk_can_be_computed_in_pieces() -> None:
     forecast = ProbabilityMatrix(20, (10, 10), (0.3, 0.2), 10)
     numbers = np.random.default_rng(5)
     for_x, for_y = numbers.random((2, 32)).tolist()
@@ -44,7 +44,7 @@ def test_a_walk_in_pieces_is_the_walk() -> None:
         ((0, 5), (0.5, 0.25), 0),
     ],
 )
-def test_persons_are_where_the_matrix_says(
+def test_walks_are_distributed_as_the_matrix(
     start: tuple[int, int], drift: tuple[float, float], constant: float
 ) -> None:
     """Pearson's chi-square over the cells that hold enough, at three steps of 4,000 walks."""
@@ -55,7 +55,7 @@ def test_persons_are_where_the_matrix_says(
     for t in (1, 7, 31):
         counts = np.bincount(paths[:, t - 1], minlength=size**2)
         expected = walks * forecast.exact(t).ravel()
-        assert not counts[expected == 0].any(), "a person stands where the matrix says nobody can"
+        assert not counts[expected == 0].any(), "a person is in a cell of probability 0"
         common = expected >= 5
         groups = np.append(counts[common], counts[~common].sum())
         means = np.append(expected[common], expected[~common].sum())
@@ -67,7 +67,7 @@ def test_persons_are_where_the_matrix_says(
         assert statistic < limit, (t, statistic, freedom)
 
 
-def test_many_persons_move_as_one_does() -> None:
+def test_several_persons_move_like_one() -> None:
     forecast = ProbabilityMatrix(9, (4, 4), (0.3, -0.2), 10)
     rng = np.random.default_rng(1)
     cells = rng.integers(0, 81, 500)

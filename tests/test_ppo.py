@@ -94,8 +94,11 @@ class TestNetwork:
         whole, seen = path.read_bytes(), np.ones((2, LENGTH), np.float32)
         wanted, refused = plain(network(seen)), 0
         rng = np.random.default_rng(0)
-        structure = [*range(60), *range(len(whole) - 300, len(whole), 2)]  # the rest are weights
-        places = [*structure, *rng.integers(len(whole), size=50).tolist()]
+        structure = [
+            *range(0, 60, 2),
+            *range(len(whole) - 300, len(whole), 5),
+        ]  # the rest are weights
+        places = [*structure, *rng.integers(len(whole), size=25).tolist()]
         for place in places:
             for damaged in (
                 bytes([*whole[:place], whole[place] ^ 1 << rng.integers(8), *whole[place + 1 :]]),
@@ -169,7 +172,7 @@ class TestNetwork:
         """Compressed zeros are tiny."""
         path = tmp_path / "weights.npz"
         with (
-            zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+            zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
             archive.open("weights0.npy", "w") as file,
         ):
             for _ in range(MAX_BYTES // 2**22 + 1):
@@ -196,7 +199,7 @@ class TestNetwork:
             Network.load(path)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32),
     size=st.integers(2, 9),
@@ -260,8 +263,8 @@ class TestDefaultWeights:
                 timestep_limit=70,
             )
             search = NamedSearch(f"drawn-{number}", "Not trained on.", drawn)
-            ppo.append(evaluate("ppo", search, episodes=500))
-            greedy.append(evaluate("greedy-matrix", search, episodes=500))
+            ppo.append(evaluate("ppo", search, episodes=200))
+            greedy.append(evaluate("greedy-matrix", search, episodes=200))
         differences = [compare(*pair).success for pair in zip(ppo, greedy, strict=True)]
         assert np.mean([each.value for each in differences]) > 0.01
         assert sum(each.low > 0 for each in differences) > sum(

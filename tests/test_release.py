@@ -138,7 +138,7 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_links_of_the_readme_are_made_absolute(prepare, checkout):
+def test_relative_links_of_the_readme_become_absolute(prepare, checkout):
     prepare.main(VARIABLES, checkout)
     assert (checkout / "README.md").read_text("utf-8") == ABSOLUTE
     prepare.main(VARIABLES, checkout)

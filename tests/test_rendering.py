@@ -42,7 +42,7 @@ def make_frame(
     matrix: object = None,
     ending: Ending | None = None,
 ) -> Frame:
-    """A frame; `searching` and `found` are indices, and drone 0 finds everybody.
+    """A frame; `searching` and `found` are indices, and drone 0 finds all persons.
 
     Without a matrix, cell (1, 1) has all the probability.
     """
@@ -71,7 +71,7 @@ def draw(
 
 
 def cell_of(picture: NDArray[np.int64], grid_size: int, x: int, y: int) -> NDArray[np.int64]:
-    """The part of a picture that shows a cell, shape (side, side, 3)."""
+    """Return the pixels of a cell, shape (side, side, 3)."""
     side = int(SearchMap(grid_size).pitch)
     top, left = TOP + y * side, LEFT + x * side
     return picture[top : top + side, left : left + side]
@@ -83,7 +83,7 @@ def panel_left(grid_size: int) -> int:
 
 
 def map_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
-    """The part of a picture that shows the cells, shape (side, side, 3)."""
+    """Return the pixels of the map, shape (side, side, 3)."""
     side = SearchMap(grid_size).side
     return picture[TOP : TOP + side, LEFT : LEFT + side]
 
@@ -126,7 +126,7 @@ class TestLabels:
 
 
 class TestText:
-    def test_a_search_before_its_end(self) -> None:
+    def test_a_running_search(self) -> None:
         frame = make_frame(
             3,
             drones=((0, 0), (2, 1)),
@@ -145,7 +145,7 @@ class TestText:
             + ".:;=oO%#@ probability, 0 to 40%",
         ]
 
-    def test_a_collision_over_persons(self) -> None:
+    def test_a_collision_in_cells_of_persons(self) -> None:
         frame = make_frame(
             2,
             drones=((1, 1), (1, 1)),
@@ -161,7 +161,7 @@ class TestText:
             "1         @ 0+1P2F0@",
         ]
 
-    def test_the_outcome_of_a_success(self) -> None:
+    def test_the_outcome_of_a_successful_search(self) -> None:
         frame = make_frame(2, found=(0,), ending=Ending.FOUND)
         line = render_text(frame).split("\n")[1]
         assert line == f"The target was found in 3 moves ({Ending.FOUND.description})"
@@ -175,7 +175,7 @@ class TestText:
         assert widths[0] == widths[1]
         assert len(widths[0]) == 1
 
-    def test_hundreds_of_drones_in_columns_that_are_numbered(self) -> None:
+    def test_hundreds_of_drones_and_numbered_columns(self) -> None:
         drones = tuple((i % 100, 2 * (i // 100)) for i in range(300))
         frame = make_frame(100, drones=drones, searching=(299,), persons=((99, 99),))
         lines = render_text(frame).split("\n")
@@ -242,7 +242,7 @@ class TestCells:
         r, g, b = cell_of(picture, grid_size, 1, 1).reshape(-1, 3).T
         assert (g > 1.5 * r).all() and (g > 1.5 * b).all()
 
-    def test_a_gradient_goes_through_yellow(self) -> None:
+    def test_the_middle_of_the_gradient_is_yellow(self) -> None:
         matrix = np.linspace(0.0, 1.0, 49).reshape(7, 7)
         picture = draw(bare(make_frame(matrix=matrix)))
         middles = np.array([cell_of(picture, 7, x, y)[50, 50] for y in range(7) for x in range(7)])
@@ -253,7 +253,7 @@ class TestCells:
 
     @pytest.mark.parametrize("ending", [None, *Ending])
     @pytest.mark.parametrize(("palette", "sign"), [("classic", 1), ("sea", -1)])
-    def test_luminance_follows_the_probability_before_and_at_the_end(
+    def test_luminance_is_monotone_in_probability(
         self, palette: str, sign: int, ending: Ending | None
     ) -> None:
         matrix = np.linspace(0.0, 1.0, 121).reshape(11, 11)
@@ -281,7 +281,7 @@ class TestCells:
             assert (pictures[-1] == expected).all()
         assert (pictures[0] != pictures[1]).any()
 
-    def test_the_palette_sea_goes_from_pale_to_deep_blue(self) -> None:
+    def test_the_palette_sea_is_pale_to_deep_blue(self) -> None:
         picture = draw(bare(make_frame()), palette="sea")
         pale, deep = (cell_of(picture, 7, i, i)[50, 50] for i in (0, 1))
         assert pale.min() > 220
@@ -301,7 +301,7 @@ class TestCells:
         assert colours[0.75] == green
         assert yellow[0] > 200 and yellow[1] > 160 and yellow[2] < 120
 
-    def test_cells_are_where_the_matrix_says_x_to_the_right_and_y_down(self) -> None:
+    def test_x_is_to_the_right_and_y_is_down(self) -> None:
         matrix = np.zeros((7, 7))
         matrix[2, 5] = 1.0
         picture = draw(bare(make_frame(matrix=matrix)))
@@ -380,7 +380,7 @@ class TestSymbols:
             assert (change > 80).mean() > 0.1
 
     @pytest.mark.parametrize("grid_size", [20, 50, 100])
-    def test_25_drones_side_by_side_all_differ(self, grid_size: int) -> None:
+    def test_25_adjacent_drones_differ(self, grid_size: int) -> None:
         drones = tuple((i % grid_size, i // grid_size) for i in range(25))
         picture = draw(make_frame(grid_size, drones=drones, persons=()))
         side = int(SearchMap(grid_size).pitch)
@@ -390,7 +390,7 @@ class TestSymbols:
                 for x, y in drones
             ]
         )
-        if grid_size == 20:  # Here they carry numbers as well.
+        if grid_size == 20:  # large enough for numbers
             assert len(np.unique(middles, axis=0)) == 25
             return
         distances = np.linalg.norm(middles[:, None] - middles, axis=2)
@@ -411,7 +411,7 @@ class TestSymbols:
             map_of(draw(other), grid_size)[SearchMap(grid_size).side // grid_size :]
             for other in (
                 frame,
-                replace(frame, drones=((0, 0), (1, 1))),  # A drone of another colour.
+                replace(frame, drones=((0, 0), (1, 1))),  # a drone of another colour
                 replace(frame, found_by=(0,)),
             )
         ]
@@ -419,14 +419,14 @@ class TestSymbols:
             assert (np.abs(pictures[0] - other).max(axis=2) > 40).sum() >= 20
 
     @pytest.mark.parametrize("grid_size", SIZES)
-    def test_drones_that_collided_are_both_seen(self, grid_size: int) -> None:
+    def test_drones_that_collided_are_both_visible(self, grid_size: int) -> None:
         frame = make_frame(grid_size, drones=((1, 1), (1, 1)), persons=())
         swapped = {}
         for pair in ((0, 1), (0, 2), (3, 1)):
             drones = tuple((1, 1) if n in pair else (0, 0) for n in range(4))
             one = replace(frame, drones=drones, searching=(False,) * 4)
             swapped[pair] = map_of(draw(one), grid_size)
-        # Another colour of either drone is seen in another place.
+        # A change of either colour changes different pixels.
         second = np.abs(swapped[0, 1] - swapped[0, 2]).max(axis=2) > 40
         first = np.abs(swapped[0, 1] - swapped[3, 1]).max(axis=2) > 40
         side = int(SearchMap(grid_size).pitch)
@@ -532,7 +532,7 @@ class TestEndScreens:
         frame = replace(bare(make_frame(grid_size, ending=Ending.FOUND)), step=10**9)
         board = map_of(draw(frame), grid_size)
         sentence = (board > 240).all(axis=2)
-        edges = sentence[:, :1] & sentence[:, -1:]  # The lines along the banner reach them.
+        edges = sentence[:, :1] & sentence[:, -1:]  # the lines of the banner reach the edges
         sentence &= ~edges
         columns = np.flatnonzero(sentence.any(axis=0))
         assert len(columns) > board.shape[1] / 3
@@ -543,7 +543,7 @@ class TestEndScreens:
         pictures = [map_of(draw(bare(make_frame(ending=ending))), 7) for ending in list(Ending)[1:]]
         assert all((a != b).any() for a, b in pairwise(pictures))
 
-    def test_the_banner_leaves_symbols_visible_where_it_can(self) -> None:
+    def test_the_banner_avoids_symbols_if_possible(self) -> None:
         for row in (0, 9, 19):
             frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_LIMIT)
             changed = draw(frame) != draw(replace(frame, searching=(True,)))
@@ -632,7 +632,7 @@ class TestPainter:
 
 @pytest.fixture
 def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """pygame with nothing initialised, and an invisible display."""
+    """Quit pygame and select the dummy video driver."""
     pygame.quit()
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     yield
@@ -682,7 +682,7 @@ class TestWindow:
         width, height = pygame.display.get_surface().get_size()
         assert 600 < width < 800 and 400 < height < 600
 
-    def test_the_user_may_close_it_and_a_reset_opens_it_again(self) -> None:
+    def test_a_reset_reopens_a_window_that_the_user_closed(self) -> None:
         window = make_window()
         window.show(make_frame())
         pygame.event.post(pygame.event.Event(pygame.QUIT))
@@ -738,7 +738,7 @@ class TestWindow:
         kept = [event.key for event in pygame.event.get(pygame.KEYDOWN)]
         assert kept == list(range(2 * KEYS_KEPT, 3 * KEYS_KEPT))
 
-    def test_it_waits_for_a_frame_period_after_each_frame(
+    def test_waits_for_a_frame_period_after_each_frame(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         ticks: list[float] = []
@@ -795,7 +795,7 @@ class TestWindow:
         twin.show(make_frame())
         assert twin.is_open
 
-    def test_where_no_display_can_be_opened_the_error_says_what_to_do(
+    def test_without_a_display_the_error_states_what_to_do(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")

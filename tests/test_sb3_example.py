@@ -64,7 +64,7 @@ def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     assert (folder / "evaluation.csv").exists()
 
 
-def test_masks_of_flat_are_the_environments(example: ModuleType) -> None:
+def test_masks_of_flat_equal_the_environments(example: ModuleType) -> None:
     env = example.make_batch(5, seed=3)
     env.reset()
     rng = np.random.default_rng(0)
@@ -104,8 +104,8 @@ def test_the_curve_counts_every_episode(
     example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     task = {"grid_size": 6, "person_initial_position": (1, 0), "vector": (0.0, 0.0)}
-    apart = {"drones_positions": [(0, 0), (5, 5)]}  # no collision in the step of a find
-    monkeypatch.setattr(example, "TRAINING_TASK", {**training.TRAINING_TASK, **task, **apart})
+    distant = {"drones_positions": [(0, 0), (5, 5)]}  # no collision in the step of a find
+    monkeypatch.setattr(example, "TRAINING_TASK", {**training.TRAINING_TASK, **task, **distant})
 
     class CountFinds(BaseCallback):
         def __init__(self) -> None:

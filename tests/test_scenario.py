@@ -33,7 +33,7 @@ OTHER: dict[str, Any] = {
 }
 
 
-def test_names_and_defaults_are_the_environments():
+def test_names_and_defaults_match_the_environment():
     of_environment = inspect.signature(DroneSwarmSearch).parameters
     of_scenario = inspect.signature(Scenario).parameters
     own = {"render_mode", "render_grid", "render_gradient", "palette", "scenario"}
@@ -67,7 +67,7 @@ def test_names_and_defaults_are_the_environments():
         ("reward_scheme", {}, TypeError),
     ],
 )
-def test_bad_values_are_refused_wherever_a_scenario_is_made(name, value, error):
+def test_bad_values_are_rejected_wherever_a_scenario_is_made(name, value, error):
     usual = Scenario()
     for make_one in (
         lambda: Scenario(**{name: value}),
@@ -91,7 +91,7 @@ def test_bad_values_are_refused_wherever_a_scenario_is_made(name, value, error):
         ("person_initial_position", [[0.5, 2.0]]),
     ],
 )
-def test_a_bad_value_of_a_row_has_the_message_of_a_bad_value(name, value):
+def test_errors_about_one_row_match_errors_about_a_scenario(name, value):
     with pytest.raises(ValueError, match=name) as of_one:
         Scenario(**{name: value})
     good = Scenario(person_initial_position=[[1, 1]])
@@ -101,12 +101,12 @@ def test_a_bad_value_of_a_row_has_the_message_of_a_bad_value(name, value):
     assert str(of_rows.value) == str(of_one.value).replace(name, f"{name}[1]", 1)
 
 
-def test_it_cannot_be_changed():
+def test_is_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Scenario().grid_size = 8  # type: ignore[misc]
 
 
-def test_the_form_of_a_value_makes_no_difference():
+def test_equal_values_in_different_forms_are_equal():
     forms = [
         Scenario(9, 2, (1, 0), (3, 4), 2, 12, probability_of_detection=1),
         Scenario(np.int64(9), 2, [1.0, 0], [[3, 4]], 2.0, 12, probability_of_detection=1.0),
@@ -120,7 +120,7 @@ def test_the_form_of_a_value_makes_no_difference():
         assert form == copy.deepcopy(form) == pickle.loads(pickle.dumps(form))
 
 
-def test_replace_changes_what_is_named():
+def test_replace_changes_the_named_parameters():
     other = Scenario().replace(**OTHER)
     assert other == Scenario(**OTHER) != Scenario()
     assert other.replace(n_drones=3).replace(n_drones=2) == other
@@ -129,7 +129,7 @@ def test_replace_changes_what_is_named():
 
 
 @pytest.mark.parametrize("parameters", [{}, OTHER, {**OTHER, "probability_of_detection": 0.5}])
-def test_dicts_keep_all_of_it(parameters):
+def test_dicts_round_trip(parameters):
     scenario = Scenario(**parameters)
     text = json.dumps(scenario.to_dict(), allow_nan=False)
     assert Scenario.from_dict(json.loads(text)) == scenario
@@ -147,7 +147,7 @@ def test_dicts_keep_all_of_it(parameters):
         ({"reward_scheme": 3}, TypeError, "reward_scheme must be a RewardScheme"),
     ],
 )
-def test_bad_dicts_are_refused(data, error, message):
+def test_bad_dicts_are_rejected(data, error, message):
     with pytest.raises(error, match=message):
         Scenario.from_dict(data)
 
@@ -155,7 +155,7 @@ def test_bad_dicts_are_refused(data, error, message):
 # Where a scenario is accepted.
 
 
-def test_an_environment_of_a_scenario_is_that_of_its_parameters():
+def test_environments_accept_a_scenario_or_its_parameters():
     scenario = Scenario(**OTHER)
     env = DroneSwarmSearch(scenario=scenario, render_mode=None, render_grid=True)
     assert env.scenario is scenario and env.render_grid
@@ -163,7 +163,7 @@ def test_an_environment_of_a_scenario_is_that_of_its_parameters():
 
 
 @pytest.mark.parametrize("kind", [SearchBatch, SwarmVectorEnv, DroneVectorEnv])
-def test_a_batch_of_a_scenario_is_that_of_its_parameters(kind: Any):
+def test_batches_accept_a_scenario_or_its_parameters(kind: Any):
     scenario = Scenario(**OTHER)
     one, other = kind(3, scenario=scenario), kind(3, **OTHER)
     batches = [getattr(each, "batch", each) for each in (one, other)]
@@ -175,7 +175,7 @@ def test_a_batch_of_a_scenario_is_that_of_its_parameters(kind: Any):
 
 
 @pytest.mark.parametrize("name", list(OTHER))
-def test_a_parameter_together_with_a_scenario_is_refused(name):
+def test_parameters_together_with_a_scenario_are_rejected(name):
     scenario, value = Scenario(**OTHER), OTHER[name]
     for kind in (
         DroneSwarmSearch,
@@ -203,7 +203,7 @@ def test_defaults_may_be_given_together_with_a_scenario():
             kind(scenario=scenario, vector=[[1, 2], [3]])
 
 
-def test_policies_plans_and_evaluation_take_a_scenario():
+def test_policies_plans_and_evaluation_accept_a_scenario():
     scenario = Scenario(6, 1, (0, 0), (3, 3), 2, 6)
     assert make("greedy-matrix", scenario).scenario is scenario
     assert 0 < success_bound(scenario, [(0, 0)], sample=64).by_time[-1] <= 1
@@ -213,7 +213,7 @@ def test_policies_plans_and_evaluation_take_a_scenario():
 # The example.
 
 
-def test_the_example_is_worth_searching() -> None:
+def test_the_success_rates_of_the_example_are_as_documented() -> None:
     env = DroneSwarmSearch.example()
     env.reset(seed=0)
     assert not {*env.frame().drones} & {*env.scenario.person_initial_position}
@@ -223,7 +223,7 @@ def test_the_example_is_worth_searching() -> None:
         for name, updates in (("random", False), ("greedy-matrix", False), ("greedy-matrix", True))
     )
     assert random < 0.1
-    assert (round(prior, 2), round(posterior, 2)) == (0.67, 0.74)  # as its docstring says
+    assert (round(prior, 2), round(posterior, 2)) == (0.67, 0.74)  # as in the docstring
 
 
 def test_the_example_can_be_changed() -> None:
@@ -232,7 +232,9 @@ def test_the_example_can_be_changed() -> None:
     assert env.render_mode == "rgb_array"
 
 
-def test_a_comparison_of_training_takes_a_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_after_training_accepts_a_scenario(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     of = {"scenario": Scenario(6, 1, (0, 0), (3, 3), 2, 6), "drones_positions": [(1, 1)]}
     how: dict[str, Any] = {"view": "parallel", "observation": "dict", "episodes": 2}
     mine, *_ = compare_with_baselines(lambda seen: {"drone0": 4}, of, **how)

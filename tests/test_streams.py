@@ -1,4 +1,4 @@
-"""Streams of random numbers: the same for the same seed, whatever was drawn before."""
+"""Random streams depend on the seed and the episode, not on earlier draws."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_generator_is_splitmix64() -> None:
     assert stream(5).draw(3, 300) == expected
 
 
-def test_one_number_is_the_same_alone_and_among_many() -> None:
+def test_a_scalar_draw_equals_the_draw_in_an_array() -> None:
     keys = np.array([stream_keys(seed)[0] for seed in range(40)])[:, None]
     episodes, places = np.arange(50, dtype=np.uint64), np.arange(7, dtype=np.uint64)
     table = numbers(episode_keys(keys, episodes)[..., None], places)
@@ -42,7 +42,7 @@ def test_one_number_is_the_same_alone_and_among_many() -> None:
         assert stream(seed).draw(episode, 7) == table[seed, episode].tolist()
 
 
-def test_numbers_do_not_depend_on_the_portions_they_are_drawn_in() -> None:
+def test_draws_do_not_depend_on_block_sizes() -> None:
     whole = stream().draw(0, 400)
     for portions in ([1] * 400, [16, 16, 32, 64, 272], [7, 393], [15, 2, 383]):
         parts = stream()
@@ -68,7 +68,7 @@ def test_episodes_and_seeds_differ() -> None:
     assert stream(2).draw(0, 100) != stream(1).draw(0, 100)
 
 
-def test_numbers_are_uniform() -> None:
+def test_draws_are_uniform() -> None:
     sequence = stream()
     drawn = np.array([sequence.draw(episode, 40) for episode in range(2000)])
     # Means of 2000 uniform numbers, before and after the place where the head ends.
@@ -78,7 +78,7 @@ def test_numbers_are_uniform() -> None:
     assert abs((along[1:] * along[:-1]).mean() * 12) < 5 / np.sqrt(along[1:].size)
 
 
-def test_rows_are_the_draws_laid_out() -> None:
+def test_rows_are_successive_draws() -> None:
     for width in (1, 3, 16, 20):
         flat = stream().draw(2, 50 * width)
         rows = stream()
@@ -89,7 +89,7 @@ def test_rows_are_the_draws_laid_out() -> None:
 
 @pytest.mark.parametrize("through", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
 @pytest.mark.parametrize("drawn", [0, 5, 16, 90])
-def test_copies_go_on_alike(through, drawn: int) -> None:
+def test_copies_continue_identically(through, drawn: int) -> None:
     sequence = stream()
     sequence.draw(4, drawn)
     twin = through(sequence)

@@ -75,7 +75,7 @@ def rollout(env: EnvBase, actions: list[tuple[int, ...]]) -> TensorDictBase:
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("masked", [False, True])
 @pytest.mark.parametrize("state", [False, True])
-def test_specs_hold(layout: str, masked: bool, state: bool) -> None:
+def test_specs_contain_the_data(layout: str, masked: bool, state: bool) -> None:
     env: Any = LAYOUTS[layout](ScaledRewards(SeparateFlags(search())))
     if masked:
         env = ActionMask(env, right_of_way=True)

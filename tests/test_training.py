@@ -86,7 +86,7 @@ def test_numbers_may_have_underscores(tmp_path: Path) -> None:
         (("--episodes", "0.5"), "--episodes: must be an integer of at least 1, got '0.5'"),
     ],
 )
-def test_invalid_options_are_refused(
+def test_invalid_options_are_rejected(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], given: tuple[str, ...], message: str
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
@@ -174,7 +174,7 @@ def test_an_incomplete_last_line_is_ignored(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "got"), [("", "nothing"), ("time,loss\n", "time,loss"), ("steps", "nothing")]
 )
-def test_other_files_are_refused(tmp_path: Path, text: str, got: str) -> None:
+def test_other_files_are_rejected(tmp_path: Path, text: str, got: str) -> None:
     (tmp_path / "curve.csv").write_text(text)
     with pytest.raises(ValueError, match=f"must be a learning curve with the col.*, got '{got}'"):
         Curve(tmp_path / "curve.csv")
@@ -346,8 +346,8 @@ def test_a_curve_without_a_checkpoint_is_not_overwritten(tmp_path: Path) -> None
 
 def test_resuming_needs_a_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match=r"nothing to resume in .*: no model; start without"):
-        training.Run(options(tmp_path / "nowhere", "--resume"), "Trial", "model")
-    assert not (tmp_path / "nowhere").exists()
+        training.Run(options(tmp_path / "missing", "--resume"), "Trial", "model")
+    assert not (tmp_path / "missing").exists()
     with training.Run(options(tmp_path), "Trial", "model") as run:
         run.log(10)
     with pytest.raises(SystemExit, match=r"no model; delete .*curve\.csv and start without --res"):
@@ -618,7 +618,7 @@ def test_the_comparison_counts_crashes(capsys: pytest.CaptureFixture[str]) -> No
     assert trained.split()[-1] == "100.0"
 
 
-def test_the_comparison_takes_start_cells(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_accepts_start_cells(capsys: pytest.CaptureFixture[str]) -> None:
     task = {**SMALL, "drones_positions": [(2, 0), (4, 4)]}
     search = always(Action.SEARCH)
     (trained,) = training.compare_with_baselines(search, task, episodes=20, baselines=[])
@@ -626,7 +626,7 @@ def test_the_comparison_takes_start_cells(capsys: pytest.CaptureFixture[str]) ->
     assert (trained.success.value, trained.time.value) == (1.0, 1.0)
 
 
-def test_the_comparison_takes_other_layouts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_accepts_other_layouts(capsys: pytest.CaptureFixture[str]) -> None:
     shapes = []
 
     def idle(observations: dict[str, np.ndarray]) -> np.ndarray:
@@ -642,7 +642,7 @@ def test_the_comparison_takes_other_layouts(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize("right_of_way", [False, True])
 @pytest.mark.parametrize(("grid_size", "n_drones"), [(2, 1), (2, 4), (5, 3), (13, 16), (41, 2)])
-def test_masks_of_flat_are_the_environments(
+def test_masks_of_flat_equal_the_environments(
     grid_size: int, n_drones: int, right_of_way: bool
 ) -> None:
     parameters = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 20}

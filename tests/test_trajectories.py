@@ -42,7 +42,7 @@ class TestChernoff:
         # (1 - p)^n = 1 - confidence
         assert chernoff_bound(0.0, 100, 0.999) == pytest.approx(1 - 0.001**0.01, rel=1e-9)
 
-    def test_is_1_where_the_mean_is(self) -> None:
+    def test_is_1_for_a_mean_of_1(self) -> None:
         assert chernoff_bound(1.0, 100, 0.9) == 1.0
 
     def test_is_monotone(self) -> None:
@@ -110,7 +110,7 @@ class TestTrajectories:
             rate = float(np.mean(x[6, here] - x[5, here] == move))
             assert abs(rate - chance) < 4 * math.sqrt(chance * (1 - chance) / here.sum())
 
-    def test_until_keeps_the_first_steps(self) -> None:
+    def test_until_returns_the_first_steps(self) -> None:
         trajectories = enumerate_trajectories(self.FORECAST, 5)
         assert np.array_equal(trajectories.until(3).cells, trajectories.cells[:3])
         assert trajectories.until(3).probabilities is trajectories.probabilities

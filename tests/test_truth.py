@@ -1,4 +1,4 @@
-"""Thousands of seeded episodes: the person is where the matrix and the posterior say."""
+"""Thousands of episodes agree in distribution with the matrix and the posterior."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import pytest
 from DroneSwarmSearch import DroneSwarmSearch
 
 IDLE, SEARCH = 5, 4
-EPISODES = 3000
+EPISODES = 2000
 
 
 def distance(counts: np.ndarray, matrix: np.ndarray) -> tuple[float, float]:
-    """Total variation between frequencies and a matrix, and what sampling alone makes of it.
+    """Return the total variation between frequencies and a matrix, and its limit.
 
-    The second figure is the mean distance of as many true samples, and four of their
-    standard deviations more.
+    The limit is the mean distance of samples of the same size from the matrix, plus four
+    standard deviations.
     """
     forecast = matrix.astype(float).ravel() / matrix.sum(dtype=float)
     n = int(counts.sum())

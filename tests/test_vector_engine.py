@@ -191,23 +191,23 @@ def events_of(before: Frame, actions: list[int], after: Frame, successful: set[i
         "a drone entered the cell of one that left": any(
             left[i] and drones[i] in targets for i in range(n)
         ),
-        "a drone left beside a find": any(left) and bool(found),
+        "a drone left in the step of a find": any(left) and bool(found),
         "exchange of cells": any(
             targets[i] == drones[j] and targets[j] == drones[i] for i in range(n) for j in range(i)
         ),
-        "time up": last and not crashed and not finders,
-        "time up, somebody had found somebody": last and not crashed and bool(successful),
+        "time limit": last and not crashed and not finders,
+        "time limit after a find": last and not crashed and bool(successful),
         "find in the last step": last and bool(finders),
         "find": bool(finders),
         "two persons found by one search": len(found) > len({before.persons[k] for k in found}),
         "two drones found in one step": len(finders) > 1,
         "one of several found": several and bool(found) and found < missing,
         "all of several found": several and bool(found) and found == missing,
-        "find beside a collision": bool(found) and collided,
+        "find in the step of a collision": bool(found) and collided,
         "missed in the right cell": bool(in_reach - found),
         "search of a likely cell": any(chance > 0.01 for chance in unsuccessful),
         "search of an unlikely cell": any(chance <= 0.01 for chance in unsuccessful),
-        "search of a cell where somebody was found": any(
+        "search of a found person's cell": any(
             drones[i] in where_found and i not in finders for i in searches
         ),
     }

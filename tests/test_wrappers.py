@@ -1,4 +1,4 @@
-"""The wrappers: PettingZoo's own tests, against the batched views, and on top of one another."""
+"""The wrappers: PettingZoo's tests, equality with the batched views, and stacks of wrappers."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_aec_api(name: str) -> None:
 
 
 @each_wrapper
-def test_the_aec_form_shows_the_same(wrap: Wrap) -> None:
+def test_the_aec_form_has_the_same_observations(wrap: Wrap) -> None:
     env, aec = wrap(DroneSwarmSearch(**SMALL)), parallel_to_aec(wrap(DroneSwarmSearch(**SMALL)))
     rng, steps = np.random.default_rng(0), 0
     for seed in range(8):
@@ -169,16 +169,18 @@ def test_the_aec_form_shows_the_same(wrap: Wrap) -> None:
     assert steps > 16
 
 
-# What wrappers have in common.
+# All wrappers.
 
 
 @each_wrapper
 @each_case
-def test_spaces_hold_every_observation_and_stay(wrap: Wrap, case: dict[str, Any]) -> None:
+def test_spaces_contain_every_observation_and_do_not_change(
+    wrap: Wrap, case: dict[str, Any]
+) -> None:
     env = wrap(DroneSwarmSearch(**case))
     agents = env.possible_agents
     before = [env.observation_space(agent) for agent in agents]
-    assert len({id(space) for space in before}) == len(agents)  # each is seeded by itself
+    assert len({id(space) for space in before}) == len(agents)  # each has a separate seed
     assert [env.observation_spaces[agent] for agent in agents] == before
     assert [env.action_spaces[agent] for agent in agents] == [spaces.Discrete(6)] * len(agents)
     rng = np.random.default_rng(1)
@@ -204,7 +206,7 @@ def test_spaces_hold_every_observation_and_stay(wrap: Wrap, case: dict[str, Any]
 @pytest.mark.parametrize(
     "way", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy], ids=["pickle", "copy"]
 )
-def test_copies_go_on_identically(wrap: Wrap, way: Wrap) -> None:
+def test_copies_continue_identically(wrap: Wrap, way: Wrap) -> None:
     env = wrap(DroneSwarmSearch(**MISSION))
     untouched = way(env)
     assert episodes(untouched, range(2)) == episodes(env, range(2))
@@ -221,7 +223,7 @@ def test_copies_go_on_identically(wrap: Wrap, way: Wrap) -> None:
 
 
 @each_wrapper
-def test_what_was_returned_never_changes(wrap: Wrap) -> None:
+def test_returned_values_never_change(wrap: Wrap) -> None:
     env = wrap(DroneSwarmSearch(**MISSION))
     results: list[Any] = [env.reset(seed=3)]
     as_it_was = [plain(results[0])]
@@ -233,7 +235,7 @@ def test_what_was_returned_never_changes(wrap: Wrap) -> None:
 
 
 @each_layout
-def test_what_is_shown_may_be_written_to(layout: str, wrap: Wrap) -> None:
+def test_observations_are_writable(layout: str, wrap: Wrap) -> None:
     """Observations share no memory with the environment or with each other."""
     env, other = (masked(wrap(DroneSwarmSearch(**SMALL))) for _ in range(2))
     results = env.reset(seed=1), other.reset(seed=1)
@@ -254,13 +256,13 @@ def test_what_is_shown_may_be_written_to(layout: str, wrap: Wrap) -> None:
 
 
 @each_wrapper
-def test_resets_take_what_the_environment_takes(wrap: Wrap) -> None:
+def test_reset_accepts_the_environments_arguments(wrap: Wrap) -> None:
     cells, vector = [(3, 3), (0, 1), (2, 2)], (-0.4, 0.9)
     env = wrap(DroneSwarmSearch(**SMALL))
     shown = [
         plain(env.reset(seed=2, options={"drones_positions": cells, "vector": vector})),
         plain(env.reset(seed=2, drones_positions=cells, vector=vector)),
-        plain(env.reset(2, {"drones_positions": cells})),  # the drift has stayed
+        plain(env.reset(2, {"drones_positions": cells})),  # the drift is unchanged
     ]
     assert shown[0] == shown[1] == shown[2] != plain(env.reset(seed=2))
     assert env.vector == vector
@@ -269,7 +271,7 @@ def test_resets_take_what_the_environment_takes(wrap: Wrap) -> None:
 
 
 @each_wrapper
-def test_all_else_is_the_environments(wrap: Wrap) -> None:
+def test_other_attributes_are_the_environments(wrap: Wrap) -> None:
     inner = DroneSwarmSearch(**SMALL)
     env = wrap(inner)
     assert isinstance(env, BaseParallelWrapper)
@@ -302,7 +304,7 @@ def classes() -> list[type[Any]]:
 
 
 @pytest.mark.parametrize("wrapper", classes())
-def test_other_environments_are_refused(wrapper: type[Any]) -> None:
+def test_other_environments_are_rejected(wrapper: type[Any]) -> None:
     class Other(ParallelEnv):
         possible_agents: list[str] = []  # noqa: RUF012
 
@@ -322,7 +324,7 @@ def test_other_environments_are_refused(wrapper: type[Any]) -> None:
     policy_seed=st.integers(0, 2**16),
     own_limit=st.integers(1, 12),
 )
-def test_layouts_are_the_batched_views(
+def test_layouts_equal_the_batched_views(
     layout: str, wrap: Wrap, case: dict[str, Any], seed: int, policy_seed: int, own_limit: int
 ) -> None:
     """Observations, rewards and flags of several episodes, to the last bit."""
@@ -341,12 +343,12 @@ def test_layouts_are_the_batched_views(
     assert env.observation_space(agents[-1]) == view.single_observation_space
 
     def check(shown: Mapping[str, Any], batch: Any) -> None:
-        for slot, agent in enumerate(agents):
+        for index, agent in enumerate(agents):
             seen = shown[agent]
             if layout == "dict":
-                assert plain(seen) == plain({key: array[slot] for key, array in batch.items()})
+                assert plain(seen) == plain({key: array[index] for key, array in batch.items()})
             else:
-                assert plain(seen) == plain(batch[slot])
+                assert plain(seen) == plain(batch[index])
 
     for episode in range(3):
         seeds = [seed, 1] if episode == 0 else None
@@ -364,13 +366,13 @@ def test_layouts_are_the_batched_views(
                 assert list(mine.values()) == theirs[:n].tolist()
 
 
-def test_a_layout_replaces_what_other_wrappers_show() -> None:
+def test_a_layout_replaces_the_observations_of_other_wrappers() -> None:
     plainly, stacked = (DroneSwarmSearch(**SMALL) for _ in range(2))
     env = PlanesObservation(OtherDrones(DictObservation(FlatObservation(stacked))))
     assert episodes(PlanesObservation(plainly), range(3)) == episodes(env, range(3))
 
 
-def test_top_cells_are_as_many_as_asked_for() -> None:
+def test_the_number_of_top_cells() -> None:
     env = TopCellsObservation(DroneSwarmSearch(**SMALL), k=3)
     assert env.reset(seed=0)[0]["drone1"].shape == (3 * 3 + 2 * 3 + 1,)
     for wrong, error in ((0, ValueError), (17, ValueError), (2.0, TypeError), (True, TypeError)):
@@ -379,12 +381,12 @@ def test_top_cells_are_as_many_as_asked_for() -> None:
 
 
 @pytest.mark.parametrize("layout", [*LAYOUTS.values(), OtherDrones])
-def test_masks_in_observations_are_not_thrown_away(layout: Wrap) -> None:
+def test_layouts_do_not_discard_masks_in_observations(layout: Wrap) -> None:
     env = ActionMask(DroneSwarmSearch(**SMALL), in_observation=True)
     for inner in (env, ScaledRewards(env)):
         with pytest.raises(ValueError, match=r"env must not have masks in its observations.*put"):
             layout(inner)
-    layout(ActionMask(DroneSwarmSearch(**SMALL)))  # masks in the infos are left alone
+    layout(ActionMask(DroneSwarmSearch(**SMALL)))  # masks in the infos are no conflict
 
 
 @pytest.mark.parametrize("inner", [lambda env: env, DictObservation], ids=["plain", "dict"])
@@ -471,13 +473,13 @@ def test_the_usual_scale_is_as_documented() -> None:
         (None, TypeError),
     ],
 )
-def test_wrong_scales_are_refused(scale: Any, error: type[Exception]) -> None:
+def test_invalid_scales_are_rejected(scale: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match="scale must be a finite number above 0, got"):
         ScaledRewards(DroneSwarmSearch(), scale)
 
 
 @each_case
-def test_the_time_limit_alone_is_truncation(case: dict[str, Any]) -> None:
+def test_only_the_time_limit_is_truncation(case: dict[str, Any]) -> None:
     env, rng, met = SeparateFlags(DroneSwarmSearch(**case)), np.random.default_rng(0), set()
     for seed in range(60):
         observations, _ = env.reset(seed=seed)
@@ -503,11 +505,9 @@ def test_the_time_limit_alone_is_truncation(case: dict[str, Any]) -> None:
         ((Action.IDLE, Action.LEFT), True),
         ((Action.IDLE, Action.IDLE), False),
     ],
-    ids=["found", "left the grid", "collided", "time up"],
+    ids=["found", "left the grid", "collided", "time limit"],
 )
-def test_an_ending_in_the_last_step_is_what_it_would_be_before(
-    last: tuple[Action, Action], terminated: bool
-) -> None:
+def test_endings_in_the_last_step(last: tuple[Action, Action], terminated: bool) -> None:
     env = SeparateFlags(
         DroneSwarmSearch(
             grid_size=3, n_drones=2, timestep_limit=2, vector=(0, 0), disperse_constant=0
@@ -555,7 +555,7 @@ def test_masks_are_those_of_the_cells(case: dict[str, Any], right_of_way: bool) 
     seed=st.integers(0, 2**32),
     policy_seed=st.integers(0, 2**16),
 )
-def test_drones_that_give_way_come_to_no_harm(
+def test_with_right_of_way_no_drone_crashes(
     size: int, drones: int, seed: int, policy_seed: int
 ) -> None:
     drones, rng = min(drones, size**2), np.random.default_rng(policy_seed)
@@ -576,7 +576,7 @@ def test_drones_that_give_way_come_to_no_harm(
     assert env.frame().ending is Ending.TIME_LIMIT
 
 
-def test_without_right_of_way_no_drone_leaves_nor_hits_one_that_stays() -> None:
+def test_without_right_of_way_drones_stay_on_the_grid_and_off_occupied_cells() -> None:
     env, rng = ActionMask(DroneSwarmSearch(**SMALL)), np.random.default_rng(0)
     endings = set()
     for seed in range(80):
@@ -608,7 +608,7 @@ def test_actions_can_be_sampled_by_the_mask() -> None:
     assert env.frame().ending in (Ending.FOUND, Ending.TIME_LIMIT)
 
 
-def test_masks_need_an_episode_and_flags() -> None:
+def test_masks_require_a_reset_and_boolean_flags() -> None:
     with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
         ActionMask(DroneSwarmSearch()).action_masks()
     for name in ("in_observation", "right_of_way"):
@@ -616,7 +616,7 @@ def test_masks_need_an_episode_and_flags() -> None:
             ActionMask(DroneSwarmSearch(), **{name: 1})
 
 
-# Wrappers on top of one another.
+# Stacks of wrappers.
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
@@ -631,11 +631,11 @@ def test_the_order_of_wrappers_does_not_matter(order: tuple[int, ...]) -> None:
     assert env.observation_spaces == usual_order.observation_spaces
 
 
-# Other people's conversions.
+# Conversions by other packages.
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
-def test_supersuit_makes_a_vector_environment_of_it() -> None:
+def test_supersuit_makes_vector_environments() -> None:
     supersuit = pytest.importorskip("supersuit")
     wrapped = FlatObservation(DroneSwarmSearch(**MISSION))
     vector = supersuit.pettingzoo_env_to_vec_env_v1(wrapped)
@@ -659,7 +659,7 @@ def test_supersuit_makes_a_vector_environment_of_it() -> None:
     assert ended > 3
 
 
-def test_planes_with_channels_last_are_the_same_planes() -> None:
+def test_channels_last_transposes_the_planes() -> None:
     first = PlanesObservation(DroneSwarmSearch(**SMALL))
     last = PlanesObservation(DroneSwarmSearch(**SMALL), channels_last=True)
     assert last.observation_space("drone0").shape == (4, 4, 4)

@@ -90,9 +90,9 @@ def measure(runs: dict[Any, Callable[[int], object]], rounds: int, steps: int) -
         run(steps // 10)
     for _ in range(rounds):
         for name, run in runs.items():
-            begin = time.perf_counter()
+            start = time.perf_counter()
             run(steps)
-            times[name].append((time.perf_counter() - begin) / steps * 1e6)
+            times[name].append((time.perf_counter() - start) / steps * 1e6)
     return {name: min(of_run) for name, of_run in times.items()}
 
 
@@ -177,9 +177,9 @@ def report_life(rounds: int) -> None:
     for name, task in tasks.items():
         times = []
         for _ in range(rounds * 100):
-            begin = time.perf_counter()
+            start = time.perf_counter()
             task()
-            times.append((time.perf_counter() - begin) * 1e6)
+            times.append((time.perf_counter() - start) * 1e6)
         print(f"{name:>18} {statistics.median(times):8.1f}")
 
 
@@ -213,11 +213,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=15, help="interleaved rounds (15)")
     parser.add_argument("--steps", type=int, default=2000, help="steps per round (2000)")
+    parser.add_argument(
+        "--environments", type=int, default=10_000, help="environments made for memory (10000)"
+    )
     options = parser.parse_args()
     report_steps(options.rounds, options.steps)
     report_wrappers(options.rounds, options.steps)
     report_life(options.rounds)
-    report_memory(10_000)
+    report_memory(options.environments)
 
 
 if __name__ == "__main__":

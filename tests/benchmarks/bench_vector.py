@@ -51,7 +51,7 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
     "coin-game": ((cases.INDEX, COIN_GAME), (cases.INDEX, COIN_GAME_SCAN)),
     "memory": (),
 }
-"""The ratios of each group, measured at every size; coin_game has a size of its own."""
+"""The ratios of each group, measured at every size; coin_game has a separate size."""
 
 SIZES = [Size(7, 1), Size(20, 4), Size(50, 11)]
 COUNTS = [1, 8, 64, 1024, 8192]
@@ -66,7 +66,7 @@ def measure(size: Size, ratios: Sequence[Ratio], options: argparse.Namespace) ->
     print(f"\n{size.grid_size} x {size.grid_size} cells, {size.n_drones} drones", flush=True)
     runs, left_out = prepare(size, ratios, options.num_envs)
     for reason in left_out:
-        print(f"left out: {reason}")
+        print(f"skipped: {reason}")
     rates = take_turns(
         runs,
         rounds=options.rounds,
@@ -87,7 +87,7 @@ def measure(size: Size, ratios: Sequence[Ratio], options: argparse.Namespace) ->
 def prepare(
     size: Size, ratios: Sequence[Ratio], counts: Sequence[int]
 ) -> tuple[dict[Competitor, Run], list[str]]:
-    """Prepare both sides of every ratio; returns them, and why others are left out."""
+    """Prepare both sides of every ratio; returns them, and why others are skipped."""
     runs: dict[Competitor, Run] = {}
     reasons: dict[Competitor, str] = {}
     for _, n, *competitors in pairs(ratios, counts):
@@ -135,9 +135,9 @@ def number(value: float) -> str:
 
 
 def memory(searches: int, steps: tuple[int, int]) -> dict[str, Any] | None:
-    """Measure the peak memory of a batch by index in a process of its own."""
+    """Measure the peak memory of a batch by index in a separate process."""
     if not Path("/proc/self/status").exists():
-        print("\nleft out: memory, which is read from /proc")
+        print("\nskipped: memory, which is read from /proc")
         return None
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         before, first, last = pool.apply(memory_peaks, (searches, steps))
@@ -165,7 +165,7 @@ def peak_mib() -> float:
 
 
 def machine() -> dict[str, Any]:
-    """What the figures depend on: versions and processors."""
+    """The versions and processors that the results depend on."""
     versions = {"python": platform.python_version()}
     for name in ("DroneSwarmSearchEnvironment", "numpy", "gymnasium", "DSSE", "jax", "jaxmarl"):
         try:

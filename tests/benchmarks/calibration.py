@@ -2,7 +2,7 @@
 
     python tests/benchmarks/calibration.py
 
-plays 10,000 seeded episodes per setting in which nobody searches: a 40 x 40 grid, the person
+plays 10,000 seeded episodes per setting without searches: a 40 x 40 grid, the person
 starts in the middle, 60 steps. At every step it compares the person's relative frequency in each
 cell with the matrix that the drones observe, by total variation: half the sum of the absolute
 differences. Relative frequencies of a finite sample differ even from the true distribution; the
@@ -10,7 +10,7 @@ mean of that difference, the floor, is computed exactly and printed in parenthes
 
 Each package is measured where it is installed, through its own constructor, `reset`, `step` and
 the person's position: this package, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the 2023 package.
-The latter needs an environment of its own, because this package provides its import path, too.
+The latter needs a separate environment, because this package provides its import path, too.
 `--csv` saves the rows, and keeps those of other packages in the file. `--delay 1` compares with
 the matrix one step earlier, in case a package's matrix is ahead.
 """
@@ -244,7 +244,7 @@ def measure(
 
 
 def keep(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Save rows in a file; rows of other packages in it stay."""
+    """Save rows in a file; keeps its rows of other packages."""
     if path.exists():
         new = {row["package"] for row in rows}
         with path.open(encoding="utf-8", newline="") as file:
@@ -274,7 +274,7 @@ def main(arguments: list[str] | None = None) -> None:
         try:
             rows += measure(name, options.episodes, options.steps, options.settings, options.delay)
         except LeftOutError as reason:
-            print(f"{name:18}left out: {reason}")
+            print(f"{name:18}skipped: {reason}")
     if options.csv and rows:
         keep(options.csv, rows)
 

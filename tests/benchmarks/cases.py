@@ -19,7 +19,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 TIMESTEP_LIMIT = 100
-MAX_BYTES = 2**29  # of matrices in a step; larger cases are left out
+MAX_BYTES = 2**29  # of matrices in a step; larger cases are skipped
 ACTION_ROWS = 512  # rows of random actions, played in a cycle
 STRIDE = 1009  # from one row to the next; prime, so that no two drones repeat each other
 

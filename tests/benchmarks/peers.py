@@ -122,8 +122,8 @@ def installed(name: str, requirement: str) -> Any:
 def silence() -> Iterator[None]:
     """Discard what is printed; JaxMARL prints to the original stdout."""
     with (
-        contextlib.redirect_stdout(io.StringIO()) as nowhere,
-        mock.patch.object(sys, "__stdout__", nowhere),
+        contextlib.redirect_stdout(io.StringIO()) as output,
+        mock.patch.object(sys, "__stdout__", output),
     ):
         yield
 
