@@ -1,4 +1,4 @@
-"""The demo: watch a search in a window or a terminal, fly a drone, or record a film."""
+"""The demo: watch a search in a window or a terminal, fly a drone, or record a video."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ FPS_LEAST, FPS_MOST = 0.1, 50.0
 """A GIF cannot show more frames per second."""
 
 USUAL_POLICY = "greedy-matrix"
-"""It needs only observations, so it can fly together with a person at the keys."""
+"""It needs only observations, so it also works while you fly drone 0."""
 
 INTERRUPTED = 130
 """The exit code of shells after Ctrl-C."""
@@ -248,7 +248,7 @@ def _around_the_border(n_drones: int, grid_size: int) -> list[Cell] | None:
 
 
 def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Play one episode as the options say, and print its summary."""
+    """Play one episode with these options, and print its summary."""
     try:
         checks.real("fps", options.fps, FPS_LEAST, FPS_MOST)
         checks.integer("persons", options.persons, 1)

@@ -66,5 +66,5 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, with its line ends unchanged, as `write_bytes` does."""
-    # Paths that are not valid text may be part of it.
+    # The text may contain paths that are not valid Unicode.
     write_bytes(path, text.encode(errors="backslashreplace"))

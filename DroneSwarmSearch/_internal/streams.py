@@ -1,9 +1,9 @@
 """Random streams: one for each purpose, with a sequence of uniforms for each episode.
 
 Each random draw is a function of the seed, the purpose, the episode (resets since the seed)
-and the index in the episode's sequence. A single environment and a batch thus draw the same
-uniforms, however many at once, and the drones' actions do not affect them: for one seed, all
-policies face the same persons (common random numbers).
+and the index in the episode's sequence. A single environment and a batch therefore draw the same
+uniforms, regardless of how many they draw at once. The drones' actions do not affect them: with the
+same seed, all policies face the same persons (common random numbers).
 
 The generator is SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number
 generators, OOPSLA 2014): a counter that increases by an odd constant, followed by a mixing
@@ -68,7 +68,7 @@ def stream_keys(seed: int | None) -> Words:
     """The keys of a seed's streams, uint64: drift, detection, sampling of parameters.
 
     Args:
-        seed: an integer >= 0; None takes the system's entropy.
+        seed: an integer >= 0; None uses entropy from the operating system.
     """
     keys: Words = np.random.SeedSequence(seed).generate_state(3, np.uint64)  # type: ignore[assignment]
     return keys
@@ -204,7 +204,7 @@ class EpisodeStream:
         self._episode = episode
 
     def _extend(self, begin: int, end: int) -> None:
-        """Compute the uniforms from one place to another, and some more."""
+        """Compute at least the uniforms from one place to another."""
         self._known = self._known[begin - self._first :]
         self._first = begin
         key = self._heads_keys[self._episode - self._heads_first]
@@ -285,6 +285,6 @@ class Streams(NamedTuple):
 
     @classmethod
     def from_seed(cls, seed: int | None) -> Streams:
-        """The streams of a seed, or of the system's entropy without one."""
+        """The streams of a seed; without one, of entropy from the operating system."""
         drift, detection, _ = stream_keys(seed)
         return cls(EpisodeStream(drift), EpisodeStream(detection))

@@ -37,7 +37,7 @@ def transition_matrices(higher: Floats, lower: Floats) -> Floats:
 
     Args:
         higher: as in `move_probabilities`, shape (n, N).
-        lower: likewise.
+        lower: the same for the next lower one.
 
     Returns:
         float64, shape (n, N, N): the probability of moving from cell [i] to cell [j].

@@ -136,7 +136,7 @@ class ProbabilityMatrix:
     Attributes:
         block_steps: the steps in each block of tables, a power of two; blocks begin at its
             multiples.
-        group_steps: the steps whose matrices are computed together, likewise.
+        group_steps: the steps whose matrices are computed together, also a power of two.
 
     Raises:
         TypeError: an argument is of the wrong type.

@@ -156,7 +156,7 @@ class Steps(NamedTuple):
 
 
 def follow(first_cdf: Floats, targets: Floats) -> Steps:
-    """Follow the Gaussians as closely as a person can who moves one cell per step.
+    """Follow the Gaussians as closely as a person moving one cell per step can.
 
     Args:
         first_cdf: F of the first step, shape (N + 2, axes), padded as in `point_mass`.

@@ -59,7 +59,7 @@ Oracle = Callable[[Floats], tuple[float, Effort]]
 
 
 class Solution(NamedTuple):
-    """What the method has reached.
+    """The result of the method.
 
     Attributes:
         value: the objective at the best point found.

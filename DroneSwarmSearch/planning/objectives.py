@@ -1,4 +1,4 @@
-"""Concave upper bounds of the probability of success (POS), as functions of search effort.
+"""Concave upper bounds on the probability of success (POS), as functions of search effort.
 
 `TrajectoryObjective` takes the expectation over a list of trajectories; `MarkovChainObjective`
 bounds it from above by a product along the trajectory, whose expectation is exact.
@@ -24,7 +24,7 @@ SMOOTHING = 0.5, 0.02
 """Half the width over which the corners of g are rounded off, in searches: first and least."""
 
 SMOOTHING_HALF_LIFE = 10.0
-"""After so many iterations the corners are rounded off half as far as at first."""
+"""After this many iterations, the corners are rounded off half as far as at first."""
 
 
 class TrajectoryObjective:
@@ -170,10 +170,9 @@ class MarkovChainObjective:
         return missed
 
     def _missing(self, effort: Floats) -> list[Floats]:
-        """Where the person is and unfound: before each step, then after the last search."""
-        mass, missed = self._prior, self._missed(effort)
-        missing = [mass]
-        for step, fraction in enumerate(missed):
+        """Probability that the person is in each cell and unfound, before each step and at the
+        end.""" mass, missed = self._prior, self._missed(effort) missing = [mass] for step, fraction
+        in enumerate(missed):
             mass = mass * fraction
             if step + 1 < len(missed):
                 mass = self._chain.forward(mass, step)

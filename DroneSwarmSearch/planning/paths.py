@@ -39,7 +39,7 @@ class Path(NamedTuple):
 
 
 def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None = None) -> Floats:
-    """The most that a drone can gain from every cell and step on.
+    """The most that a drone can gain, starting from each cell and step.
 
     Args:
         gains: of searching a cell in a step, not negative: shape (n, N, N), indexed [t, y, x].
@@ -73,7 +73,7 @@ def best_path(
 
     Args:
         gains: as for `values_to_go`.
-        values: what that returned.
+        values: the result of `values_to_go`.
         start: the drone's first cell, y * N + x.
         blocked: as for `values_to_go`.
 

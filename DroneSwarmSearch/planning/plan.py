@@ -1,8 +1,8 @@
 """Open-loop plans for all drones together: the multi-robot path planning problem (MESPP).
 
-With one person, the only news during a search is that it found nobody. The best policy is
-therefore an open-loop plan, one path for each drone. Finding the best plan is NP-hard (K. E.
-Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds a good one:
+With one person, every search before the find has the same outcome: nobody was found. The best
+policy is therefore an open-loop plan, one path for each drone. Finding the best plan is NP-hard (K.
+E. Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds a good one:
 
 - Adding a search of cell c in step t to a plan gains
 
@@ -70,7 +70,7 @@ class Plan:
 
     Args:
         targets: the missing persons.
-        worth: of finding a person in each step of the plan: float64, shape (n,), never rising.
+        worth: of finding a person in each step of the plan: float64, shape (n,), non-increasing.
         first: the episode's step at which the plan begins.
         paths: every drone's path; no two drones are ever in one cell.
 
@@ -187,7 +187,7 @@ class Plan:
         Args:
             begin: the first of the steps.
             schedule: the searches in them.
-            beliefs: where every target is and unfound before them.
+            beliefs: probability that each target is in each cell and unfound, before them.
             after: what the plan will gain from every target in each cell after them.
 
         Returns:
@@ -226,7 +226,7 @@ class Plan:
     def _follow(
         self, beliefs: Sequence[Floats], begin: int, schedule: Schedule
     ) -> tuple[list[Floats], float]:
-        """Where every target is and unfound after some steps, and the worth of the finds."""
+        """Where every unfound target is after some steps, and the worth of the finds."""
         left, total = [], 0.0
         worth = self._worth[begin : begin + len(schedule)]
         for target, belief in zip(self.targets, beliefs, strict=True):

@@ -1,4 +1,4 @@
-"""Trajectories of a person: all of them where they are few, else a sample with its confidence."""
+"""Trajectories of a person: all of them if there are few, otherwise a sample."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> 
 
 
 def chernoff_bound(mean: float, count: int, confidence: float) -> float:
-    """An upper confidence bound of the expectation of a quantity in [0, 1].
+    """An upper confidence bound on the expectation of a quantity in [0, 1].
 
     The largest p with count * kl(mean, p) <= -ln(1 - confidence), where kl is the relative
     entropy of two Bernoulli distributions (H. Chernoff, Annals of Mathematical Statistics

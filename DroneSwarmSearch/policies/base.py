@@ -214,7 +214,7 @@ class SwarmPolicy(BatchPolicy):
         return actions
 
     def _begin_new(self, rows: Ints) -> None:
-        """Give a memory to the rows at the beginning of an episode."""
+        """Give a memory to the rows at the start of an episode."""
         missing = int(rows.max()) + 1 - len(self._group_of)
         if missing > 0:
             self._group_of = np.concatenate([self._group_of, np.full(missing, _NO_GROUP)])

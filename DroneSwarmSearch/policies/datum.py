@@ -14,7 +14,7 @@ from DroneSwarmSearch.policies.tracks import Rectangle
 __all__ = ["REACH", "Datum"]
 
 REACH = 2.0
-"""Standard deviations from the datum to each side: 91 % of a normal distribution is inside."""
+"""Standard deviations from the datum to each side: 91% of a normal distribution is inside."""
 
 
 class Datum(NamedTuple):
@@ -40,8 +40,8 @@ class Datum(NamedTuple):
     def area(self, grid_size: int) -> Rectangle:
         """The area to search: a rectangle around the datum, within the grid and the effort.
 
-        It reaches ``REACH`` standard deviations to each side, or as many tenths of a deviation
-        less as the effort requires.
+        It extends ``REACH`` standard deviations to each side, reduced in tenths of a deviation
+        until the effort suffices.
         """
         for tenths in range(round(10 * REACH), 0, -1):
             area = self._within(tenths / 10, grid_size)

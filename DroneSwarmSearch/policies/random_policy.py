@@ -18,10 +18,10 @@ Singles = NDArray[np.float32]
 
 
 class RandomPolicy(BatchPolicy):
-    """Picks each drone's action uniformly among those that are safe.
+    """Chooses each drone's action uniformly among the safe ones.
 
     The drones choose in turn. Searching and idling are always safe; a move is safe if no
-    drone is in the cell and no earlier drone is about to enter it. So drones never collide
+    drone is in the cell and no earlier drone is about to enter it. Drones therefore never collide
     and never leave the grid.
 
     The random draws depend only on a search's seed, its episode, the step and the drone, not

@@ -130,7 +130,7 @@ def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
     ideal = math.sqrt(count * area.height / area.width)
     rows = min(max(1, round(ideal)), count, area.height)
     parts = []
-    # The middle rows have more parts: seven parts stand as 2, 3, 2.
+    # The middle rows have more parts: seven parts form rows of 2, 3 and 2.
     middle_first = sorted(range(rows), key=lambda row: abs(2 * row - rows + 1))
     longer = set(middle_first[: count % rows])
     for row, (top, height) in enumerate(_divided(area.height, rows)):
@@ -180,8 +180,8 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
 def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
     """The cells along a track, each next to the one before it.
 
-    Legs that are not parallel to an axis become staircases. Cells outside the grid are left
-    out, so that successive cells may be apart where the track leaves the grid.
+    Legs that are not parallel to an axis become staircases. Cells outside the grid are left out, so
+    successive cells may not be adjacent where the track leaves the grid.
 
     Args:
         points: the turning points.
@@ -226,6 +226,6 @@ def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[flo
 
 
 def _divided(length: int, parts: int) -> list[tuple[int, int]]:
-    """The beginning and length of whole parts that differ by 1 at most."""
+    """The start and length of each part, as integers; lengths differ by at most 1."""
     borders = [length * part // parts for part in range(parts + 1)]
     return [(begin, end - begin) for begin, end in pairwise(borders)]

@@ -56,7 +56,7 @@ class Panel:
     """Draws the panel on surfaces of its `size`.
 
     Args:
-        symbol: side of a drone on the map in pixels; the legend shows it alike.
+        symbol: side of a drone on the map in pixels; the legend shows it at this size.
         gradient: whether cells are coloured smoothly.
         palette: a name in `PALETTES`.
         least_height: in pixels.

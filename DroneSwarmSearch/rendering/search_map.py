@@ -44,7 +44,7 @@ TICK_ROOM = 26
 TICK_FONT = 18
 
 GRID_FINEST = 4
-"""Of cells smaller than this, only every tenth gets a line."""
+"""With cells smaller than this, only every tenth line is drawn."""
 
 GRID_OPACITY = 0.45
 GRID_FULL_FROM = 16
@@ -141,7 +141,7 @@ class SearchMap:
         write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
 
     def draw(self, canvas: pygame.Surface, frame: Frame, *, banner: bool = True) -> None:
-        """Draw the cells of a frame and what is on them.
+        """Draw the cells of a frame and everything on them.
 
         Args:
             canvas: with the coordinates.

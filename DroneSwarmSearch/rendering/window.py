@@ -180,7 +180,7 @@ def _check_for_screen() -> None:
 
 
 def _check_driver() -> None:
-    """Raise an error if SDL has fallen back to a hidden driver that nobody asked for."""
+    """Raise an error if SDL has fallen back to a hidden driver that was not requested."""
     driver = pygame.display.get_driver()
     if driver in HIDDEN_DRIVERS and not any(os.environ.get(name) for name in DRIVER_VARIABLES):
         raise pygame.error("there is no screen")

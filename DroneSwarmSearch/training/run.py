@@ -144,7 +144,7 @@ class Run:
         return max(saved, key=lambda path: path.stat().st_mtime_ns, default=None)
 
     def _restart(self) -> str:
-        """What to do without a checkpoint."""
+        """Advice for a folder without a checkpoint."""
         delete = f"delete {self._file} and " if self._file.exists() else ""
         return f"{delete}start without --resume"
 
@@ -172,7 +172,8 @@ class Run:
                 the previous row.
             reward: mean return of a drone over the episodes that ended since the previous
                 row, in unscaled points; None or NaN if none ended.
-            found: share of these episodes in which all persons were found; likewise.
+            found: fraction of these episodes in which all persons were found; None or NaN if none
+                ended.
             values: the trainer's own, such as losses; one column each.
 
         Raises:
