@@ -30,9 +30,9 @@ __all__ = ["main"]
 
 DESCRIPTION = """\
 Drones search a grid at sea for shipwrecked persons who drift. The drones start around the
-border, the persons in the middle. Every drone flies to the cell that is worth most for its
-distance (the policy "greedy-matrix"), unless you choose another policy or fly drone 0
-yourself.
+border, the persons in the middle. Every drone flies to the cell with the highest probability,
+discounted by its distance (the policy "greedy-matrix"), unless you choose another policy or
+fly drone 0 yourself.
 """
 
 EPILOG = """\
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error("argument --manual: needs the window, so not with --text or --record")
     if options.manual and options.policy != USUAL_POLICY:
         parser.error(
-            f"argument --manual: the other drones fly by {USUAL_POLICY}, so not with --policy"
+            f"argument --manual: the other drones use {USUAL_POLICY}, so --policy is not allowed"
         )
     try:
         return _run(parser, options)
@@ -107,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     add = view.add_argument
     add("--manual", action="store_true", help="fly drone 0 with the arrow keys")
     add("--text", action="store_true", help="stay in the terminal")
-    add("--record", metavar="FILE", type=Path, help="write a film instead, .gif or .mp4")
+    add("--record", metavar="FILE", type=Path, help="write a video instead, .gif or .mp4")
     add("--fps", type=float, default=6.0, help="steps shown per second")
     add("--grid", action=flag, default=True, help="draw lines between the cells")
     add("--gradient", action=flag, default=True, help="colour the cells smoothly")
@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--prior",
         action="store_true",
-        help="show you and the drones the drift alone, not the posterior given the searches",
+        help="show the forecast of the drift instead of the posterior, to you and to the drones",
     )
     add = parser.add_argument_group("search").add_argument
     add(

@@ -170,9 +170,10 @@ class MarkovChainObjective:
         return missed
 
     def _missing(self, effort: Floats) -> list[Floats]:
-        """Probability that the person is in each cell and unfound, before each step and at the
-        end.""" mass, missed = self._prior, self._missed(effort) missing = [mass] for step, fraction
-        in enumerate(missed):
+        """Where the unfound person is, before each step and after the last search."""
+        mass, missed = self._prior, self._missed(effort)
+        missing = [mass]
+        for step, fraction in enumerate(missed):
             mass = mass * fraction
             if step + 1 < len(missed):
                 mass = self._chain.forward(mass, step)

@@ -124,7 +124,7 @@ class BeliefTracker:
             self.missing = closest
 
     def _hypotheses(self) -> Iterator[tuple[int, ...]]:
-        """Who may be missing now, starting with everyone who was."""
+        """Possible sets of missing persons, starting with the previous one."""
         for count in range(len(self._perhaps_found) + 1):
             for found in combinations(self._perhaps_found, count):
                 missing = tuple(person for person in self.missing if person not in found)
