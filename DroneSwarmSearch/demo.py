@@ -183,7 +183,7 @@ class _Episode:
     Args:
         scenario: the search.
         policy: a policy's name or a file of weights.
-        seed: of the episode.
+        seed: the seed of the episode.
 
     Raises:
         OSError, TypeError, ValueError: an argument is invalid.

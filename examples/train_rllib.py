@@ -130,7 +130,7 @@ class TrainedPolicy:
     """The policy for `evaluate`, loaded from a checkpoint.
 
     Args:
-        path: of the checkpoint; only its RLModule is loaded.
+        path: path of the checkpoint; only its RLModule is loaded.
     """
 
     def __init__(self, path: Path) -> None:

@@ -88,7 +88,7 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
     """The keys of episodes' sequences, uint64.
 
     Args:
-        keys: of the streams; broadcast with the episodes.
+        keys: the keys of the streams; broadcast with the episodes.
         episodes: the resets since the seed, from 0, uint64.
     """
     return mixed(keys + (episodes + _ONE) * GOLDEN)
@@ -98,8 +98,8 @@ def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
     """The uniforms in [0, 1) at some places of some episodes' sequences, float64.
 
     Args:
-        keys: of the episodes, see `episode_keys`; broadcast with the places.
-        places: from 0, uint64.
+        keys: the keys of the episodes, see `episode_keys`; broadcast with the places.
+        places: indices in the sequences, from 0, uint64.
     """
     return unit_numbers(keys + (places + _ONE) * GOLDEN)
 
@@ -138,7 +138,7 @@ class EpisodeStream:
     """One stream, read episode after episode: uniforms in [0, 1) as Python floats.
 
     Args:
-        key: of the stream, see `stream_keys`.
+        key: the key of the stream, see `stream_keys`.
     """
 
     def __init__(self, key: np.uint64) -> None:
@@ -276,8 +276,8 @@ class Streams(NamedTuple):
     """The streams of an environment, one for each purpose.
 
     Attributes:
-        drift: for each step and person two uniforms, for the moves along x and y.
-        detection: for each step a row with one uniform per person, for searches.
+        drift: two uniforms per step and person, for the moves along x and y.
+        detection: a row per step with one uniform per person, for searches.
     """
 
     drift: EpisodeStream

@@ -63,7 +63,7 @@ class Solution(NamedTuple):
 
     Attributes:
         value: the objective at the best point found.
-        upper_bound: of the objective's maximum.
+        upper_bound: a bound on the objective's maximum.
     """
 
     value: float

@@ -35,7 +35,7 @@ class TrajectoryObjective:
     it lies above g itself.
 
     Args:
-        trajectories: of the person.
+        trajectories: the person's trajectories.
         grid_size: cells along each side, N.
         detection: the probability of detection, q.
     """
@@ -128,8 +128,8 @@ class MarkovChainObjective:
     """E[1 - exp(-rate * effort along the trajectory)], exactly, by a forward and a backward pass.
 
     Args:
-        chain: of the person, from step 0.
-        prior: where the person is at step 0: float64, shape (N, N).
+        chain: the person's Markov chain, from step 0.
+        prior: the person's distribution at step 0: float64, shape (N, N).
         rate: detections per unit of effort: a number or float64, shape (N, N).
         effort: the current point: float64, shape (T * N * N,); changed in place.
     """

@@ -42,9 +42,10 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None 
     """The most that a drone can gain, starting from each cell and step.
 
     Args:
-        gains: of searching a cell in a step, not negative: shape (n, N, N), indexed [t, y, x].
+        gains: the gain of searching a cell in a step, at least 0: shape (n, N, N), indexed
+            [t, y, x].
         at_end: the value of each cell after the last step, shape (N, N); may be `FORBIDDEN`.
-        blocked: for each step, the cells y * N + x in which the drone must not be after it.
+        blocked: for each step, the cells y * N + x that the drone must not be in after it.
 
     Returns:
         float64, shape (n + 1, N, N).

@@ -50,8 +50,8 @@ class Target:
     Attributes:
         chain: the person's steps.
         detection: the probability of detection.
-        belief: where the person is at the plan's first step: float64, shape (N, N).
-        weight: of finding this person in the plan's value.
+        belief: the person's distribution at the plan's first step: float64, shape (N, N).
+        weight: the weight of finding this person in the plan's value.
     """
 
     chain: MarkovChain
@@ -70,7 +70,7 @@ class Plan:
 
     Args:
         targets: the missing persons.
-        worth: of finding a person in each step of the plan: float64, shape (n,), non-increasing.
+        worth: the worth of a find in each step of the plan: float64, shape (n,), non-increasing.
         first: the episode's step at which the plan begins.
         paths: every drone's path; no two drones are ever in one cell.
 
@@ -107,7 +107,7 @@ class Plan:
         """Improve segments of full length, half of it and so on, in rounds.
 
         Args:
-            min_length: of the segments, in steps.
+            min_length: minimum length of the segments, in steps.
             min_gain: stop after a round that gains less.
             max_rounds: the largest number of rounds.
         """
@@ -147,7 +147,7 @@ class Plan:
         Args:
             drone: its number.
             length: of the segments, in steps.
-            offset: the number of steps by which the first segment is shorter.
+            offset: how many steps shorter the first segment is.
             distort: changes the gains before the best path is computed.
 
         Returns:
@@ -264,7 +264,7 @@ class Plan:
 
         Args:
             target: the target.
-            value: of each cell after the last of the steps; None at the end of the plan.
+            value: the value of each cell after the last step; None at the end of the plan.
             begin: the first of the steps.
             schedule: the searches in them.
 

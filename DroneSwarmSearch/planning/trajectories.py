@@ -83,7 +83,7 @@ def chernoff_bound(mean: float, count: int, confidence: float) -> float:
     23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963).
 
     Args:
-        mean: of the sample.
+        mean: the mean of the sample.
         count: independent draws in the sample.
         confidence: probability that the bound holds.
     """

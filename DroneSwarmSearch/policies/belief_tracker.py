@@ -47,7 +47,7 @@ class BeliefTracker:
 
     Attributes:
         scenario: the same.
-        forecasts: of each person.
+        forecasts: one for each person.
         step: completed steps.
         missing: the persons who count as missing, by number in ascending order; at least one.
     """

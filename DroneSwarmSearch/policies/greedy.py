@@ -61,7 +61,7 @@ class _SearchMemory:
 
     Attributes:
         discounted: the fraction by which recent searches lower each cell's value, (N, N).
-        matrix: of the last step.
+        matrix: the matrix of the last step.
         searched: the cells searched in the last step.
     """
 
@@ -101,7 +101,7 @@ class _Greedy(SwarmPolicy):
 
         Args:
             cells: every drone's cell.
-            values: of the cells as targets, shape (N, N).
+            values: the values of the cells as targets, shape (N, N).
         """
         n, size = len(cells), len(values)
         x, y = np.array(cells).T

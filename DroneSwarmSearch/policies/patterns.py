@@ -95,8 +95,8 @@ class _PatternMemory:
     """The memory of one search.
 
     Attributes:
-        tracker: for the forecasts and the missing persons.
-        progress: of every drone.
+        tracker: holds the forecasts and the missing persons.
+        progress: one for each drone.
         passes: how many times tracks have been laid out.
     """
 

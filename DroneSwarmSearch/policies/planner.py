@@ -75,7 +75,7 @@ class PlannerPolicy(SwarmPolicy):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._neighbours, self._positions = grid_of(scenario.grid_size)
-        self._chains: dict[int, list[MarkovChain]] = {}  # of the latest `HORIZON` steps
+        self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
         self._plans: dict[_PlanKey, list[Path]] = {}
 
     def prepare(self, drones_positions: object) -> None:
@@ -195,7 +195,7 @@ class _PlanMemory:
         paths: the plan, one path for each drone; shared between searches, never changed.
         first: the step in which the plan was made.
         missing: the persons missing at that step.
-        key: of the plan in the cache.
+        key: the plan's key in the cache.
     """
 
     tracker: BeliefTracker

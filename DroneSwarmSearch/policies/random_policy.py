@@ -31,8 +31,8 @@ class RandomPolicy(BatchPolicy):
     """
 
     _seeds: int | list[int]  # as given to `reset`
-    _resets: int  # of all rows without a seed, since then
-    _keys: Words  # of each row used so far, as the next two
+    _resets: int  # resets of all rows without a seed, since then
+    _keys: Words  # for each row used so far, like the next two
     _episodes: Words
     _steps: Words
 
@@ -95,7 +95,7 @@ class RandomPolicy(BatchPolicy):
             ahead = targets[:, drone, moves, None]
             safe[:, moves] &= (ahead != cells[:, None]).all(axis=-1)
             safe[:, moves] &= (ahead != next_cells[:, None, :drone]).all(axis=-1)
-            rank = np.cumsum(safe, axis=1)  # of the safe actions, from 1
+            rank = np.cumsum(safe, axis=1)  # rank among the safe actions, from 1
             drawn = (uniforms[:, drone] * rank[:, -1]).astype(np.int64) + 1
             picked = (rank == drawn[:, None]).argmax(axis=1)
             actions[:, drone] = picked

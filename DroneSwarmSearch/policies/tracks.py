@@ -71,7 +71,7 @@ def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
     shorter side, the creeping line search, CS.
 
     Args:
-        area: to search.
+        area: the area to search.
         along_x: whether the legs are parallel to the x axis.
         corner: where the track starts.
 
@@ -96,7 +96,7 @@ def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
     """Divide an area into nearly equal strips of whole legs.
 
     Args:
-        area: to divide.
+        area: the area to divide.
         count: the number of strips.
         along_x: whether the legs are parallel to the x axis.
 
@@ -121,7 +121,7 @@ def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
     """Divide an area into nearly square parts.
 
     Args:
-        area: to divide.
+        area: the area to divide.
         count: the number of parts.
 
     Returns:
@@ -147,9 +147,9 @@ def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Poin
     points are at centres of cells again.
 
     Args:
-        datum: where the track starts.
+        datum: the start of the track.
         legs: the number of legs.
-        heading: of the first leg.
+        heading: the heading of the first leg.
 
     Returns:
         The turning points, with the datum and the end.
@@ -168,7 +168,7 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
     Args:
         datum: the point that the triangles share.
         radius: the length of each leg, R.
-        heading: of the first leg.
+        heading: the heading of the first leg.
 
     Returns:
         The ten ends of the nine legs.

@@ -216,7 +216,7 @@ def _write_gif_frames(
     pixels in it that do not. A picture that does not differ prolongs the previous frame.
 
     Args:
-        file: to write to.
+        file: the file to write to.
         images: at least one, with one palette that does not use `UNCHANGED`.
         fps: images per second.
         hold: additional seconds for the last one.

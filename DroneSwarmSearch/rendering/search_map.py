@@ -144,8 +144,8 @@ class SearchMap:
         """Draw the cells of a frame and everything on them.
 
         Args:
-            canvas: with the coordinates.
-            frame: of this grid size.
+            canvas: a surface with the coordinates.
+            frame: a frame of this grid size.
             banner: at the end of an episode, write the outcome across the map.
 
         Raises:
@@ -231,7 +231,7 @@ class SearchMap:
     def _places(self, cell: tuple[int, int], count: int) -> tuple[list[Point], float]:
         """Middles of the symbols in one cell, and the side of the room of each, in pixels.
 
-        One symbol stands in the middle, two on the diagonal, more in a square.
+        One symbol is in the middle, two are on the diagonal, more form a square.
         """
         centre = self.centre(*cell)
         if count == 1:

@@ -124,10 +124,10 @@ def write(
     """Write a line of text and return where it is.
 
     Args:
-        canvas: to draw on.
-        text: to write.
+        canvas: the surface to draw on.
+        text: the text to write.
         size: pygame's font size.
-        colour: of the text.
+        colour: the colour of the text.
         anchor: an attribute of `pygame.Rect` with its value, such as `midleft=(x, y)`.
     """
     line = text_line(text, size, colour)

@@ -38,7 +38,7 @@ class Window:
 
     Args:
         painter: draws the frames.
-        title: of the window.
+        title: the window's title.
         fps: frames per second at most.
     """
 

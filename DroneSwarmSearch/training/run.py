@@ -33,13 +33,13 @@ class Run:
     the program with code 130.
 
     Args:
-        options: from `arguments`.
-        title: of the plot and the progress bar.
-        checkpoint: name of the checkpoint, a file or folder in the run's folder; or a pattern
-            for ``Path.glob``, of which the newest match counts.
+        options: the options parsed by the parser of `arguments`.
+        title: the title of the plot and the progress bar.
+        checkpoint: name of the checkpoint, a file or folder in the run's folder; or a pattern for
+            ``Path.glob``, whose newest match counts.
 
     Attributes:
-        folder: of the run.
+        folder: the run's folder.
         total_steps: environment steps to train, including those before a resume.
         steps_done: environment steps trained so far, including those before a resume.
         resuming: whether the run continues from a checkpoint.
@@ -104,7 +104,7 @@ class Run:
                 torch.save(model.state_dict(), path)
 
         Args:
-            name: of the file in the folder.
+            name: the file's name in the folder.
 
         Returns:
             A context manager that yields the path to write to.
@@ -119,7 +119,7 @@ class Run:
         """Save a checkpoint that is a folder; once it is complete, earlier ones are deleted.
 
         Args:
-            name: of the new checkpoint; it fits the run's pattern and does not exist yet.
+            name: the new checkpoint's name; it matches the run's pattern and does not exist yet.
 
         Yields:
             The absolute path of the folder to create.
