@@ -213,7 +213,7 @@ class _Episode:
             yield env.frame()
 
     def summary(self, stopped: str) -> str:
-        """The result in some lines; `stopped` says why the user ended it early."""
+        """The result as a few lines of text; `stopped` says why the user ended it early."""
         frame = self.env.frame()
         outcome = f"stopped: {stopped}"
         if frame.ending is not None:

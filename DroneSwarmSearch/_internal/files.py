@@ -19,7 +19,7 @@ class StorageError(OSError):
 def replacing(path: Path) -> Iterator[Path]:
     """Write a file under a temporary name and move it into place when it is complete.
 
-    If anything fails, the file that was at `path` before stays as it was.
+    If anything fails, an existing file at `path` stays unchanged.
 
     Args:
         path: the target; its folder is created if necessary.

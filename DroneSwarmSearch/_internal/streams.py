@@ -95,7 +95,7 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
 
 
 def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
-    """The uniforms in [0, 1) at some places of some episodes' sequences, float64.
+    """The uniforms in [0, 1) at given places in the sequences of given episodes, float64.
 
     Args:
         keys: the keys of the episodes, see `episode_keys`; broadcast with the places.
@@ -105,7 +105,7 @@ def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
 
 
 def unit_numbers(counters: Words) -> NDArray[np.float64]:
-    """The uniforms in [0, 1) of some counters, float64.
+    """The uniforms in [0, 1) of given counters, float64.
 
     Args:
         counters: the key of an episode plus `GOLDEN` times the place, counted from 1.
@@ -143,7 +143,7 @@ class EpisodeStream:
 
     def __init__(self, key: np.uint64) -> None:
         self._key = np.array([[key]])
-        self._heads: list[list[float]] = []  # the first uniforms of some episodes
+        self._heads: list[list[float]] = []  # the first uniforms of several episodes
         self._heads_keys: list[int] = []  # the keys of those episodes
         self._heads_first = 0  # the first of those episodes
         self._episode = -1
@@ -214,7 +214,7 @@ class EpisodeStream:
 
 
 class RowGenerator:
-    """Random draws for some rows of a batch, each from the row's own sequence.
+    """Random draws for selected rows of a batch, each from the row's own sequence.
 
     A row's draws depend on its seed, its episode and the calls made, but not on the other
     rows. The methods have the names of NumPy's `Generator`; results have a first axis for the

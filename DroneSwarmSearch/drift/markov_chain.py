@@ -33,7 +33,7 @@ def move_probabilities(higher: Floats, lower: Floats) -> Floats:
 
 
 def transition_matrices(higher: Floats, lower: Floats) -> Floats:
-    """The transition matrices of some steps along one axis.
+    """The transition matrices of n steps along one axis.
 
     Args:
         higher: as in `move_probabilities`, shape (n, N).

@@ -136,7 +136,7 @@ def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats
 
 
 class Steps(NamedTuple):
-    """The distributions and moves over n consecutive steps, along some axes.
+    """The distributions and moves over n consecutive steps, along one or more axes.
 
     An axis is the x axis or the y axis of a forecast.
 
@@ -187,7 +187,7 @@ def tabulate(
     count: int,
     cdf: Floats | None,
 ) -> Steps:
-    """Compute the tables of consecutive steps along some axes.
+    """Compute the tables of consecutive steps along one or more axes.
 
     Args:
         grid_size: cells on each axis, N.

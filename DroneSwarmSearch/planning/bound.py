@@ -199,7 +199,7 @@ class _Person(NamedTuple):
 def _over_trajectories(
     person: _Person, trajectories: Trajectories, steps: int, oracle: Oracle, gap: float
 ) -> Solution:
-    """Maximise E[g(s)] over trajectories of some steps."""
+    """Maximise E[g(s)] over trajectories of a given number of steps."""
     at_limit = steps == len(trajectories.cells)
     return frank_wolfe(
         TrajectoryObjective(trajectories.until(steps), person.forecast.grid_size, person.detection),
@@ -213,7 +213,7 @@ def _over_trajectories(
 def _over_chain(
     person: _Person, chain: MarkovChain, steps: int, oracle: Oracle, gap: float, known: float
 ) -> float:
-    """Maximise E[1 - (1 - q)^s] over some steps; never above the bound that is known."""
+    """Maximise E[1 - (1 - q)^s] over a given number of steps, up to the known bound."""
     prior = person.forecast.exact(0)
     rate, effort = -math.log1p(-person.detection), np.zeros(steps * prior.size)
     return frank_wolfe(

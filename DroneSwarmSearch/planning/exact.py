@@ -32,7 +32,7 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
     """The largest probability of success that any policy can reach by the time limit.
 
     Args:
-        scenario: a small search for one person: some ten steps of one drone, or six of two.
+        scenario: a small search for one person: about ten steps with one drone, or six with two.
         drones_positions: every drone's start cell (x, y).
         known: a probability that some plan is known to reach, which saves work.
 

@@ -27,7 +27,7 @@ covers about the latest tenth for every AVERAGING iterations."""
 
 
 class Effort(NamedTuple):
-    """Search effort: how many searches are made in some cells and steps.
+    """Search effort: the number of searches, by cell and step.
 
     Attributes:
         indices: int64, shape (k,): t * N * N + y * N + x; they may repeat.

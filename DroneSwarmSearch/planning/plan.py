@@ -146,7 +146,7 @@ class Plan:
 
         Args:
             drone: its number.
-            length: of the segments, in steps.
+            length: length of the segments, in steps.
             offset: how many steps shorter the first segment is.
             distort: changes the gains before the best path is computed.
 
@@ -182,7 +182,7 @@ class Plan:
     def _gains(
         self, begin: int, schedule: Schedule, beliefs: Sequence[Floats], after: Sequence[Floats]
     ) -> Floats:
-        """What one more search of each cell gains in each of some steps.
+        """The gain of one more search of each cell in each step of a segment.
 
         Args:
             begin: the first of the steps.
@@ -226,7 +226,7 @@ class Plan:
     def _follow(
         self, beliefs: Sequence[Floats], begin: int, schedule: Schedule
     ) -> tuple[list[Floats], float]:
-        """Where every unfound target is after some steps, and the worth of the finds."""
+        """Where every unfound target is after the given searches, and the worth of the finds."""
         left, total = [], 0.0
         worth = self._worth[begin : begin + len(schedule)]
         for target, belief in zip(self.targets, beliefs, strict=True):
@@ -288,7 +288,7 @@ class Plan:
 
 
 def _schedule(paths: Sequence[Path], steps: int) -> Schedule:
-    """The cells that some paths search in each step."""
+    """The cells that the paths search in each step."""
     schedule: Schedule = [[] for _ in range(steps)]
     for path in paths:
         cells = path.cells.tolist()

@@ -39,7 +39,7 @@ class Trajectories(NamedTuple):
 
 
 def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajectories | None:
-    """All trajectories over some steps; None if there are more than `MOST_ENUMERATED`."""
+    """All trajectories over a number of steps; None if there are more than `MOST_ENUMERATED`."""
     size = forecast.grid_size
     x, y = forecast.parameters[1]
     cells, probabilities = np.array([[y * size + x]]), np.ones(1)
@@ -59,7 +59,7 @@ def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajector
 
 
 def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> Trajectories:
-    """Independent, equally likely trajectories over some steps; always the same sample."""
+    """Independent, equally likely trajectories over a number of steps; always the same."""
     size = forecast.grid_size
     start_x, start_y = forecast.parameters[1]
     x, y = np.full(count, start_x), np.full(count, start_y)

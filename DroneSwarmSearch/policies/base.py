@@ -60,9 +60,9 @@ class BatchPolicy(ABC):
             observations: those of one search, as `DroneSwarmSearch` returns them; or of E searches,
                 as `SwarmVectorEnv` returns them in its dict layout: "positions", integers of shape
                 (E, n_drones, 2), every drone's (x, y); "probability_matrix", float32 of shape
-                (E, N, N), indexed [y, x]; and optionally "row", integers of shape (E,), the index of
-                each search in its batch, all different. The default is 0 to E - 1; a single search
-                has index 0.
+                (E, N, N), indexed [y, x]; and optionally "row", integers of shape (E,): the index
+                of each search in its batch, all different. The default is 0 to E - 1; a single
+                search has index 0.
 
         Returns:
             The actions, 0 to 5 (see `Action`): a dict from agent names for one search, an
@@ -102,7 +102,7 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
-        """Choose the actions in some searches; the arguments are valid.
+        """Choose the actions in the given searches; the arguments are valid.
 
         Args:
             rows: the indices of the searches, shape (E,), in any order.
@@ -115,7 +115,7 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
-        """Reset some searches, or all if `rows` is None; the arguments are valid.
+        """Reset the given searches, or all if `rows` is None; the arguments are valid.
 
         Args:
             rows: the indices of the searches.

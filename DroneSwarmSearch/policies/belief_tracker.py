@@ -84,7 +84,7 @@ class BeliefTracker:
         return total / len(self.missing)
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
-        """The matrix that the environment shows while some persons are missing.
+        """The matrix that the environment shows while the given persons are missing.
 
         Args:
             missing: these persons; by default those who count as missing.

@@ -50,7 +50,7 @@ class Datum(NamedTuple):
         return self._within(0.0, grid_size)
 
     def _within(self, reach: float, grid_size: int) -> Rectangle:
-        """All cells within some standard deviations along each axis."""
+        """All cells within a number of standard deviations along each axis."""
         ranges = []
         for mean, deviation in zip(self.mean, self.deviation, strict=True):
             first = max(math.floor(mean - reach * deviation + 0.5), 0)

@@ -137,7 +137,7 @@ class GreedyPolicy(_Greedy):
        without a free move it idles. Drones therefore never collide and never leave the grid.
 
     With `bayesian_update=True` the matrix shows which searches were unsuccessful. Otherwise the
-    policy remembers its recent searches, and lowers the value of those cells for some steps.
+    policy remembers its recent searches, and lowers the value of those cells for a few steps.
 
     The policy is deterministic. Ties go to the first drone, then to the first cell row by row.
     Time and memory per step are proportional to drones times cells.

@@ -1,6 +1,6 @@
 """A policy trained by proximal policy optimisation (PPO): one small network, run in NumPy.
 
-`examples/train_ppo.py` made the packaged weights, `ppo.npz`; docs/guides/training.md has the
+`examples/train_ppo.py` trained the packaged weights, `ppo.npz`; docs/guides/training.md has the
 command, the training time and the learning curve.
 """
 

@@ -305,7 +305,7 @@ def _write_mp4(
 
 
 def _holding(pictures: Iterable[Picture], times: int) -> Iterator[Picture]:
-    """The pictures, then the last one again so many times."""
+    """The pictures, with the last one repeated `times` times."""
     picture = None
     for picture in pictures:
         yield picture

@@ -20,7 +20,7 @@ fewest steps between them."""
 
 
 def show(frames: Iterable[Frame], fps: float) -> None:
-    """Draw frames in place on a terminal; print some of them to anything else.
+    """Draw frames in place on a terminal; print a selection to any other output.
 
     Args:
         frames: the frames of one episode, in order.

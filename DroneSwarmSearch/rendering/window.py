@@ -94,7 +94,7 @@ class Window:
         self._clock.tick(self._fps)
 
     def open(self) -> None:
-        """Open the window, also after it was dismissed; does nothing if it is open.
+        """Open the window, even if the user has closed it before; do nothing if it is open.
 
         Raises:
             RuntimeError: no window can be opened.

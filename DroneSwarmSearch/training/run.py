@@ -174,7 +174,7 @@ class Run:
                 row, in unscaled points; None or NaN if none ended.
             found: fraction of these episodes in which all persons were found; None or NaN if none
                 ended.
-            values: the trainer's own, such as losses; one column each.
+            values: further values, such as losses; one column each.
 
         Raises:
             KeyboardInterrupt: Ctrl-C was pressed, and a library suppressed it.
