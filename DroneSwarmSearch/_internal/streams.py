@@ -41,7 +41,7 @@ GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 def _words(*values: int) -> tuple[Words, ...]:
-    """Constants as 0-d arrays, with which array arithmetic is faster than with scalars."""
+    """Constants as 0-d arrays: array arithmetic with them is faster than with scalars."""
     return tuple(np.array(value, np.uint64) for value in values)
 
 

@@ -37,7 +37,7 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
         known: a probability that some plan is known to reach, which saves work.
 
     Raises:
-        ValueError: there are several persons.
+        ValueError: the scenario has several persons.
     """
     persons = len(scenario.person_initial_position)
     if persons > 1:

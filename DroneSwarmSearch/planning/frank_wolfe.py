@@ -45,7 +45,7 @@ class Objective(Protocol):
         """The function's value at the current point."""
 
     def tangent(self) -> tuple[float, Floats]:
-        """A linear upper bound of the function: its value without effort, and its gains.
+        """A linear upper bound on the function: its value without effort, and its gains.
 
         The gains are not negative and have shape (T, N, N), indexed [t, y, x].
         """

@@ -18,7 +18,7 @@ REACH = 2.0
 
 
 class Datum(NamedTuple):
-    """Where the person is expected, and the search effort available there.
+    """The person's expected position, and the search effort available there.
 
     Attributes:
         mean: (x, y), in cells.

@@ -5,10 +5,10 @@ volume II; `tracks` has the geometry, `datum` the area). The drones fly to the c
 points without searching, then search every cell of their tracks. When all have finished, they start
 again around a new datum.
 
-The datum is the person's expected position when the drones are half-way through, since the
-person drifts meanwhile. The area has no more cells than the drones have time to search once:
-searching more cells would move effort from likelier cells to less likely ones. The track spacing
-is one cell, the width that a search covers.
+The datum is the person's expected position when the drones are half-way through, since the person
+drifts in the meantime. The area has no more cells than the drones have time to search once:
+searching more cells would move effort from likelier cells to less likely ones. The track spacing is
+one cell, the width that a search covers.
 
 With several persons, the drones search for one missing person after another and divide the
 remaining time equally among them. A joint datum would lie between the persons, where nobody is.

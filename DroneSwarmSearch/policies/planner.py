@@ -86,7 +86,7 @@ class PlannerPolicy(SwarmPolicy):
 
         Raises:
             TypeError: they are not cells.
-            ValueError: their number is not that of the drones, one is off the grid, or two
+            ValueError: their number differs from that of the drones, one is off the grid, or two
                 are equal.
         """
         starts = self.scenario.drone_cells(drones_positions)
@@ -121,7 +121,7 @@ class PlannerPolicy(SwarmPolicy):
         memory.first, memory.missing = tracker.step, tracker.missing
 
     def _plan(self, memory: _PlanMemory, starts: list[int]) -> list[Path]:
-        """A new plan's paths; if the old plan is still possible, an improvement of its rest."""
+        """The paths of a new plan, improved from the rest of the old one if that is possible."""
         tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
         part = step // HORIZON
