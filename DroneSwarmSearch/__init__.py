@@ -35,7 +35,7 @@ _SUBMODULES = (
 
 
 def __getattr__(name: str) -> Any:
-    """Import a submodule on first access, so that `import DroneSwarmSearch` stays quick."""
+    """Import a submodule on first access, so that `import DroneSwarmSearch` stays fast."""
     if name in _SUBMODULES:
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The demo: watch a search in a window or a terminal, fly a drone, or record a film."""
+"""The demo: watch a search in a window or a terminal, fly a drone, or record a video."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ __all__ = ["main"]
 
 DESCRIPTION = """\
 Drones search a grid at sea for shipwrecked persons who drift. The drones start around the
-border, the persons in the middle. Every drone flies to the cell that is worth most for its
-distance (the policy "greedy-matrix"), unless you choose another policy or fly drone 0
-yourself.
+border, the persons in the middle. Every drone flies to the cell with the highest probability,
+discounted by its distance (the policy "greedy-matrix"), unless you choose another policy or
+fly drone 0 yourself.
 """
 
 EPILOG = """\
@@ -51,7 +51,7 @@ FPS_LEAST, FPS_MOST = 0.1, 50.0
 """A GIF cannot show more frames per second."""
 
 USUAL_POLICY = "greedy-matrix"
-"""It needs only observations, so it can fly together with a person at the keys."""
+"""It needs only observations, so it also works while you fly drone 0."""
 
 INTERRUPTED = 130
 """The exit code of shells after Ctrl-C."""
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error("argument --manual: needs the window, so not with --text or --record")
     if options.manual and options.policy != USUAL_POLICY:
         parser.error(
-            f"argument --manual: the other drones fly by {USUAL_POLICY}, so not with --policy"
+            f"argument --manual: the other drones use {USUAL_POLICY}, so --policy is not allowed"
         )
     try:
         return _run(parser, options)
@@ -107,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     add = view.add_argument
     add("--manual", action="store_true", help="fly drone 0 with the arrow keys")
     add("--text", action="store_true", help="stay in the terminal")
-    add("--record", metavar="FILE", type=Path, help="write a film instead, .gif or .mp4")
+    add("--record", metavar="FILE", type=Path, help="write a video instead, .gif or .mp4")
     add("--fps", type=float, default=6.0, help="steps shown per second")
     add("--grid", action=flag, default=True, help="draw lines between the cells")
     add("--gradient", action=flag, default=True, help="colour the cells smoothly")
@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--prior",
         action="store_true",
-        help="show you and the drones the drift alone, not the posterior given the searches",
+        help="show the forecast of the drift instead of the posterior, to you and to the drones",
     )
     add = parser.add_argument_group("search").add_argument
     add(
@@ -183,7 +183,7 @@ class _Episode:
     Args:
         scenario: the search.
         policy: a policy's name or a file of weights.
-        seed: of the episode.
+        seed: the seed of the episode.
 
     Raises:
         OSError, TypeError, ValueError: an argument is invalid.
@@ -213,7 +213,7 @@ class _Episode:
             yield env.frame()
 
     def summary(self, stopped: str) -> str:
-        """The result in some lines; `stopped` says why the user ended it early."""
+        """The result as a few lines of text; `stopped` says why the user ended it early."""
         frame = self.env.frame()
         outcome = f"stopped: {stopped}"
         if frame.ending is not None:
@@ -248,7 +248,7 @@ def _around_the_border(n_drones: int, grid_size: int) -> list[Cell] | None:
 
 
 def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Play one episode as the options say, and print its summary."""
+    """Play one episode with these options, and print its summary."""
     try:
         checks.real("fps", options.fps, FPS_LEAST, FPS_MOST)
         checks.integer("persons", options.persons, 1)

@@ -76,7 +76,7 @@ def state_planes(
 
 
 class SearchSpaces(ParallelEnv[str, Observation, int]):
-    """Parameters and spaces of `DroneSwarmSearch`; spaces are made on first use and kept."""
+    """Parameters and spaces of `DroneSwarmSearch`; spaces are created on first use and kept."""
 
     _scenario: Scenario
 

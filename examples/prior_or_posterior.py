@@ -16,7 +16,7 @@ from DroneSwarmSearch.policies import GreedyPolicy
 
 
 def play(bayesian_update: bool, episodes: int, seed: int) -> list[bool]:
-    """Play some episodes; returns for each whether the person was found."""
+    """Play the episodes; return whether the person was found in each."""
     env = DroneSwarmSearch(
         grid_size=20,
         n_drones=4,

@@ -53,7 +53,7 @@ def policy_for(name: str, scenario: Scenario) -> Any:
 
 
 def interval(values: NDArray[np.float64], rng: np.random.Generator) -> str:
-    """The mean with its 95 % percentile bootstrap interval."""
+    """The mean with its 95% percentile bootstrap interval."""
     means = rng.choice(values, (2000, len(values))).mean(axis=1)
     low, high = np.percentile(means, (2.5, 97.5))
     return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
@@ -96,7 +96,7 @@ def main() -> None:
         if name != first:
             comparison = interval(lead, rng), f"{(lead > 0).sum()}:{(lead < 0).sum()}"
         print(row(name, interval(found[name], rng), interval(time, rng), *comparison), flush=True)
-    print(f"{options.searches} searches, {options.episodes} episodes each; 95 % intervals")
+    print(f"{options.searches} searches, {options.episodes} episodes each; 95% intervals")
 
 
 if __name__ == "__main__":

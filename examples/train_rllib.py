@@ -5,9 +5,9 @@
     python examples/train_rllib.py --out runs/rllib2 --num-env-runners 2
     python examples/train_rllib.py --out runs/rllib3 --num-env-runners 32 --address auto
 
-By default, everything runs in this process. With env runners, each runs in a process of its own
-on any CPU of the cluster, where this package must be installed; this process trains the network
-and keeps the folder.
+By default, everything runs in this process. With env runners, each runs in its own process on any
+CPU of the cluster, where this package must be installed; this process trains the network and keeps
+the folder.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class TrainedPolicy:
     """The policy for `evaluate`, loaded from a checkpoint.
 
     Args:
-        path: of the checkpoint; only its RLModule is loaded.
+        path: path of the checkpoint; only its RLModule is loaded.
     """
 
     def __init__(self, path: Path) -> None:

@@ -4,7 +4,7 @@
 
 All drones share one policy, and each one's observation is its own. The searches run as a batch;
 `--supersuit` steps single environments through the wrappers and SuperSuit instead. `--mask` uses
-MaskablePPO of sb3-contrib, with masks under which drones never crash.
+MaskablePPO of sb3-contrib, with masks that prevent crashes.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
     python examples/train_tianshou.py --out runs/tianshou
 
 Tianshou uses PettingZoo's AEC API: the drones choose one after another, and the environment steps
-when the last one has chosen. All drones share one network, with masks under which they never
-crash. A resumed run starts with an empty replay buffer.
+when the last one has chosen. All drones share one network, with masks that prevent crashes. A
+resumed run starts with an empty replay buffer.
 """
 
 from __future__ import annotations

@@ -261,7 +261,7 @@ class TestOptions:
 
     def test_manual_needs_the_usual_policy(self, capsys: pytest.CaptureFixture[str]) -> None:
         line = refusal(capsys, "--manual", "--policy", "greedy-posterior")
-        assert "the other drones fly by greedy-matrix, so not with --policy" in line
+        assert "the other drones use greedy-matrix, so --policy is not allowed" in line
 
     @pytest.mark.parametrize("policy", POLICIES)
     def test_every_policy_runs_and_is_deterministic(

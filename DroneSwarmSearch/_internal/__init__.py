@@ -1,1 +1,1 @@
-"""Shared parts that are not public."""
+"""Shared internals, not part of the public API."""

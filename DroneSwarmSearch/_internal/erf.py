@@ -2,8 +2,8 @@
 
 A table holds erf and its derivative at evenly spaced points; a Taylor polynomial extends from
 the nearest point to the argument. The computation uses only additions, multiplications and
-look-ups, so each value depends only on its argument, bit for bit, whatever the shape of the
-array: a single environment and a batch get the same forecasts.
+look-ups, so each value depends only on its argument, bit for bit, and not on the shape of the
+array. A single environment and a batch therefore get the same forecasts.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ class StorageError(OSError):
 def replacing(path: Path) -> Iterator[Path]:
     """Write a file under a temporary name and move it into place when it is complete.
 
-    If anything fails, the file that was at `path` before stays as it was.
+    If anything fails, an existing file at `path` stays unchanged.
 
     Args:
         path: the target; its folder is created if necessary.
@@ -66,5 +66,5 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, with its line ends unchanged, as `write_bytes` does."""
-    # Paths that are not valid text may be part of it.
+    # The text may contain paths that are not valid Unicode.
     write_bytes(path, text.encode(errors="backslashreplace"))

@@ -17,7 +17,7 @@ Entry = TypeVar("Entry")
 
 
 class _Table(dict[int, Entry]):
-    """A table by cell, computed on first use; copies and pickles are the shared table."""
+    """A table by cell, computed on first use. Copying or unpickling it returns the shared table."""
 
     def __init__(self, grid_size: int) -> None:
         super().__init__()

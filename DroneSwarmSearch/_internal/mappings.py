@@ -1,10 +1,10 @@
 """The mappings that `reset` and `step` return, with the look-ups of the 2023 package.
 
 That package put "total_reward" among the drones' rewards and "Found" among their infos. RL
-libraries take every key for an agent, so here these names are answered on look-up and never
-listed; further facts about the episode are answered in the same way. The 2023 package's `reset`
-returned only the observations; here it returns (observations, infos), a tuple that also
-answers the drones' names.
+libraries treat every key as an agent, so here these names can be looked up but are not listed as
+keys. Other facts about the episode can be looked up in the same way. The 2023 package's `reset`
+returned only the observations; here it returns (observations, infos), a tuple that can also be
+indexed by drone name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int]
 
 
 class _Answering(dict[str, Value]):
-    """A dict that answers further names, which are not among its keys."""
+    """A dict with additional names that can be looked up but are not listed as keys."""
 
     __slots__ = ()
 
@@ -94,10 +94,10 @@ class Rewards(_Answering[float]):
 
 
 class Infos(_Answering[Any]):
-    """Each drone's info; answers "Found", "persons_found", "ending" and "step" as well.
+    """Each drone's info; "Found", "persons_found", "ending" and "step" can be looked up, too.
 
     Attributes:
-        facts: from which the last three are computed.
+        facts: the last three are computed from these.
     """
 
     __slots__ = ("facts",)
@@ -115,7 +115,7 @@ class Infos(_Answering[Any]):
         return ending if name == "ending" else step
 
     def copy(self) -> Infos:
-        """A shallow copy, with the same answers."""
+        """A shallow copy with the same look-ups."""
         copied = Infos(self)
         copied.facts = self.facts
         return copied
@@ -124,8 +124,8 @@ class Infos(_Answering[Any]):
 class Start(tuple[dict[str, Value], Infos], Generic[Value]):
     """What `reset` returns: the tuple (observations, infos).
 
-    It also answers like the observations alone: ``env.reset()["drone0"]`` is a drone's
-    observation, and there are `keys`, `values` and `items`.
+    It can also be used like the observations alone: ``env.reset()["drone0"]`` is a drone's
+    observation, and `keys`, `values` and `items` work.
     """
 
     __slots__ = ()

@@ -1,9 +1,9 @@
 """Random streams: one for each purpose, with a sequence of uniforms for each episode.
 
 Each random draw is a function of the seed, the purpose, the episode (resets since the seed)
-and the index in the episode's sequence. A single environment and a batch thus draw the same
-uniforms, however many at once, and the drones' actions do not affect them: for one seed, all
-policies face the same persons (common random numbers).
+and the index in the episode's sequence. A single environment and a batch therefore draw the same
+uniforms, regardless of how many they draw at once. The drones' actions do not affect them: with the
+same seed, all policies face the same persons (common random numbers).
 
 The generator is SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number
 generators, OOPSLA 2014): a counter that increases by an odd constant, followed by a mixing
@@ -41,7 +41,7 @@ GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 def _words(*values: int) -> tuple[Words, ...]:
-    """Constants as 0-d arrays, with which array arithmetic is faster than with scalars."""
+    """Constants as 0-d arrays: array arithmetic with them is faster than with scalars."""
     return tuple(np.array(value, np.uint64) for value in values)
 
 
@@ -68,7 +68,7 @@ def stream_keys(seed: int | None) -> Words:
     """The keys of a seed's streams, uint64: drift, detection, sampling of parameters.
 
     Args:
-        seed: an integer >= 0; None takes the system's entropy.
+        seed: an integer >= 0; None uses entropy from the operating system.
     """
     keys: Words = np.random.SeedSequence(seed).generate_state(3, np.uint64)  # type: ignore[assignment]
     return keys
@@ -88,24 +88,24 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
     """The keys of episodes' sequences, uint64.
 
     Args:
-        keys: of the streams; broadcast with the episodes.
+        keys: the keys of the streams; broadcast with the episodes.
         episodes: the resets since the seed, from 0, uint64.
     """
     return mixed(keys + (episodes + _ONE) * GOLDEN)
 
 
 def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
-    """The uniforms in [0, 1) at some places of some episodes' sequences, float64.
+    """The uniforms in [0, 1) at given places in the sequences of given episodes, float64.
 
     Args:
-        keys: of the episodes, see `episode_keys`; broadcast with the places.
-        places: from 0, uint64.
+        keys: the keys of the episodes, see `episode_keys`; broadcast with the places.
+        places: indices in the sequences, from 0, uint64.
     """
     return unit_numbers(keys + (places + _ONE) * GOLDEN)
 
 
 def unit_numbers(counters: Words) -> NDArray[np.float64]:
-    """The uniforms in [0, 1) of some counters, float64.
+    """The uniforms in [0, 1) of given counters, float64.
 
     Args:
         counters: the key of an episode plus `GOLDEN` times the place, counted from 1.
@@ -138,12 +138,12 @@ class EpisodeStream:
     """One stream, read episode after episode: uniforms in [0, 1) as Python floats.
 
     Args:
-        key: of the stream, see `stream_keys`.
+        key: the key of the stream, see `stream_keys`.
     """
 
     def __init__(self, key: np.uint64) -> None:
         self._key = np.array([[key]])
-        self._heads: list[list[float]] = []  # the first uniforms of some episodes
+        self._heads: list[list[float]] = []  # the first uniforms of several episodes
         self._heads_keys: list[int] = []  # the keys of those episodes
         self._heads_first = 0  # the first of those episodes
         self._episode = -1
@@ -204,7 +204,7 @@ class EpisodeStream:
         self._episode = episode
 
     def _extend(self, begin: int, end: int) -> None:
-        """Compute the uniforms from one place to another, and some more."""
+        """Compute at least the uniforms from one place to another."""
         self._known = self._known[begin - self._first :]
         self._first = begin
         key = self._heads_keys[self._episode - self._heads_first]
@@ -214,7 +214,7 @@ class EpisodeStream:
 
 
 class RowGenerator:
-    """Random draws for some rows of a batch, each from the row's own sequence.
+    """Random draws for selected rows of a batch, each from the row's own sequence.
 
     A row's draws depend on its seed, its episode and the calls made, but not on the other
     rows. The methods have the names of NumPy's `Generator`; results have a first axis for the
@@ -276,8 +276,8 @@ class Streams(NamedTuple):
     """The streams of an environment, one for each purpose.
 
     Attributes:
-        drift: for each step and person two uniforms, for the moves along x and y.
-        detection: for each step a row with one uniform per person, for searches.
+        drift: two uniforms per step and person, for the moves along x and y.
+        detection: a row per step with one uniform per person, for searches.
     """
 
     drift: EpisodeStream
@@ -285,6 +285,6 @@ class Streams(NamedTuple):
 
     @classmethod
     def from_seed(cls, seed: int | None) -> Streams:
-        """The streams of a seed, or of the system's entropy without one."""
+        """The streams of a seed; without one, of entropy from the operating system."""
         drift, detection, _ = stream_keys(seed)
         return cls(EpisodeStream(drift), EpisodeStream(detection))

@@ -26,7 +26,7 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
         self._is_ready = False  # an episode has begun, and no call was interrupted
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
-        """Begin an episode; see `DroneSwarmSearch.reset`."""
+        """Start an episode; see `DroneSwarmSearch.reset`."""
         before, self._is_ready = self._is_ready, False
         try:
             super().reset(seed=seed, options=options)

@@ -33,11 +33,11 @@ def move_probabilities(higher: Floats, lower: Floats) -> Floats:
 
 
 def transition_matrices(higher: Floats, lower: Floats) -> Floats:
-    """The transition matrices of some steps along one axis.
+    """The transition matrices of n steps along one axis.
 
     Args:
         higher: as in `move_probabilities`, shape (n, N).
-        lower: likewise.
+        lower: the same for the next lower one.
 
     Returns:
         float64, shape (n, N, N): the probability of moving from cell [i] to cell [j].

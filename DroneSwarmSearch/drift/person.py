@@ -31,7 +31,7 @@ def walk(
     draws_x: Sequence[float],
     draws_y: Sequence[float],
 ) -> list[int]:
-    """Walk one person for some steps, at most to the end of the forecast's block of tables.
+    """Walk one person for several steps, at most to the end of the forecast's block of tables.
 
     Args:
         forecast: the person's forecast.

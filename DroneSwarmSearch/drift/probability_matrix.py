@@ -38,7 +38,7 @@ _GROUP_BYTES = 2**16
 
 
 class Block(NamedTuple):
-    """The tables of some consecutive steps, shared by all environments with this forecast.
+    """The tables of consecutive steps, shared by all environments with this forecast.
 
     Never pass these arrays to users. NumPy's read-only flag does not protect them, because
     other libraries (PyTorch's `as_tensor`, for example) ignore the flag.
@@ -116,7 +116,7 @@ class BlockCache:
             return block
 
     def put(self, forecast: _Key, first: int, block: Block, size: int) -> None:
-        """Add a block of some bytes, and drop the least recently used ones beyond the limit."""
+        """Add a block of `size` bytes, and drop the least recently used ones over the limit."""
         with self.lock:
             used = self._bytes_by_forecast.get(forecast, 0)
             if (forecast, first) in self._blocks or used + size > CACHE_BYTES:
@@ -159,7 +159,7 @@ class ProbabilityMatrix:
     Attributes:
         block_steps: the steps in each block of tables, a power of two; blocks begin at its
             multiples.
-        group_steps: the steps whose matrices are computed together, likewise.
+        group_steps: the steps whose matrices are computed together, also a power of two.
 
     Raises:
         TypeError: an argument is of the wrong type.

@@ -136,7 +136,7 @@ def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats
 
 
 class Steps(NamedTuple):
-    """The distributions and moves over n consecutive steps, along some axes.
+    """The distributions and moves over n consecutive steps, along one or more axes.
 
     An axis is the x axis or the y axis of a forecast.
 
@@ -156,7 +156,7 @@ class Steps(NamedTuple):
 
 
 def follow(first_cdf: Floats, targets: Floats) -> Steps:
-    """Follow the Gaussians as closely as a person can who moves one cell per step.
+    """Follow the Gaussians as closely as a person moving one cell per step can.
 
     Args:
         first_cdf: F of the first step, shape (N + 2, axes), padded as in `point_mass`.
@@ -187,7 +187,7 @@ def tabulate(
     count: int,
     cdf: Floats | None,
 ) -> Steps:
-    """Compute the tables of consecutive steps along some axes.
+    """Compute the tables of consecutive steps along one or more axes.
 
     Args:
         grid_size: cells on each axis, N.

@@ -1,8 +1,8 @@
-"""An upper bound of the probability of success (POS) of every policy: a Lagrangian dual bound.
+"""An upper bound on the probability of success (POS) of any policy: a Lagrangian dual bound.
 
 Any policy, randomised or not, searches along a random set of drone paths while the person is
 missing. Let e[t](c) be the mean number of searches of cell c in step t, and s the sum of e
-along a trajectory of the person. If s is whole, the policy finds a fraction 1 - (1 - q)^s of
+along a trajectory of the person. If s is an integer, the policy finds a fraction 1 - (1 - q)^s of
 the persons on that trajectory. Let g be the smallest concave function with these values; it
 joins them by straight lines and is min(s, 1) for q = 1. By Jensen's inequality no policy finds
 the person with a probability above E[g(s)], hence none exceeds
@@ -12,13 +12,13 @@ the person with a probability above E[g(s)], hence none exceeds
 This is a concave problem over a convex set. The best path for given gains is a dynamic
 programme (`paths`), so the Frank-Wolfe method (`frank_wolfe`) solves it and bounds its maximum.
 
-The expectation is over all trajectories where they are few, else over a sample. The maximum
+The expectation is over all trajectories if there are few, otherwise over a sample. The maximum
 over a sample is at least the sample's value at the true optimum; a Chernoff bound covers the
 error of that value. A union bound (Bonferroni) over the persons and the numbers of steps makes
 all the sampled bounds hold together with probability `CONFIDENCE`.
 
 If q < 1, the larger function 1 - (1 - q)^s gives another bound, without a sample, because it is
-a product along the trajectory. The smaller bound counts. Finding all of several persons is at
+a product along the trajectory. The smaller bound is returned. Finding all of several persons is at
 most as likely as finding the one who is hardest to find.
 """
 
@@ -51,13 +51,14 @@ __all__ = ["SuccessBound", "drone_paths", "success_bound"]
 Floats = NDArray[np.float64]
 
 SAMPLE = 32768
-"""Trajectories in a sample: with one person it costs at most 1.2 percentage points."""
+"""Trajectories in a sample; with one person, sampling adds at most 1.2 percentage points."""
 
 CONFIDENCE = 0.999
 """Probability that a sampled bound holds, for all persons and numbers of steps together."""
 
 HORIZONS = 12
-"""Numbers of steps for which the relaxation is solved; the others take the next larger one's."""
+"""Numbers of steps for which the relaxation is solved; the others use the next larger one's
+bound."""
 
 ITERATIONS = 600
 """The most iterations for the time limit itself."""
@@ -68,11 +69,11 @@ ITERATIONS_BEFORE = 60
 
 @dataclass(frozen=True)
 class SuccessBound:
-    """An upper bound of the probability that a policy finds all persons of a search.
+    """An upper bound on the probability that a policy finds all persons of a search.
 
     Attributes:
         by_time: the bound after each number of completed steps, 0 to the time limit L:
-            float64, shape (L + 1,), never falling.
+            float64, shape (L + 1,), non-decreasing.
         relaxed: the value that the relaxation reaches by step L, for the person with the
             smallest bound.
         gap: the duality gap at step L, which `by_time` includes.
@@ -198,7 +199,7 @@ class _Person(NamedTuple):
 def _over_trajectories(
     person: _Person, trajectories: Trajectories, steps: int, oracle: Oracle, gap: float
 ) -> Solution:
-    """Maximise E[g(s)] over trajectories of some steps."""
+    """Maximise E[g(s)] over trajectories of a given number of steps."""
     at_limit = steps == len(trajectories.cells)
     return frank_wolfe(
         TrajectoryObjective(trajectories.until(steps), person.forecast.grid_size, person.detection),
@@ -212,7 +213,7 @@ def _over_trajectories(
 def _over_chain(
     person: _Person, chain: MarkovChain, steps: int, oracle: Oracle, gap: float, known: float
 ) -> float:
-    """Maximise E[1 - (1 - q)^s] over some steps; never above the bound that is known."""
+    """Maximise E[1 - (1 - q)^s] over a given number of steps, up to the known bound."""
     prior = person.forecast.exact(0)
     rate, effort = -math.log1p(-person.detection), np.zeros(steps * prior.size)
     return frank_wolfe(

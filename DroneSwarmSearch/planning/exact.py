@@ -1,10 +1,10 @@
 """The optimal plan of a small search, by branch and bound.
 
-A depth-first search over all paths of all drones. It abandons the beginning of a plan if even
-an optimistic completion cannot beat the best plan so far: every drone gets the best path for
-itself, as if nobody, itself included, had searched since (J. N. Eagle and J. R. Yee,
-Operations Research 38:110, 1990, bound the path of a single searcher in this way). The work
-grows exponentially with steps and drones: use it to check what is less exact.
+A depth-first search over all paths of all drones. It abandons a partial plan if even an optimistic
+completion cannot beat the best plan so far. The optimistic completion gives every drone its best
+path and ignores how later searches reduce each other's gains (J. N. Eagle and J. R. Yee, Operations
+Research 38:110, 1990, bound the path of a single searcher in this way). The work grows
+exponentially with steps and drones: use it to check approximate methods.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
     """The largest probability of success that any policy can reach by the time limit.
 
     Args:
-        scenario: a small search for one person: some ten steps of one drone, or six of two.
+        scenario: a small search for one person: about ten steps with one drone, or six with two.
         drones_positions: every drone's start cell (x, y).
-        known: what some plan is known to reach; it saves work.
+        known: a probability that some plan is known to reach, which saves work.
 
     Raises:
-        ValueError: there are several persons.
+        ValueError: the scenario has several persons.
     """
     persons = len(scenario.person_initial_position)
     if persons > 1:
@@ -97,7 +97,7 @@ class _BranchAndBound:
             self._branch(step + 1, ahead, self._chain.forward(left, step), found + success)
 
     def _optimistic_values(self, step: int, mass: Floats) -> tuple[Floats, Floats]:
-        """What a drone can gain at most from each cell: from this step on, and from the next."""
+        """The most that a drone can gain from each cell, from this step on and from the next."""
         masses = [mass]
         for later in range(step, self._limit - 1):
             masses.append(self._chain.forward(masses[-1], later))

@@ -27,7 +27,7 @@ covers about the latest tenth for every AVERAGING iterations."""
 
 
 class Effort(NamedTuple):
-    """Search effort: how many searches are made in some cells and steps.
+    """Search effort: the number of searches, by cell and step.
 
     Attributes:
         indices: int64, shape (k,): t * N * N + y * N + x; they may repeat.
@@ -45,7 +45,7 @@ class Objective(Protocol):
         """The function's value at the current point."""
 
     def tangent(self) -> tuple[float, Floats]:
-        """A linear upper bound of the function: its value without effort, and its gains.
+        """A linear upper bound on the function: its value without effort, and its gains.
 
         The gains are not negative and have shape (T, N, N), indexed [t, y, x].
         """
@@ -59,11 +59,11 @@ Oracle = Callable[[Floats], tuple[float, Effort]]
 
 
 class Solution(NamedTuple):
-    """What the method has reached.
+    """The result of the method.
 
     Attributes:
         value: the objective at the best point found.
-        upper_bound: of the objective's maximum.
+        upper_bound: a bound on the objective's maximum.
     """
 
     value: float

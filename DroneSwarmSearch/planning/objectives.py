@@ -1,4 +1,4 @@
-"""Concave upper bounds of the probability of success (POS), as functions of search effort.
+"""Concave upper bounds on the probability of success (POS), as functions of search effort.
 
 `TrajectoryObjective` takes the expectation over a list of trajectories; `MarkovChainObjective`
 bounds it from above by a product along the trajectory, whose expectation is exact.
@@ -24,7 +24,7 @@ SMOOTHING = 0.5, 0.02
 """Half the width over which the corners of g are rounded off, in searches: first and least."""
 
 SMOOTHING_HALF_LIFE = 10.0
-"""After so many iterations the corners are rounded off half as far as at first."""
+"""After this many iterations, the corners are rounded off half as far as at first."""
 
 
 class TrajectoryObjective:
@@ -35,7 +35,7 @@ class TrajectoryObjective:
     it lies above g itself.
 
     Args:
-        trajectories: of the person.
+        trajectories: the person's trajectories.
         grid_size: cells along each side, N.
         detection: the probability of detection, q.
     """
@@ -128,8 +128,8 @@ class MarkovChainObjective:
     """E[1 - exp(-rate * effort along the trajectory)], exactly, by a forward and a backward pass.
 
     Args:
-        chain: of the person, from step 0.
-        prior: where the person is at step 0: float64, shape (N, N).
+        chain: the person's Markov chain, from step 0.
+        prior: the person's distribution at step 0: float64, shape (N, N).
         rate: detections per unit of effort: a number or float64, shape (N, N).
         effort: the current point: float64, shape (T * N * N,); changed in place.
     """
@@ -170,7 +170,7 @@ class MarkovChainObjective:
         return missed
 
     def _missing(self, effort: Floats) -> list[Floats]:
-        """Where the person is and unfound: before each step, then after the last search."""
+        """Where the unfound person is, before each step and after the last search."""
         mass, missed = self._prior, self._missed(effort)
         missing = [mass]
         for step, fraction in enumerate(missed):

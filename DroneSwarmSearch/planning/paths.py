@@ -39,12 +39,13 @@ class Path(NamedTuple):
 
 
 def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None = None) -> Floats:
-    """The most that a drone can gain from every cell and step on.
+    """The most that a drone can gain, starting from each cell and step.
 
     Args:
-        gains: of searching a cell in a step, not negative: shape (n, N, N), indexed [t, y, x].
+        gains: the gain of searching a cell in a step, at least 0: shape (n, N, N), indexed
+            [t, y, x].
         at_end: the value of each cell after the last step, shape (N, N); may be `FORBIDDEN`.
-        blocked: for each step, the cells y * N + x in which the drone must not be after it.
+        blocked: for each step, the cells y * N + x that the drone must not be in after it.
 
     Returns:
         float64, shape (n + 1, N, N).
@@ -73,7 +74,7 @@ def best_path(
 
     Args:
         gains: as for `values_to_go`.
-        values: what that returned.
+        values: the result of `values_to_go`.
         start: the drone's first cell, y * N + x.
         blocked: as for `values_to_go`.
 

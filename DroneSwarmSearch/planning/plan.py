@@ -1,8 +1,8 @@
 """Open-loop plans for all drones together: the multi-robot path planning problem (MESPP).
 
-With one person, the only news during a search is that it found nobody. The best policy is
-therefore an open-loop plan, one path for each drone. Finding the best plan is NP-hard (K. E.
-Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds a good one:
+With one person, every search before the find has the same outcome: nobody was found. The best
+policy is therefore an open-loop plan, one path for each drone. Finding the best plan is NP-hard (K.
+E. Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds a good one:
 
 - Adding a search of cell c in step t to a plan gains
 
@@ -50,8 +50,8 @@ class Target:
     Attributes:
         chain: the person's steps.
         detection: the probability of detection.
-        belief: where the person is at the plan's first step: float64, shape (N, N).
-        weight: of finding this person in the plan's value.
+        belief: the person's distribution at the plan's first step: float64, shape (N, N).
+        weight: the weight of finding this person in the plan's value.
     """
 
     chain: MarkovChain
@@ -70,7 +70,7 @@ class Plan:
 
     Args:
         targets: the missing persons.
-        worth: of finding a person in each step of the plan: float64, shape (n,), never rising.
+        worth: the worth of a find in each step of the plan: float64, shape (n,), non-increasing.
         first: the episode's step at which the plan begins.
         paths: every drone's path; no two drones are ever in one cell.
 
@@ -107,7 +107,7 @@ class Plan:
         """Improve segments of full length, half of it and so on, in rounds.
 
         Args:
-            min_length: of the segments, in steps.
+            min_length: minimum length of the segments, in steps.
             min_gain: stop after a round that gains less.
             max_rounds: the largest number of rounds.
         """
@@ -146,8 +146,8 @@ class Plan:
 
         Args:
             drone: its number.
-            length: of the segments, in steps.
-            offset: the number of steps by which the first segment is shorter.
+            length: length of the segments, in steps.
+            offset: how many steps shorter the first segment is.
             distort: changes the gains before the best path is computed.
 
         Returns:
@@ -182,12 +182,12 @@ class Plan:
     def _gains(
         self, begin: int, schedule: Schedule, beliefs: Sequence[Floats], after: Sequence[Floats]
     ) -> Floats:
-        """What one more search of each cell gains in each of some steps.
+        """The gain of one more search of each cell in each step of a segment.
 
         Args:
             begin: the first of the steps.
             schedule: the searches in them.
-            beliefs: where every target is and unfound before them.
+            beliefs: probability that each target is in each cell and unfound, before them.
             after: what the plan will gain from every target in each cell after them.
 
         Returns:
@@ -226,7 +226,7 @@ class Plan:
     def _follow(
         self, beliefs: Sequence[Floats], begin: int, schedule: Schedule
     ) -> tuple[list[Floats], float]:
-        """Where every target is and unfound after some steps, and the worth of the finds."""
+        """Where every unfound target is after the given searches, and the worth of the finds."""
         left, total = [], 0.0
         worth = self._worth[begin : begin + len(schedule)]
         for target, belief in zip(self.targets, beliefs, strict=True):
@@ -264,7 +264,7 @@ class Plan:
 
         Args:
             target: the target.
-            value: of each cell after the last of the steps; None at the end of the plan.
+            value: the value of each cell after the last step; None at the end of the plan.
             begin: the first of the steps.
             schedule: the searches in them.
 
@@ -288,7 +288,7 @@ class Plan:
 
 
 def _schedule(paths: Sequence[Path], steps: int) -> Schedule:
-    """The cells that some paths search in each step."""
+    """The cells that the paths search in each step."""
     schedule: Schedule = [[] for _ in range(steps)]
     for path in paths:
         cells = path.cells.tolist()

@@ -1,4 +1,4 @@
-"""Trajectories of a person: all of them where they are few, else a sample with its confidence."""
+"""Trajectories of a person: all of them if there are few, otherwise a sample."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Trajectories(NamedTuple):
 
 
 def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajectories | None:
-    """All trajectories over some steps; None if there are more than `MOST_ENUMERATED`."""
+    """All trajectories over a number of steps; None if there are more than `MOST_ENUMERATED`."""
     size = forecast.grid_size
     x, y = forecast.parameters[1]
     cells, probabilities = np.array([[y * size + x]]), np.ones(1)
@@ -59,7 +59,7 @@ def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajector
 
 
 def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> Trajectories:
-    """Independent, equally likely trajectories over some steps; always the same sample."""
+    """Independent, equally likely trajectories over a number of steps; always the same."""
     size = forecast.grid_size
     start_x, start_y = forecast.parameters[1]
     x, y = np.full(count, start_x), np.full(count, start_y)
@@ -76,14 +76,14 @@ def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> 
 
 
 def chernoff_bound(mean: float, count: int, confidence: float) -> float:
-    """An upper confidence bound of the expectation of a quantity in [0, 1].
+    """An upper confidence bound on the expectation of a quantity in [0, 1].
 
     The largest p with count * kl(mean, p) <= -ln(1 - confidence), where kl is the relative
     entropy of two Bernoulli distributions (H. Chernoff, Annals of Mathematical Statistics
     23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963).
 
     Args:
-        mean: of the sample.
+        mean: the mean of the sample.
         count: independent draws in the sample.
         confidence: probability that the bound holds.
     """

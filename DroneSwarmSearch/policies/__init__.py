@@ -1,6 +1,6 @@
-"""Policies that steer the drones: from observations to actions.
+"""Policies map the drones' observations to actions.
 
-A policy sees what the drones see and the parameters of the search, never the persons. Call it
+A policy sees the drones' observations and the parameters of the search, never the persons. Call it
 with the observations of one search,
 
     policy = make("greedy-posterior", env.scenario)
@@ -50,7 +50,7 @@ __all__ = [
 
 
 class Policy(Protocol):
-    """What steers one search; every `BatchPolicy` is one."""
+    """A policy for one search; every `BatchPolicy` is one."""
 
     def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]:
         """An action, 0 to 5, for each drone in the observations."""

@@ -57,12 +57,12 @@ class BatchPolicy(ABC):
         """Choose an action for every drone.
 
         Args:
-            observations: of one search, as `DroneSwarmSearch` returns them; or of E searches,
-                as `SwarmVectorEnv` returns them in its dict layout: "positions", integers of
-                shape (E, n_drones, 2), every drone's (x, y); "probability_matrix", float32
-                of shape (E, N, N), indexed [y, x]; and optionally "row", integers of shape
-                (E,), the index of each search in its batch, all different. The default is
-                0 to E - 1; a single search has index 0.
+            observations: those of one search, as `DroneSwarmSearch` returns them; or of E searches,
+                as `SwarmVectorEnv` returns them in its dict layout: "positions", integers of shape
+                (E, n_drones, 2), every drone's (x, y); "probability_matrix", float32 of shape
+                (E, N, N), indexed [y, x]; and optionally "row", integers of shape (E,): the index
+                of each search in its batch, all different. The default is 0 to E - 1; a single
+                search has index 0.
 
         Returns:
             The actions, 0 to 5 (see `Action`): a dict from agent names for one search, an
@@ -102,7 +102,7 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
-        """Choose the actions in some searches; the arguments are valid.
+        """Choose the actions in the given searches; the arguments are valid.
 
         Args:
             rows: the indices of the searches, shape (E,), in any order.
@@ -115,7 +115,7 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
-        """Reset some searches, or all if `rows` is None; the arguments are valid.
+        """Reset the given searches, or all if `rows` is None; the arguments are valid.
 
         Args:
             rows: the indices of the searches.
@@ -182,7 +182,7 @@ class SwarmPolicy(BatchPolicy):
         """Choose the actions of one step.
 
         Args:
-            memory: of this search; change it in place.
+            memory: the memory of this search; change it in place.
             cells: every drone's (x, y).
             matrix: float32, shape (N, N), indexed [y, x]; do not keep or change it.
 
@@ -193,8 +193,8 @@ class SwarmPolicy(BatchPolicy):
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
         # Rows whose observations have been identical form a group with one memory.
         if rows is None:
-            self._group_of: Ints = np.empty(0, np.int64)  # of each row
-            self._memories: dict[int, Any] = {}  # of each group
+            self._group_of: Ints = np.empty(0, np.int64)  # by row
+            self._memories: dict[int, Any] = {}  # by group
             self._sizes: dict[int, int] = {}  # rows in each group
             self._next_group = 0
             return
@@ -214,7 +214,7 @@ class SwarmPolicy(BatchPolicy):
         return actions
 
     def _begin_new(self, rows: Ints) -> None:
-        """Give a memory to the rows at the beginning of an episode."""
+        """Give a memory to the rows at the start of an episode."""
         missing = int(rows.max()) + 1 - len(self._group_of)
         if missing > 0:
             self._group_of = np.concatenate([self._group_of, np.full(missing, _NO_GROUP)])

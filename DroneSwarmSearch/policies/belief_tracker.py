@@ -1,9 +1,9 @@
 """The belief about every person, tracked by the swarm itself.
 
-The environment shows one matrix: the mean over the missing persons, perhaps without what the
-searches have taught. From the scenario, its own searches and the matrix a swarm can compute
-more: the exact posterior of each person and, mostly, who has been found. The arithmetic is
-that of the environment (`drift.belief`), bit for bit.
+The environment shows one matrix: the mean over the missing persons, which may ignore the searches
+made. From the scenario, its own searches and the matrix, a swarm can compute more: the exact
+posterior of each person and, in most cases, who has been found. Results agree with the environment
+bit for bit, because both use `drift.belief`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MOST_HYPOTHESES = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
 
 TOLERANCE = 1e-5
-"""Relative error of a matrix that still matches: some roundings of single precision. This
+"""Largest relative error of a matching matrix: a few roundings in single precision. This
 package's matrices match exactly; those that went through other libraries may not."""
 
 
@@ -37,7 +37,7 @@ class BeliefTracker:
 
     In every step, call `observe` with the matrix, choose the actions, and call `update` with
     them. Observations do not say who was found, so the tracker infers it from the matrix.
-    Persons with equal beliefs cannot be told apart: one that was found may still count as
+    Persons with equal beliefs cannot be distinguished: one that was found may still count as
     missing, which does not change the mean.
 
     Copies are cheap; they share the forecasts and the arrays, which never change.
@@ -47,7 +47,7 @@ class BeliefTracker:
 
     Attributes:
         scenario: the same.
-        forecasts: of each person.
+        forecasts: one for each person.
         step: completed steps.
         missing: the persons who count as missing, by number in ascending order; at least one.
     """
@@ -84,7 +84,7 @@ class BeliefTracker:
         return total / len(self.missing)
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
-        """The matrix that the environment shows while some persons are missing.
+        """The matrix that the environment shows while the given persons are missing.
 
         Args:
             missing: these persons; by default those who count as missing.
@@ -104,8 +104,8 @@ class BeliefTracker:
     def observe(self, matrix: Singles) -> None:
         """Infer from this step's matrix who was found in the last step.
 
-        The smallest set of persons whose find explains the matrix counts as found; if no set
-        does, nobody.
+        The smallest set of persons whose find explains the matrix counts as found. If no set
+        explains it, nobody counts as found.
 
         Args:
             matrix: float32, shape (N, N), indexed [y, x].
@@ -124,7 +124,7 @@ class BeliefTracker:
             self.missing = closest
 
     def _hypotheses(self) -> Iterator[tuple[int, ...]]:
-        """Who may be missing now, starting with everyone who was."""
+        """Possible sets of missing persons, starting with the previous one."""
         for count in range(len(self._perhaps_found) + 1):
             for found in combinations(self._perhaps_found, count):
                 missing = tuple(person for person in self.missing if person not in found)

@@ -22,17 +22,17 @@ MOVES: dict[Cell, Action] = {
 def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:
     """Every drone's next cell, given the cells that the drones want to enter.
 
-    Drones that exchange cells, or rotate in a ring, always move; if one of them gave way to
-    another drone, all of them would block each other for ever. Of the other drones that want
-    one cell, the first moves and the rest stay. A drone that wants the cell of a
-    drone that stays, stays too. Drones may follow one another.
+    Drones that exchange cells or rotate in a ring always move; if one of them gave way to another
+    drone, they would block each other forever. If other drones want the same cell, the first moves
+    and the rest stay. A drone also stays if it wants the cell of a drone that stays. Drones may
+    follow one another.
 
     Args:
         cells: every drone's cell, all different.
-        wanted: the next cell that every drone wants; its own to stay.
+        wanted: every drone's desired next cell; its current cell to stay.
 
     Returns:
-        For every drone the cell it wants or its own; all different.
+        Every drone's next cell, the desired or the current one; all different.
     """
     rings = _in_rings(cells, wanted)
     order = [*rings, *(drone for drone in range(len(cells)) if drone not in rings)]
@@ -49,7 +49,7 @@ def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cel
 
 
 def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
-    """The drones in rings, where each wants the next one's cell and the last the first one's."""
+    """The drones in rings: each wants the next drone's cell, and the last wants the first's."""
     occupant = {cell: drone for drone, cell in enumerate(cells)}
     follows = {
         drone: occupant[cell]

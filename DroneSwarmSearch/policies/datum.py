@@ -14,11 +14,11 @@ from DroneSwarmSearch.policies.tracks import Rectangle
 __all__ = ["REACH", "Datum"]
 
 REACH = 2.0
-"""Standard deviations from the datum to each side: 91 % of a normal distribution is inside."""
+"""Standard deviations from the datum to each side: 91% of a normal distribution is inside."""
 
 
 class Datum(NamedTuple):
-    """Where the person is expected, and the search effort available there.
+    """The person's expected position, and the search effort available there.
 
     Attributes:
         mean: (x, y), in cells.
@@ -40,8 +40,8 @@ class Datum(NamedTuple):
     def area(self, grid_size: int) -> Rectangle:
         """The area to search: a rectangle around the datum, within the grid and the effort.
 
-        It reaches ``REACH`` standard deviations to each side, or as many tenths of a deviation
-        less as the effort requires.
+        It extends ``REACH`` standard deviations to each side, reduced in tenths of a deviation
+        until the effort suffices.
         """
         for tenths in range(round(10 * REACH), 0, -1):
             area = self._within(tenths / 10, grid_size)
@@ -50,7 +50,7 @@ class Datum(NamedTuple):
         return self._within(0.0, grid_size)
 
     def _within(self, reach: float, grid_size: int) -> Rectangle:
-        """All cells within some standard deviations along each axis."""
+        """All cells within a number of standard deviations along each axis."""
         ranges = []
         for mean, deviation in zip(self.mean, self.deviation, strict=True):
             first = max(math.floor(mean - reach * deviation + 0.5), 0)

@@ -1,11 +1,10 @@
-"""Greedy search: every drone goes for the cell with the greatest discounted success.
+"""Greedy search: every drone heads for the cell with the greatest discounted success.
 
 For a stationary target and searches of equal cost, the optimal plan searches next where success
 is most likely (L. D. Stone, Theory of Optimal Search, 1975; M. C. Chew, Annals of Mathematical
-Statistics 38:494, 1967). A drone must also fly there. The usual heuristic discounts success by
-`DISCOUNT` for each step of the way; the drone takes the cell with the greatest discounted
-probability. It looks one target ahead; a planner can do better, above all with few drones in a
-wide area.
+Statistics 38:494, 1967). A drone must also fly there, so the usual heuristic discounts success by
+`DISCOUNT` for each step of the way. It looks one target ahead; a planner can do better, especially
+with few drones in a wide area.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ DISCOUNT = 0.7
 """Factor on the value of a success for every step that it comes later."""
 
 CLAIMED = 1e-3
-"""Factor on the value of a cell that another drone goes for. It is not zero, so drones without
+"""Factor on the value of a cell that another drone has claimed. It is not zero, so drones without
 another likely cell gather around the claimed one."""
 
 FADING = 0.9
@@ -37,14 +36,14 @@ FADING = 0.9
 
 UNCHANGED = 0.95
 """A search is remembered only if the matrix does not show it: the cell keeps at least this
-fraction of its probability, relative to its neighbours. In many test episodes the fraction was
-nearly always below in a posterior and above in a forecast."""
+fraction of its probability, relative to its neighbours. In many test episodes, the fraction was
+nearly always lower in a posterior and higher in a forecast."""
 
 WORTHWHILE = 0.3
 """Fraction of the best cell's success that a cell needs to be a target. A posterior has wide
 flanks where searches hardly ever succeed, and a drone that stops there reaches the middle too
-late. On six searches with 20 or 40 cells a side, 0.25 to 0.5 found more on average than 0 or 0.6;
-not on every one of them."""
+late. On six searches with 20 or 40 cells a side, 0.25 to 0.5 found more on average than 0 or 0.6,
+but not on each of them."""
 
 SLIGHT = 1e-20
 """Factor on the value of the other cells: enough to choose among them if all targets are taken."""
@@ -61,8 +60,8 @@ class _SearchMemory:
     """The latest searches of a swarm that sees only the matrix.
 
     Attributes:
-        discounted: by which fraction recent searches lower each cell's value, (N, N).
-        matrix: of the last step.
+        discounted: the fraction by which recent searches lower each cell's value, (N, N).
+        matrix: the matrix of the last step.
         searched: the cells searched in the last step.
     """
 
@@ -102,7 +101,7 @@ class _Greedy(SwarmPolicy):
 
         Args:
             cells: every drone's cell.
-            values: of the cells as targets, shape (N, N).
+            values: the values of the cells as targets, shape (N, N).
         """
         n, size = len(cells), len(values)
         x, y = np.array(cells).T
@@ -134,12 +133,11 @@ class GreedyPolicy(_Greedy):
        cell, which then has little value to the others. So the drones spread over the likely
        area, each on its own side.
     2. A drone on its target searches. Any other moves towards its target, through the likelier
-       of two cells. It does not enter a cell that a drone is in, or that a drone which chose
-       earlier is about to enter; without a free move it idles. So drones never collide and
-       never leave the grid.
+       of two cells. It avoids cells that are occupied or that an earlier drone is about to enter;
+       without a free move it idles. Drones therefore never collide and never leave the grid.
 
     With `bayesian_update=True` the matrix shows which searches were unsuccessful. Otherwise the
-    policy remembers its recent searches, and lowers the value of those cells for some steps.
+    policy remembers its recent searches, and lowers the value of those cells for a few steps.
 
     The policy is deterministic. Ties go to the first drone, then to the first cell row by row.
     Time and memory per step are proportional to drones times cells.
@@ -161,7 +159,7 @@ class GreedyPolicy(_Greedy):
 
 
 class PosteriorGreedyPolicy(_Greedy):
-    """Greedy on the exact posterior, which it tracks itself, whatever the matrix shows.
+    """Greedy on the exact posterior, which it tracks itself regardless of the matrix shown.
 
     It chooses like `GreedyPolicy`, but a cell's value is the probability that searching it
     succeeds (POS): the mean over the missing persons of probability of detection x posterior.

@@ -2,17 +2,16 @@
 
 Rescue services fly these patterns when all they know is a datum and its spread (IAMSAR Manual,
 volume II; `tracks` has the geometry, `datum` the area). The drones fly to the commence search
-points without searching, then search every cell of their tracks. When all have finished they
-begin again around a new datum.
+points without searching, then search every cell of their tracks. When all have finished, they start
+again around a new datum.
 
-The datum is the person's expected position when the drones are half-way through, since the
-person drifts meanwhile. The area has no more cells than the drones have time to search once:
-searching more cells would move effort from likelier cells to less likely ones. The track spacing
-is one cell, the width that a search covers.
+The datum is the person's expected position when the drones are half-way through, since the person
+drifts in the meantime. The area has no more cells than the drones have time to search once:
+searching more cells would move effort from likelier cells to less likely ones. The track spacing is
+one cell, the width that a search covers.
 
-With several persons the drones search for one missing person after another, each with an equal
-part of the remaining time. The mean over persons who are far apart would be a datum where nobody
-is.
+With several persons, the drones search for one missing person after another and divide the
+remaining time equally among them. A joint datum would lie between the persons, where nobody is.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ CELLS_PER_LENGTH = 4 / math.pi
 
 @dataclass
 class _Progress:
-    """How far a drone has come along its route.
+    """A drone's progress along its route.
 
     Attributes:
         route: the cells to search in order; empty for a drone without a route.
@@ -96,8 +95,8 @@ class _PatternMemory:
     """The memory of one search.
 
     Attributes:
-        tracker: for the forecasts and the missing persons.
-        progress: of every drone.
+        tracker: holds the forecasts and the missing persons.
+        progress: one for each drone.
         passes: how many times tracks have been laid out.
     """
 
@@ -118,8 +117,9 @@ class PatternPolicy(SwarmPolicy):
             passes: how many times tracks have been laid out before.
 
         Returns:
-            For each drone or for fewer, at least one: alternative routes, each a list of the
-            cells to search in order. The nearest drone takes the one that starts nearest to it.
+            Alternative routes for each drone, or for fewer, but at least one; each route is a list
+            of the cells to search in order. The nearest drone takes the one that starts nearest to
+            it.
         """
 
     def begin(self) -> _PatternMemory:
@@ -243,9 +243,9 @@ def _assigned(choices: Sequence[Sequence[Route]], cells: Sequence[Cell]) -> list
 
 
 def _wanted(progress: Sequence[_Progress], cells: Sequence[Cell]) -> tuple[list[Cell], set[int]]:
-    """The next cell that every drone wants, and the drones that search.
+    """Every drone's desired next cell, and the drones that search.
 
-    Drones that are done let the others pass by exchanging cells with them.
+    Drones that have finished let the others pass by exchanging cells with them.
     """
     wanted = list(cells)
     searching = {

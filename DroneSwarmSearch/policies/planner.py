@@ -1,8 +1,8 @@
-"""The planner: follows an open-loop plan for all drones, and plans again after news.
+"""The planner: follows an open-loop plan for all drones, and replans after a find.
 
-With one person a plan for the whole episode is all that a policy needs, since the only news is
-that the search continues (`planning.plan`). With several persons a find is news: the planner then
-improves the rest of its plan for those still missing.
+With one person, a plan for the whole episode suffices, because every search before the find has the
+same outcome (`planning.plan`). With several persons, the planner improves the rest of its plan
+after each find, for those still missing.
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ from DroneSwarmSearch.scenario import Cell, Scenario
 __all__ = ["PlannerPolicy"]
 
 HORIZON = 500
-"""The most steps to plan at once, which bounds time and memory; longer episodes plan again."""
+"""The most steps to plan at once, which bounds time and memory; longer episodes are planned in
+parts."""
 
 EARLY_BONUS = 0.1
 """How much more a find in the first step is worth than one in the last."""
 
 MIN_GAIN = 5e-4
-"""A round of improvements that gains less, relative to the worth of a find, is the last one."""
+"""Improvement stops after a round that gains less, relative to the worth of a find."""
 
 MAX_ROUNDS = 8
 """The most rounds for a new plan; few plans need all of them."""
@@ -49,7 +50,7 @@ RANDOM_BUDGET = 400_000
 """The largest product of random plans, drones, persons, steps and cells: about a second."""
 
 MIN_PROBABILITY = 0.05
-"""Persons who are less likely to be found are weighted as if it were this probability."""
+"""Lower limit on a person's probability of being found, for the weights."""
 
 CACHED_PLANS = 4096
 """The most plans to keep for other searches that reach the same situation."""
@@ -60,7 +61,7 @@ determines the plan."""
 
 
 class PlannerPolicy(SwarmPolicy):
-    """Plans the paths of all drones together, whatever the matrix shows.
+    """Plans the paths of all drones together, regardless of the matrix shown.
 
     The first plan of a scenario takes seconds on a large grid; searches that begin in the same
     way share it. Plans follow from the planner's own beliefs (`BeliefTracker`), so they do not
@@ -74,7 +75,7 @@ class PlannerPolicy(SwarmPolicy):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._neighbours, self._positions = grid_of(scenario.grid_size)
-        self._chains: dict[int, list[MarkovChain]] = {}  # of the latest `HORIZON` steps
+        self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
         self._plans: dict[_PlanKey, list[Path]] = {}
 
     def prepare(self, drones_positions: object) -> None:
@@ -85,7 +86,7 @@ class PlannerPolicy(SwarmPolicy):
 
         Raises:
             TypeError: they are not cells.
-            ValueError: their number is not that of the drones, one is off the grid, or two
+            ValueError: their number differs from that of the drones, one is off the grid, or two
                 are equal.
         """
         starts = self.scenario.drone_cells(drones_positions)
@@ -120,7 +121,7 @@ class PlannerPolicy(SwarmPolicy):
         memory.first, memory.missing = tracker.step, tracker.missing
 
     def _plan(self, memory: _PlanMemory, starts: list[int]) -> list[Path]:
-        """A new plan's paths; if the old plan is still possible, an improvement of its rest."""
+        """The paths of a new plan, improved from the rest of the old one if that is possible."""
         tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
         part = step // HORIZON
@@ -194,7 +195,7 @@ class _PlanMemory:
         paths: the plan, one path for each drone; shared between searches, never changed.
         first: the step in which the plan was made.
         missing: the persons missing at that step.
-        key: of the plan in the cache.
+        key: the plan's key in the cache.
     """
 
     tracker: BeliefTracker

@@ -1,6 +1,6 @@
 """A policy trained by proximal policy optimisation (PPO): one small network, run in NumPy.
 
-`examples/train_ppo.py` made the packaged weights, `ppo.npz`; docs/guides/training.md has the
+`examples/train_ppo.py` trained the packaged weights, `ppo.npz`; docs/guides/training.md has the
 command, the training time and the learning curve.
 """
 
@@ -112,7 +112,7 @@ def _arrays(archive: zipfile.ZipFile) -> Iterator[tuple[str, Singles]]:
     if total > MAX_BYTES:
         raise ValueError(f"its arrays must have at most {MAX_BYTES} bytes, got {total}")
     for member in archive.infolist():
-        # Other methods may expand without limit, whatever size the file states.
+        # Other methods may expand beyond the size that the file states.
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"{member.filename} must be stored or deflated, as NumPy writes it")
         with archive.open(member) as file:
@@ -123,7 +123,7 @@ def _arrays(archive: zipfile.ZipFile) -> Iterator[tuple[str, Singles]]:
             if dtype.kind != "f":
                 raise ValueError(f"{member.filename} must hold real numbers, got {dtype}")
             values = np.frombuffer(file.read(), dtype)
-            with np.errstate(over="ignore"):  # overflow gives infinity, which is refused below
+            with np.errstate(over="ignore"):  # overflow gives infinity, which is rejected below
                 array = values.astype(np.float32)
         if not np.isfinite(array).all():
             raise ValueError(f"{member.filename} must hold finite numbers")
@@ -140,7 +140,7 @@ _READ_HEADER = {
 class PPOPolicy(SwarmPolicy):
     """A network trained by PPO on randomly drawn searches; every drone runs a copy of it.
 
-    The policy tracks the exact posterior itself, whatever the matrix shows (`BeliefTracker`).
+    The policy tracks the exact posterior itself, regardless of the matrix shown (`BeliefTracker`).
     Each drone gets crops of the probability that searching a cell succeeds (POS), and the
     network computes the logits of its actions. The drones take their best actions in turn
     (`masks.choose_in_turn`), so they never collide and never leave the grid.

@@ -18,10 +18,10 @@ Singles = NDArray[np.float32]
 
 
 class RandomPolicy(BatchPolicy):
-    """Picks each drone's action uniformly among those that are safe.
+    """Chooses each drone's action uniformly among the safe ones.
 
     The drones choose in turn. Searching and idling are always safe; a move is safe if no
-    drone is in the cell and no earlier drone is about to enter it. So drones never collide
+    drone is in the cell and no earlier drone is about to enter it. Drones therefore never collide
     and never leave the grid.
 
     The random draws depend only on a search's seed, its episode, the step and the drone, not
@@ -31,8 +31,8 @@ class RandomPolicy(BatchPolicy):
     """
 
     _seeds: int | list[int]  # as given to `reset`
-    _resets: int  # of all rows without a seed, since then
-    _keys: Words  # of each row used so far, as the next two
+    _resets: int  # resets of all rows without a seed, since then
+    _keys: Words  # for each row used so far, like the next two
     _episodes: Words
     _steps: Words
 
@@ -95,7 +95,7 @@ class RandomPolicy(BatchPolicy):
             ahead = targets[:, drone, moves, None]
             safe[:, moves] &= (ahead != cells[:, None]).all(axis=-1)
             safe[:, moves] &= (ahead != next_cells[:, None, :drone]).all(axis=-1)
-            rank = np.cumsum(safe, axis=1)  # of the safe actions, from 1
+            rank = np.cumsum(safe, axis=1)  # rank among the safe actions, from 1
             drawn = (uniforms[:, drone] * rank[:, -1]).astype(np.int64) + 1
             picked = (rank == drawn[:, None]).argmax(axis=1)
             actions[:, drone] = picked

@@ -71,7 +71,7 @@ def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
     shorter side, the creeping line search, CS.
 
     Args:
-        area: to search.
+        area: the area to search.
         along_x: whether the legs are parallel to the x axis.
         corner: where the track starts.
 
@@ -96,7 +96,7 @@ def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
     """Divide an area into nearly equal strips of whole legs.
 
     Args:
-        area: to divide.
+        area: the area to divide.
         count: the number of strips.
         along_x: whether the legs are parallel to the x axis.
 
@@ -121,7 +121,7 @@ def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
     """Divide an area into nearly square parts.
 
     Args:
-        area: to divide.
+        area: the area to divide.
         count: the number of parts.
 
     Returns:
@@ -130,7 +130,7 @@ def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
     ideal = math.sqrt(count * area.height / area.width)
     rows = min(max(1, round(ideal)), count, area.height)
     parts = []
-    # The middle rows have more parts: seven parts stand as 2, 3, 2.
+    # The middle rows have more parts: seven parts form rows of 2, 3 and 2.
     middle_first = sorted(range(rows), key=lambda row: abs(2 * row - rows + 1))
     longer = set(middle_first[: count % rows])
     for row, (top, height) in enumerate(_divided(area.height, rows)):
@@ -147,9 +147,9 @@ def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Poin
     points are at centres of cells again.
 
     Args:
-        datum: where the track starts.
+        datum: the start of the track.
         legs: the number of legs.
-        heading: of the first leg.
+        heading: the heading of the first leg.
 
     Returns:
         The turning points, with the datum and the end.
@@ -168,7 +168,7 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
     Args:
         datum: the point that the triangles share.
         radius: the length of each leg, R.
-        heading: of the first leg.
+        heading: the heading of the first leg.
 
     Returns:
         The ten ends of the nine legs.
@@ -180,8 +180,8 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
 def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
     """The cells along a track, each next to the one before it.
 
-    Legs that are not parallel to an axis become staircases. Cells outside the grid are left
-    out, so that successive cells may be apart where the track leaves the grid.
+    Legs that are not parallel to an axis become staircases. Cells outside the grid are left out, so
+    successive cells may not be adjacent where the track leaves the grid.
 
     Args:
         points: the turning points.
@@ -226,6 +226,6 @@ def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[flo
 
 
 def _divided(length: int, parts: int) -> list[tuple[int, int]]:
-    """The beginning and length of whole parts that differ by 1 at most."""
+    """The start and length of each part, as integers; lengths differ by at most 1."""
     borders = [length * part // parts for part in range(parts + 1)]
     return [(begin, end - begin) for begin, end in pairwise(borders)]

@@ -1,4 +1,4 @@
-"""Pictures of a search: a `Frame` as text, picture, window or film.
+"""Rendering of a search: a `Frame` as text, image, window or video.
 
 `frame` is the data; `text` needs NumPy alone; `painter`, `side_by_side` and `window` draw
 with pygame; `film` writes files with the packages of the extra "video". Importing this

@@ -1,4 +1,4 @@
-"""pygame, imported without its greeting; works alike with pygame and pygame-ce."""
+"""pygame, imported without its greeting; works with pygame and pygame-ce."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Pictures as a GIF or MP4 file. Needs the packages of the extra "video".
 
-Both writers are our own. Pillow keeps all frames of a GIF in memory, and imageio-ffmpeg
-ignores ffmpeg's exit code, so that a full disk would pass for success.
+The package has its own writers, because Pillow keeps all frames of a GIF in memory, and
+imageio-ffmpeg ignores ffmpeg's exit code, so a full disk would look like success.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def write_film(
 
     Args:
         path: the file; its folder is created if needed.
-        pictures: at least one, uint8 of shape (height, width, 3), all alike. The first one
+        pictures: at least one, uint8, all of the same shape (height, width, 3). The first one
             is taken after all other checks.
         fps: pictures per second.
         hold: additional seconds for which the last picture stays.
@@ -191,7 +191,7 @@ def _shrunken(picture: Picture, width: int) -> Image.Image:
 def _common_palette(samples: list[Image.Image]) -> Image.Image:
     """An image with the palette of 255 colours that all frames use.
 
-    With one palette, what does not move keeps its exact colours and needs no bytes.
+    With one palette, unchanged pixels keep their exact colours and need no bytes.
     """
     from PIL import Image
 
@@ -216,7 +216,7 @@ def _write_gif_frames(
     pixels in it that do not. A picture that does not differ prolongs the previous frame.
 
     Args:
-        file: to write to.
+        file: the file to write to.
         images: at least one, with one palette that does not use `UNCHANGED`.
         fps: images per second.
         hold: additional seconds for the last one.
@@ -305,7 +305,7 @@ def _write_mp4(
 
 
 def _holding(pictures: Iterable[Picture], times: int) -> Iterator[Picture]:
-    """The pictures, then the last one again so many times."""
+    """The pictures, with the last one repeated `times` times."""
     picture = None
     for picture in pictures:
         yield picture

@@ -57,7 +57,7 @@ class Frame:
 
     @property
     def outcome(self) -> str:
-        """The sentence of the end screen; empty before the end of the episode."""
+        """The text of the final banner; empty before the end of the episode."""
         if self.ending is None:
             return ""
         if self.ending is Ending.FOUND:

@@ -52,7 +52,7 @@ def handle_events(window: Window) -> None:
 
 
 def hold(window: Window, seconds: float) -> None:
-    """Leave the window as it is for some time, or until the user quits."""
+    """Leave the window unchanged for a time, or until the user quits."""
     until = time.monotonic() + seconds
     try:
         while time.monotonic() < until:
@@ -62,7 +62,7 @@ def hold(window: Window, seconds: float) -> None:
 
 
 def _next_event(window: Window, timeout: int) -> pygame.event.Event:
-    """The next event; NOEVENT if there is none within some milliseconds."""
+    """The next event; NOEVENT if there is none within the given milliseconds."""
     if not window.is_open:
         raise QuitError("the window was closed")
     event = pygame.event.wait(timeout) if timeout else pygame.event.poll()

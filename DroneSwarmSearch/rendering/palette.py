@@ -35,7 +35,7 @@ N_SHADES = 129
 """Shades of a ramp; odd, so that one is in the middle."""
 
 MIDDLE_FROM, HIGH_FROM = 0.25, 0.75
-"""Without a gradient, shares of the maximum from which a cell has the middle and the last shade."""
+"""Without a gradient, the fractions of the maximum at which the middle and last shades start."""
 
 DISTINCT_DRONES = 48
 """Drones beyond this number reuse the colours of the first ones."""

@@ -56,7 +56,7 @@ class Panel:
     """Draws the panel on surfaces of its `size`.
 
     Args:
-        symbol: side of a drone on the map in pixels; the legend shows it alike.
+        symbol: side of a drone on the map in pixels; the legend shows it at this size.
         gradient: whether cells are coloured smoothly.
         palette: a name in `PALETTES`.
         least_height: in pixels.
@@ -178,9 +178,9 @@ def symbol_images(side: int, ring: int, colour: Colour) -> dict[str, tuple[pygam
     """The images of each symbol for a legend, the lowest first.
 
     Args:
-        side: of a symbol in pixels.
+        side: side of a symbol in pixels.
         ring: side of the marks around drones.
-        colour: of the drone.
+        colour: the drone's colour.
     """
     drone, small = sprites.drone(side, colour), sprites.drone(side - 4, colour)
     return {
@@ -209,7 +209,7 @@ def _percentage(probability: float) -> str:
 def _write_ratio(canvas: pygame.Surface, part: int, whole: int, top: int, size: int) -> None:
     """A large number, and on the same base line a small "of" with the total."""
     figure = write(canvas, f"{part}", size, INK, topleft=(0, top))
-    # Glyphs of this font stand on 0.8 of the line's height.
+    # The base line of this font is at 0.8 of the line's height.
     base = top + 0.8 * figure.height
     rest = text_line(f"of {whole}", BODY, GREY)
     canvas.blit(rest, (figure.right + 7, round(base - 0.8 * rest.get_height())))

@@ -44,7 +44,7 @@ TICK_ROOM = 26
 TICK_FONT = 18
 
 GRID_FINEST = 4
-"""Of cells smaller than this, only every tenth gets a line."""
+"""With cells smaller than this, only every tenth line is drawn."""
 
 GRID_OPACITY = 0.45
 GRID_FULL_FROM = 16
@@ -141,11 +141,11 @@ class SearchMap:
         write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
 
     def draw(self, canvas: pygame.Surface, frame: Frame, *, banner: bool = True) -> None:
-        """Draw the cells of a frame and what is on them.
+        """Draw the cells of a frame and everything on them.
 
         Args:
-            canvas: with the coordinates.
-            frame: of this grid size.
+            canvas: a surface with the coordinates.
+            frame: a frame of this grid size.
             banner: at the end of an episode, write the outcome across the map.
 
         Raises:
@@ -231,7 +231,7 @@ class SearchMap:
     def _places(self, cell: tuple[int, int], count: int) -> tuple[list[Point], float]:
         """Middles of the symbols in one cell, and the side of the room of each, in pixels.
 
-        One symbol stands in the middle, two on the diagonal, more in a square.
+        One symbol is in the middle, two are on the diagonal, more form a square.
         """
         centre = self.centre(*cell)
         if count == 1:

@@ -114,7 +114,7 @@ def text_line(text: str, size: int, colour: Colour) -> pygame.Surface:
 
 
 def body_share(size: int) -> float:
-    """The diameter of a drone's body as a share of its size; small bodies are stout."""
+    """The diameter of a drone's body as a share of its size, larger for small drones."""
     return 0.56 if size < BLADES_FROM else 0.44
 
 
@@ -124,10 +124,10 @@ def write(
     """Write a line of text and return where it is.
 
     Args:
-        canvas: to draw on.
-        text: to write.
+        canvas: the surface to draw on.
+        text: the text to write.
         size: pygame's font size.
-        colour: of the text.
+        colour: the colour of the text.
         anchor: an attribute of `pygame.Rect` with its value, such as `midleft=(x, y)`.
     """
     line = text_line(text, size, colour)
@@ -138,8 +138,8 @@ def write(
 def drone(size: int, colour: Colour) -> pygame.Surface:
     """A quadcopter: four rotors on crossed arms around a round body; an X if it is small.
 
-    A light rim separates it from dark ground, a dark outline from light ground where
-    there is room for both.
+    A light rim separates it from dark cells; if there is room, a dark outline separates it from
+    light cells.
     """
     pen = _Pen(size, WHITE)
     rim, line = 1.2 * pen.pixel, max(pen.pixel, 0.035)
@@ -168,7 +168,7 @@ def drone(size: int, colour: Colour) -> pygame.Surface:
 
 @lru_cache(maxsize=64)
 def person(size: int) -> pygame.Surface:
-    """A missing person: somebody in a life ring; an orange dot in a white ring if it is small."""
+    """A missing person: a figure in a life ring; an orange dot in a white ring if it is small."""
     pen = _Pen(size, INK)
     line = 1.2 * pen.pixel
     if size < LIFE_RING_FROM:
@@ -208,7 +208,7 @@ def found(size: int, colour: Colour) -> pygame.Surface:
 
 @lru_cache(maxsize=64)
 def search_ring(size: int) -> pygame.Surface:
-    """The ring of light around a drone that searches."""
+    """The bright ring around a drone that searches."""
     pen = _Pen(size, INK)
     line = 1.1 * pen.pixel
     ring = max(2.0 * pen.pixel, 0.05)

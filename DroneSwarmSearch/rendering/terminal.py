@@ -20,10 +20,10 @@ fewest steps between them."""
 
 
 def show(frames: Iterable[Frame], fps: float) -> None:
-    """Draw frames in place on a terminal; print some of them to anything else.
+    """Draw frames in place on a terminal; print a selection to any other output.
 
     Args:
-        frames: of one episode, in order.
+        frames: the frames of one episode, in order.
         fps: frames per second on a terminal.
     """
     if sys.stdout.isatty():
@@ -58,7 +58,7 @@ def _animate(frames: Iterable[Frame], fps: float) -> None:
 def fitted(frame: Frame, columns: int, rows: int) -> list[str]:
     """The frame as lines of text that fit a terminal.
 
-    Of a grid that does not fit, the part around the likeliest cell is shown.
+    If the grid does not fit, the part around the likeliest cell is shown.
     """
     lines = render_text(frame, columns).split("\n")
     size = frame.grid_size

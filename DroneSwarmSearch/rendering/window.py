@@ -38,7 +38,7 @@ class Window:
 
     Args:
         painter: draws the frames.
-        title: of the window.
+        title: the window's title.
         fps: frames per second at most.
     """
 
@@ -94,7 +94,7 @@ class Window:
         self._clock.tick(self._fps)
 
     def open(self) -> None:
-        """Open the window, also after it was dismissed; does nothing if it is open.
+        """Open the window, even if the user has closed it before; do nothing if it is open.
 
         Raises:
             RuntimeError: no window can be opened.
@@ -180,7 +180,7 @@ def _check_for_screen() -> None:
 
 
 def _check_driver() -> None:
-    """Raise an error if SDL has fallen back to a hidden driver that nobody asked for."""
+    """Raise an error if SDL has fallen back to a hidden driver that was not requested."""
     driver = pygame.display.get_driver()
     if driver in HIDDEN_DRIVERS and not any(os.environ.get(name) for name in DRIVER_VARIABLES):
         raise pygame.error("there is no screen")

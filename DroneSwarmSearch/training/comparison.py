@@ -43,12 +43,12 @@ def compare_with_baselines(
 
     Args:
         policy: a callable from observations to actions, see `evaluation.evaluate`.
-        parameters: of `DroneSwarmSearch`, and optionally "drones_positions".
+        parameters: those of `DroneSwarmSearch`, and optionally "drones_positions".
         view: form of the observations and actions, as for `evaluate`.
         observation: layout of the observations, as for `evaluate`.
         episodes: number of episodes; at least 1.
-        name: of the policy in the table.
-        folder: of the run; evaluation.csv is written there, one row per policy.
+        name: the policy's name in the table.
+        folder: the run's folder; evaluation.csv is written there, one row per policy.
         baselines: names of policies of the package.
 
     Returns:
@@ -77,7 +77,7 @@ def compare_with_baselines(
     rows += [[*_figures(other), *_lead(trained, other)] for other in others]
     print_table(HEADERS, rows, words=1)
     print(
-        f"\n{episodes:,} episodes, the same for all policies; 95 % intervals in parentheses.\n"
+        f"\n{episodes:,} episodes, the same for all policies; 95% intervals in parentheses.\n"
         "Found: all persons within the time limit. Time: until all are found, or the limit.\n"
         "Crashes: episodes that end with a collision or with a drone off the grid.\n"
         f"Lead: how far {name} is ahead of each baseline, in percentage points and in steps."

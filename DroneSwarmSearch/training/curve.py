@@ -29,10 +29,10 @@ class Curve:
     by a crash, is ignored.
 
     Args:
-        path: of the file; the curve is empty if it does not exist.
+        path: the path of the file; the curve is empty if it does not exist.
 
     Attributes:
-        names: of the columns, starting with ``COLUMNS``.
+        names: the names of the columns, starting with ``COLUMNS``.
         rows: one dict per row, by increasing "steps".
 
     Raises:

@@ -31,7 +31,7 @@ def masks_of_flat(
         observations: from `FlatObservation` or from `DroneVectorEnv(observation="flat")`,
             shape (swarms * n_drones, 2 n_drones + 1 + N²), the drones of each swarm
             together and in order.
-        parameters: of `DroneSwarmSearch`; "grid_size" and "n_drones" are required.
+        parameters: those of `DroneSwarmSearch`; "grid_size" and "n_drones" are required.
         right_of_way: as in training.
 
     Returns:

@@ -23,7 +23,7 @@ def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentP
     the defaults of steps and episodes.
 
     Args:
-        description: of the script.
+        description: a description of the script.
         steps: default number of environment steps; at least 1.
         short: the same with ``--short``; at least 1.
 

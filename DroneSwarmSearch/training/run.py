@@ -33,13 +33,13 @@ class Run:
     the program with code 130.
 
     Args:
-        options: from `arguments`.
-        title: of the plot and the progress bar.
-        checkpoint: name of the checkpoint, a file or folder in the run's folder; or a pattern
-            for ``Path.glob``, of which the newest match counts.
+        options: the options parsed by the parser of `arguments`.
+        title: the title of the plot and the progress bar.
+        checkpoint: name of the checkpoint, a file or folder in the run's folder; or a pattern for
+            ``Path.glob``, whose newest match counts.
 
     Attributes:
-        folder: of the run.
+        folder: the run's folder.
         total_steps: environment steps to train, including those before a resume.
         steps_done: environment steps trained so far, including those before a resume.
         resuming: whether the run continues from a checkpoint.
@@ -104,7 +104,7 @@ class Run:
                 torch.save(model.state_dict(), path)
 
         Args:
-            name: of the file in the folder.
+            name: the file's name in the folder.
 
         Returns:
             A context manager that yields the path to write to.
@@ -119,7 +119,7 @@ class Run:
         """Save a checkpoint that is a folder; once it is complete, earlier ones are deleted.
 
         Args:
-            name: of the new checkpoint; it fits the run's pattern and does not exist yet.
+            name: the new checkpoint's name; it matches the run's pattern and does not exist yet.
 
         Yields:
             The absolute path of the folder to create.
@@ -144,7 +144,7 @@ class Run:
         return max(saved, key=lambda path: path.stat().st_mtime_ns, default=None)
 
     def _restart(self) -> str:
-        """What to do without a checkpoint."""
+        """Advice for a folder without a checkpoint."""
         delete = f"delete {self._file} and " if self._file.exists() else ""
         return f"{delete}start without --resume"
 
@@ -172,8 +172,9 @@ class Run:
                 the previous row.
             reward: mean return of a drone over the episodes that ended since the previous
                 row, in unscaled points; None or NaN if none ended.
-            found: share of these episodes in which all persons were found; likewise.
-            values: the trainer's own, such as losses; one column each.
+            found: fraction of these episodes in which all persons were found; None or NaN if none
+                ended.
+            values: further values, such as losses; one column each.
 
         Raises:
             KeyboardInterrupt: Ctrl-C was pressed, and a library suppressed it.
