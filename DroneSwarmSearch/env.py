@@ -77,9 +77,9 @@ class DroneSwarmSearch(SearchSpaces):
     - "step": completed steps.
 
     ## Randomness
-    Drift and detections draw from their own random streams: for one seed, the persons drift
-    alike whatever the drones do, in this episode and in the following ones. The environment
-    neither reads nor changes global random states.
+    Drift and detections draw from their own random streams: for one seed, the persons' drift
+    does not depend on the drones' actions, in this episode and the following ones. The
+    environment neither reads nor changes global random states.
 
     Args:
         grid_size: cells along each side of the square grid; an integer of at least 2.

@@ -86,7 +86,7 @@ def test_changed_episodes_of_a_released_id_are_rejected(other_folder):
 
 
 def test_new_ids_scenarios_and_frames_are_allowed(other_folder, monkeypatch):
-    change("find", shows="Told in other words.")
+    change("find", shows="Described in other words.")
     regenerate.SCENARIOS["new"] = SCENARIOS["find"]
     monkeypatch.setattr(regenerate, "framed", lambda env, frames: ["a map"] if frames else [])
     regenerate.main([])

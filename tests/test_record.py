@@ -170,7 +170,7 @@ class TestFilm:
         last = record(all_do(Action.IDLE), small(), path, name="lazy")
         assert (last.step, last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as film:
-            # Pictures that are all alike are kept as one that stays longer.
+            # Equal pictures are kept as one that stays longer.
             assert 1 < film.n_frames <= 9
             assert film.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]

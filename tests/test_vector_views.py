@@ -264,7 +264,7 @@ def test_action_spaces_are_the_documented_ones() -> None:
 
 @CASES
 def test_both_views_show_the_same_searches(case: dict[str, Any]) -> None:
-    """Slot i * n_drones + k of one is drone k of swarm i of the other."""
+    """Sub-environment i * n_drones + k of one is drone k of swarm i of the other."""
     swarms, drones = SwarmVectorEnv(4, **case), DroneVectorEnv(4, **case)
     n, rng = case["n_drones"], np.random.default_rng(1)
     seen, by_drone = swarms.reset(seed=5)[0], drones.reset(seed=5)[0]

@@ -241,7 +241,7 @@ class Posteriors:
         ]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Views and scratch arrays are made anew in a copy."""
+        """A copy makes its own views and scratch arrays."""
         names = ("_forecasts", "_detections", "_beliefs")
         return {name: self.__dict__[name] for name in names}
 

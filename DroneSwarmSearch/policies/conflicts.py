@@ -24,7 +24,7 @@ def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cel
 
     Drones that exchange cells or rotate in a ring always move; if one of them gave way to another
     drone, they would block each other forever. If other drones want the same cell, the first moves
-    and the rest stay. A drone also stays if it wants the cell of a drone that stays. Drones may
+    and the rest stay. A drone also stays if its target is the cell of a drone that stays. Drones may
     follow one another.
 
     Args:
@@ -49,7 +49,7 @@ def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cel
 
 
 def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
-    """The drones in rings: each wants the next drone's cell, and the last wants the first's."""
+    """Rings of drones: each one's target is the next drone's cell, and the last one's the first's."""
     occupant = {cell: drone for drone, cell in enumerate(cells)}
     follows = {
         drone: occupant[cell]

@@ -1,4 +1,4 @@
-"""Traces of named episodes as readable text; run this file to write them anew.
+"""Traces of named episodes as readable text; run this file to regenerate them.
 
     python tests/golden/regenerate.py            after a wanted change: the diff is the review
     python tests/golden/regenerate.py --release  as a step of a release, see CONTRIBUTING.md
@@ -53,7 +53,7 @@ class Scenario:
 
 SCENARIOS = {
     "find": Scenario(
-        "A lone drone searches in vain, goes where the drift must lead the person, and finds.",
+        "A lone drone searches the wrong cell, flies to where the drift takes the person, and finds them.",
         {
             "grid_size": 5,
             "vector": (1, 0),
@@ -65,7 +65,7 @@ SCENARIOS = {
         "D S R R R R S",
     ),
     "collision": Scenario(
-        "Two drones exchange cells unharmed; later two collide, and the third is not punished.",
+        "Two drones exchange cells without colliding; later two collide, and the third is not penalised.",
         {"grid_size": 4, "n_drones": 3, "person_initial_position": (3, 3)},
         {"seed": 2},
         "RLI LRI RDD RSU",
@@ -77,7 +77,7 @@ SCENARIOS = {
         "IL LL",
     ),
     "time_limit": Scenario(
-        "Likely and unlikely cells are searched in vain until the time is up.",
+        "Likely and unlikely cells are searched without success until the time limit.",
         {
             "grid_size": 6,
             "n_drones": 2,
@@ -176,7 +176,7 @@ def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
 
 
 def shown(env: DroneSwarmSearch, observations: dict[str, Any]) -> list[str]:
-    """The observation and the missing persons in figures that tell any matrix from any other."""
+    """The observation and the missing persons, in figures that distinguish different matrices."""
     views = [observations[agent]["observation"] for agent in env.possible_agents]
     matrix = views[0][1].astype(np.float64)
     rows, columns = np.indices(matrix.shape)
@@ -201,7 +201,7 @@ def path_of(name: str) -> Path:
 
 
 def digest(scenario: Scenario) -> str:
-    """What stands for a scenario's episodes."""
+    """A digest of a scenario's episodes."""
     return hashlib.sha256(trace(scenario, frames=False).encode()).hexdigest()
 
 
@@ -212,7 +212,7 @@ def released() -> dict[str, str]:
 
 
 def broken() -> list[str]:
-    """The scenarios whose episodes are no longer those that were released under this id."""
+    """The scenarios whose episodes differ from those released under this id."""
     return [
         name
         for name, was in released().items()
@@ -221,12 +221,12 @@ def broken() -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write every trace anew, and remove those without a scenario.
+    """Regenerate every trace, and remove those without a scenario.
 
     Raises:
         SystemExit: episodes of a released id would change.
     """
-    parser = argparse.ArgumentParser(description="Write the traces of the named episodes anew.")
+    parser = argparse.ArgumentParser(description="Regenerate the traces of the named episodes.")
     parser.add_argument("--release", action="store_true", help="enter them as released")
     options = parser.parse_args(arguments)
     if names := broken():
