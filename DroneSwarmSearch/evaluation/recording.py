@@ -18,6 +18,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
@@ -132,9 +133,7 @@ def _frames(
         scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
         prior, posterior = (DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios)
         shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
-        reset = getattr(policy, "reset", None)
-        if reset is not None:
-            reset(seed=seed)
+        reset_policy(policy, seed)
         yield prior.frame(), posterior.frame()
         while prior.agents:
             actions = policy(shown[bayesian_update])
