@@ -59,8 +59,8 @@ def record(
         path: the file, .gif or .mp4.
         seed: of the episode, an integer >= 0.
         name: the policy's name in the picture.
-        bayesian_update: whether the policy sees the posterior or the prior; None: as the
-            search says.
+        bayesian_update: whether the policy sees the posterior or the prior; None: as in
+            the search.
         fps: steps shown per second, from 0.1 to 50.
 
     Returns:
