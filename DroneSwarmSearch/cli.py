@@ -43,7 +43,7 @@ examples:
   python -m DroneSwarmSearch evaluate my_network.py:policy classic --view drone --observation flat
 
 Your own policy is a callable from observations to actions, or a class that is instantiated with
-the search's Scenario. It sees what --view and --observation say: "swarm" and "drone" are the
+the search's Scenario. --view and --observation select what it sees: "swarm" and "drone" are the
 observations of SwarmVectorEnv and DroneVectorEnv, "parallel" has PettingZoo's form. The file or
 module is executed, with everything it imports: only name code that you trust.
 
@@ -236,7 +236,7 @@ def _add_posterior(parser: argparse.ArgumentParser, whom: str) -> None:
 
 
 def _add_episodes(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say what is played and what a policy sees."""
+    """Add the options for the episodes and for what a policy sees."""
     parser.add_argument(
         "--episodes", metavar="N", type=int, default=2000, help="of each search (default: 2000)"
     )

@@ -176,7 +176,7 @@ def _print_suite() -> None:
 
 
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
-    """Print evaluations as a table, as JSON or as CSV, as the options say."""
+    """Print evaluations as a table, as JSON or as CSV, as the options select."""
     if options.json:
         print(json.dumps([each.data for each in evaluations], indent=1, allow_nan=False))
         return
@@ -278,7 +278,7 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
         code = INTERRUPTED
     except StorageError as error:
         reason = f"{error.filename}: {error.strerror}; repeat the command to resume"
-        store = None  # the error says that earlier files are kept
+        store = None  # the error already states that earlier files are kept
     except (work.WorkerCrashed, ImportError) as error:
         reason = str(error)
     except BrokenPipeError:

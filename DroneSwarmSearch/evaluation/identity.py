@@ -60,7 +60,7 @@ _WITHOUT_EFFECT = {
 
 
 class NotIdentifiedError(Exception):
-    """A policy cannot be distinguished from others; the message says why."""
+    """A policy cannot be distinguished from others; the message gives the reason."""
 
 
 def fingerprint_of_copies(packed: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-# First, since its error says how to install Matplotlib.
+# First, since its error explains how to install Matplotlib.
 from DroneSwarmSearch.evaluation.plot_style import DOUBLE, GREY, INK, LOOKS, styled
 
 # isort: split

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-# First, since its error says how to install Matplotlib.
+# First, since its error explains how to install Matplotlib.
 from DroneSwarmSearch.evaluation.plot_style import (
     DOUBLE,
     GREY,

@@ -18,6 +18,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
@@ -58,8 +59,8 @@ def record(
         path: the file, .gif or .mp4.
         seed: of the episode, an integer >= 0.
         name: the policy's name in the picture.
-        bayesian_update: whether the policy sees the posterior or the prior; None: as the
-            search says.
+        bayesian_update: whether the policy sees the posterior or the prior; None: as in
+            the search.
         fps: steps shown per second, from 0.1 to 50.
 
     Returns:
@@ -132,9 +133,7 @@ def _frames(
         scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
         prior, posterior = (DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios)
         shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
-        reset = getattr(policy, "reset", None)
-        if reset is not None:
-            reset(seed=seed)
+        reset_policy(policy, seed)
         yield prior.frame(), posterior.frame()
         while prior.agents:
             actions = policy(shown[bayesian_update])

@@ -23,7 +23,7 @@ from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
-__all__ = ["VIEWS", "checked_view", "play"]
+__all__ = ["VIEWS", "checked_view", "play", "reset_policy"]
 
 Ints = NDArray[np.int64]
 PolicyLike = Callable[[Any], Any]
@@ -91,7 +91,7 @@ def _play(
     scenario = batch.scenario
     limit, detections = scenario.timestep_limit, np.array(scenario.detections)
     batch.reset(seeds)
-    _reset(policy, stage.seeds(seeds))
+    reset_policy(policy, stage.seeds(seeds))
     n, drones = len(seeds), scenario.n_drones
     found_at = np.zeros((n, len(detections)), np.int64)
     endings, steps, returns = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
@@ -122,8 +122,12 @@ def _play(
     return Episodes(found_at, endings, steps, returns, reliability)
 
 
-def _reset(policy: PolicyLike, seed: int | list[int]) -> None:
-    """Call the policy's `reset`, if it has one."""
+def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
+    """Call the policy's `reset`, if it has one.
+
+    Raises:
+        TypeError: it does not take a seed.
+    """
     reset = getattr(policy, "reset", None)
     if reset is None:
         return

@@ -73,7 +73,7 @@ def evaluate(
         episodes: the number of episodes, at least 1.
         seed: of the first episode, at least 0.
         bayesian_update: whether the policy sees the posterior, or the prior that only follows
-            the drift; None: as the search says.
+            the drift; None: as in the search.
         view: what the policy sees and returns. "swarm": the observations of `SwarmVectorEnv`
             for the E episodes that have not ended, in the dict layout with their indices as
             "row"; actions of shape (E, n_drones). "drone": the observations of
@@ -85,7 +85,7 @@ def evaluate(
         ray: run on Ray instead: "local", "auto" or the address of a cluster.
         store: a folder, in which finished portions are stored and looked up. A portion is
             identified by the policy's code and state. If these cannot be determined, nothing
-            is stored, and a line on stderr says why.
+            is stored, and a line on stderr gives the reason.
         name: the policy's name in results. Portions stored under another name are not found.
         bound: the upper bound for the search, from `planning.success_bound`.
         progress: show a progress bar after two seconds.

@@ -85,8 +85,8 @@ class Store:
 
     def _check_directory(self) -> None:
         """Raise if the folder cannot be created, before any work is done for it."""
-        lineage = (self.directory, *self.directory.parents)
-        nearest = next(filter(os.path.exists, lineage), None)
+        folders = (self.directory, *self.directory.parents)
+        nearest = next(filter(os.path.exists, folders), None)
         if nearest is not None and not nearest.is_dir():
             raise StorageError(
                 errno.ENOTDIR, "results need a folder, but this is a file; move it", str(nearest)

@@ -5,7 +5,7 @@ process. The figures therefore depend on the jobs alone.
 
 Processes are those of loky, the pool of joblib, with an executor of one process for each
 worker. `joblib.Parallel` itself does not report progress within a job, cannot add jobs that
-follow from a result, and does not say which job a dead worker was running. A pipe ends the
+follow from a result, and does not report which job a dead worker was running. A pipe ends the
 workers if the calling process is killed, which loky's would survive. On Ray, jobs are plain
 tasks: the backend `ray.util.joblib` returns results only when all jobs are done, so an
 interrupted evaluation would lose its finished work.
