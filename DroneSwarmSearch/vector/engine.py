@@ -32,7 +32,7 @@ from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.drones import BatchDrones
 from DroneSwarmSearch.vector.episodes import Episodes
-from DroneSwarmSearch.vector.forecasts import OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import Forecasts, OnTheFlyForecasts
 from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler
 from DroneSwarmSearch.vector.tabulated_forecasts import (
     TabulatedForecasts,
@@ -144,7 +144,7 @@ class SearchBatch:
         world.begin(self._rows)
         return world
 
-    def _choose_forecasts(self) -> TabulatedForecasts | OnTheFlyForecasts:
+    def _choose_forecasts(self) -> Forecasts:
         size, steps = self._scenario.grid_size, self._scenario.timestep_limit
         if self._sampler is not None:
             return OnTheFlyForecasts(size, self._now.forecasts)

@@ -213,7 +213,7 @@ class TabulatedForecasts(Forecasts):
 
 def choose_forecasts(
     grid_size: int, steps: int, *parameters: DriftParameters, wants_table: bool = False
-) -> TabulatedForecasts | OnTheFlyForecasts:
+) -> Forecasts:
     """Return tabulated forecasts if they fit into `TABLE_BYTES`, else on-the-fly forecasts.
 
     Args:

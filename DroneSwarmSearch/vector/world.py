@@ -15,7 +15,7 @@ from DroneSwarmSearch._internal.streams import GOLDEN, numbers, numerators
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
 from DroneSwarmSearch.vector.beliefs import Beliefs
 from DroneSwarmSearch.vector.episodes import RowState
-from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts
 from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts
 from DroneSwarmSearch.vector.threads import worth_sharing
 
@@ -36,7 +36,7 @@ class BatchState:
 
     def __init__(
         self,
-        forecasts: TabulatedForecasts | OnTheFlyForecasts,
+        forecasts: Forecasts,
         detections: Sequence[float],
         bayesian: bool,
         rows: int,
@@ -58,7 +58,7 @@ class BatchState:
         self._shown_person = np.zeros(rows, np.int64)
         self._mixed = np.zeros(rows, np.bool_)
 
-    def _set_forecasts(self, forecasts: TabulatedForecasts | OnTheFlyForecasts) -> None:
+    def _set_forecasts(self, forecasts: Forecasts) -> None:
         self._forecasts = forecasts
         forecasts.bind(self._now.pointers, self._first.pointers)
         # Per-step increment of each counter, repeated for all rows: adding contiguous arrays
@@ -72,7 +72,7 @@ class BatchState:
         self._set_forecasts(self._forecasts)
 
     @property
-    def forecasts(self) -> TabulatedForecasts | OnTheFlyForecasts:
+    def forecasts(self) -> Forecasts:
         """The rows' forecasts."""
         return self._forecasts
 
@@ -118,9 +118,7 @@ class BatchState:
 
     # The start of an episode.
 
-    def change_forecasts(
-        self, forecasts: TabulatedForecasts | OnTheFlyForecasts, parameters: DriftParameters
-    ) -> None:
+    def change_forecasts(self, forecasts: Forecasts, parameters: DriftParameters) -> None:
         """Replace the forecasts in mid-episode; the new ones include those in use."""
         rows = np.arange(len(self.step))
         self._now, self._first = (
