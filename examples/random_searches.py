@@ -76,7 +76,7 @@ def main() -> None:
     first = options.policies[0]
     width = max(map(len, ["greedy-posterior", *options.policies]))
     row = f"{{:<{width}}}  {{:<20}}  {{:<20}}  {{:<22}}  {{}}".format
-    print(row("policy", "found, %", "time, % of the limit", f"{first} ahead, points", "won:lost"))
+    print(row("policy", "success, %", "time, % of the limit", f"{first} ahead, points", "won:lost"))
     for name in options.policies:
         results = [
             evaluate(

@@ -183,13 +183,19 @@ def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int])
     return total / (1 + len(others))
 
 
-def means_over_missing(beliefs: Sequence[Floats], shown: NDArray[np.bool_]) -> Floats:
+def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.bool_]) -> Floats:
     """`mean_over_missing` for a batch.
 
     Args:
-        beliefs: of each person, float64, all of one shape (...).
+        beliefs: of each person, float64, all of one shape (...); or in one array.
         shown: see `shown_persons`; broadcasts to shape (persons, ...).
+
+    Returns:
+        Of a belief's shape; for a single person, that person's beliefs themselves.
     """
+    if len(beliefs) == 1:
+        single: Floats = beliefs[0]
+        return single
     total = np.zeros(beliefs[0].shape)
     for belief, counts in zip(beliefs, shown, strict=True):
         np.add(total, belief, out=total, where=counts)

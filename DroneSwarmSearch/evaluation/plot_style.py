@@ -90,7 +90,7 @@ OTHERS = (Look("#b3243c", "H"), Look("#8c4a2f", "<"), Look("#000000", "d"), Look
 
 
 def styled(make: Callable[P, T]) -> Callable[P, T]:
-    """Draw in the style of this module, whatever the user's settings."""
+    """Draw in the style of this module, and ignore the user's settings."""
 
     @wraps(make)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:

@@ -24,8 +24,8 @@ def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cel
 
     Drones that exchange cells or rotate in a ring always move; if one of them gave way to another
     drone, they would block each other forever. If other drones want the same cell, the first moves
-    and the rest stay. A drone also stays if its target is the cell of a drone that stays. Drones may
-    follow one another.
+    and the rest stay. A drone also stays if a drone that stays occupies the cell it wants. Drones
+    may follow one another.
 
     Args:
         cells: every drone's cell, all different.
@@ -49,7 +49,7 @@ def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cel
 
 
 def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
-    """Rings of drones: each one's target is the next drone's cell, and the last one's the first's."""
+    """The drones in rings, in which each drone wants the cell of the next."""
     occupant = {cell: drone for drone, cell in enumerate(cells)}
     follows = {
         drone: occupant[cell]

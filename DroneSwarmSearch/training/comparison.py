@@ -22,7 +22,7 @@ BASELINES = ("random", "greedy-matrix", "greedy-posterior")
 SEED = 1_000_000
 """Seed of the first episode; training usually starts from small seeds."""
 
-HEADERS = ["policy", "found, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
+HEADERS = ["policy", "success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
 
 
 def compare_with_baselines(

@@ -229,7 +229,7 @@ class Beliefs:
     def _write(self, tile: int, counted: Flags, out: Singles) -> None:
         """Write the matrices of a tile."""
         cells, rows = self._size**2, self._rows[tile]
-        mean = _mean(self._tiles[tile], counted[:, rows]).reshape(cells, -1)
+        mean = means_over_missing(self._tiles[tile], counted[:, rows]).reshape(cells, -1)
         flat = out[rows].reshape(-1, cells)
         single = np.empty((cells, len(flat) + _PADDING), np.float32)[:, : len(flat)]
         single[...] = mean
@@ -245,14 +245,14 @@ class Beliefs:
         out = np.empty((len(rows), self._size, self._size), np.float32)
         for tile, here in self._parts(rows):
             beliefs = self._tiles[tile].take(rows[here] - self._first[tile], axis=-1)
-            out[here] = np.moveaxis(_mean(beliefs, counted[:, here]), -1, 0)
+            out[here] = np.moveaxis(means_over_missing(beliefs, counted[:, here]), -1, 0)
         return out
 
     def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
         """The matrix entry of one cell in each of some rows, in rising order: float32, (n,)."""
         persons = range(len(self._detections))
         of_cells = np.stack([self._flat.take(self._index(k, rows, cells)) for k in persons])
-        values: Singles = _mean(of_cells, counted).astype(np.float32)
+        values: Singles = means_over_missing(of_cells, counted).astype(np.float32)
         return values
 
     def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
@@ -261,9 +261,3 @@ class Beliefs:
         for tile, here in enumerate(map(slice, [0, *ends], ends)):
             if here.start < here.stop:
                 yield tile, here
-
-
-def _mean(beliefs: Floats, counted: Flags) -> Floats:
-    """`means_over_missing`, without a copy if there is only one person."""
-    mean: Floats = beliefs[0] if len(beliefs) == 1 else means_over_missing([*beliefs], counted)
-    return mean

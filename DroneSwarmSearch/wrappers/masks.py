@@ -28,7 +28,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     idling are always allowed. Drones then never leave the grid, but two may still collide by
     moving into the same empty cell.
 
-    Right of way prevents that too, whatever the drones choose independently: each drone gives
+    Right of way prevents that too, even if the drones choose independently: each drone gives
     way to the drones with lower numbers, and may not move to a cell within one step of
     theirs. A later drone thus never enters a cell that an earlier one may enter, and an
     earlier drone never enters the present cell of a later one.

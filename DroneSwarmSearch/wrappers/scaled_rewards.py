@@ -24,7 +24,7 @@ class ScaledRewards(SearchWrapper):
     - collision, leaving the grid, and the return of a drone that has found nobody by the
       time limit: -0.763 (-100000);
     - finding a person: 0.153 at once, down to 0.0763 at the time limit (20000 to 10000);
-    - an unsuccessful search of a cell of probability p > 1 %: 0.0763 p (10000 p);
+    - an unsuccessful search of a cell of probability p > 1%: 0.0763 p (10000 p);
     - an unsuccessful search of another cell: -0.000763 (-100);
     - anything else: 0.00000763 (1).
 

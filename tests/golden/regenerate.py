@@ -53,7 +53,7 @@ class Scenario:
 
 SCENARIOS = {
     "find": Scenario(
-        "A lone drone searches the wrong cell, flies to where the drift takes the person, and finds them.",
+        "A lone drone searches a wrong cell, flies where the drift leads, and finds the person.",
         {
             "grid_size": 5,
             "vector": (1, 0),
@@ -65,7 +65,7 @@ SCENARIOS = {
         "D S R R R R S",
     ),
     "collision": Scenario(
-        "Two drones exchange cells without colliding; later two collide, and the third is not penalised.",
+        "Two drones exchange cells safely; later two collide, and the third is not penalised.",
         {"grid_size": 4, "n_drones": 3, "person_initial_position": (3, 3)},
         {"seed": 2},
         "RLI LRI RDD RSU",
