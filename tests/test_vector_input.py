@@ -72,11 +72,14 @@ def test_integers_of_every_kind_are_actions(dtype: Any) -> None:
 def test_numpys_settings_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
     batch = SearchBatch(2, bayesian_update=True)
     batch.reset([1, 2])
-    usual, while_drifting = np.getbufsize(), []
+    while_drifting: list[int] = []
     monkeypatch.setattr(beliefs, "drift", lambda *_: while_drifting.append(np.getbufsize()))
-    batch.step([[Action.SEARCH], [Action.IDLE]])
-    assert while_drifting == [beliefs._BUFFER_SIZE]
-    assert np.getbufsize() == usual != beliefs._BUFFER_SIZE
+    before = np.setbufsize(4096)
+    try:
+        batch.step([[Action.SEARCH], [Action.IDLE]])
+        assert (while_drifting, np.getbufsize()) == ([beliefs._BUFFER_SIZE], 4096)
+    finally:
+        np.setbufsize(before)
 
 
 @pytest.mark.parametrize("seeds", [[1], [1, 2, 3], []])
