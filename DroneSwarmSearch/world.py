@@ -198,16 +198,17 @@ class WorldState:
         matrix: Matrix = self._loaded[self.step - self._loaded_first]
         return matrix.copy()
 
-    def loaded_matrices(self) -> tuple[Matrix, int]:
+    def loaded_matrices(self) -> tuple[Sequence[Matrix], int]:
         """Matrices of some steps, and the index of the present step's among them.
 
         Returns:
-            float32, shape (n, N, N), for reading only, and the index. The same array object
+            Float32 arrays of shape (N, N), for reading only, and the index. The same object
             always holds the matrices of the same steps.
         """
         if self._active_posteriors is not None:
-            return self._returned[0][None], 0
-        return self._loaded, self.step - self._loaded_first
+            return self._returned, 0
+        matrices: Any = self._loaded  # float32, (n, N, N)
+        return matrices, self.step - self._loaded_first
 
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
         """What the matrix of the present step holds for the searched cells, by drone.

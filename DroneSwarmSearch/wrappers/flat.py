@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,7 @@ class FlatObservation(LayoutObservation):
         self._order = own_first(n)
         self._shape = (n, 2 * n + 1 + size**2)
         # By first step: the tables of some steps, and what `_make_tails` makes of them.
-        self._tails: dict[int, tuple[Singles, Singles]] = {}
+        self._tails: dict[int, tuple[Sequence[Singles], Singles]] = {}
 
     def _observe(self) -> Observations:
         # `FlatLayout.write` for one search, with as few NumPy calls as possible.
@@ -103,13 +104,13 @@ class FlatObservation(LayoutObservation):
         if len(matrices) > 1:
             vectors[:, width:] = self._tail(matrices, index, world.step)
         else:
-            row = matrices.reshape(-1)
+            row = matrices[0].reshape(-1)
             vectors[:, width] = time_fraction(world.step, self._search.timestep_limit)
             vectors[:, width + 1 :] = row / np.maximum.reduce(row)
         vectors[:, :width] = self._pairs.take(cells).take(self._order).view(np.float32)
         return dict(zip(self._names, vectors))  # noqa: B905 (strict=True takes time)
 
-    def _tail(self, matrices: Singles, index: int, step: int) -> Singles:
+    def _tail(self, matrices: Sequence[Singles], index: int, step: int) -> Singles:
         """The part of the vectors that all drones share, from matrices of several steps."""
         first = step - index
         known, tails = self._tails.get(first, (None, matrices))
@@ -121,10 +122,10 @@ class FlatObservation(LayoutObservation):
         tail: Singles = tails[index]
         return tail
 
-    def _make_tails(self, matrices: Singles, first: int) -> Singles:
+    def _make_tails(self, matrices: Sequence[Singles], first: int) -> Singles:
         """`_tail` of some steps: float32, (n, 1 + N²)."""
         count = len(matrices)
-        rows = matrices.reshape(count, -1)
+        rows = np.asarray(matrices).reshape(count, -1)
         tails = np.empty((count, 1 + rows.shape[1]), np.float32)
         limit = self._search.timestep_limit
         tails[:, 0] = [time_fraction(step, limit) for step in range(first, first + count)]

@@ -86,5 +86,5 @@ class LayoutObservation(SearchWrapper):
         else:
             out, by_drone = arrays[None], list(arrays)
         positions = np.stack([x, y], axis=-1)[None]
-        self.layout.write(positions, matrices[index : index + 1].copy(), left, out)
+        self.layout.write(positions, matrices[index][None].copy(), left, out)
         return dict(zip(self._names, by_drone, strict=True))
