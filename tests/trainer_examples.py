@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -63,7 +64,9 @@ def interrupt(name: str, folder: Path, moment: str, *arguments: object) -> None:
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does, including Ray's processes
         _, errors = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 130, errors[-4000:]
-    assert "Traceback" not in errors, errors[-4000:]
+    # An interrupt in a callback that cannot raise is printed, and raised by the next callback.
+    reported = re.sub(r"Exception ignored in.*?KeyboardInterrupt: ?\n", "", errors, flags=re.S)
+    assert "Traceback" not in reported, errors[-4000:]
     if "interrupted before the first checkpoint" in errors:
         python(*command)
     else:
