@@ -238,7 +238,7 @@ def test_the_longest_episode_there_may_be_begins_like_others() -> None:
         ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
         ("grid_size", lambda: SearchBatch(1, grid_size=150_000)),
         ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, bayesian_update=True)),
-        ("num_rows", lambda: SearchBatch(10**8, grid_size=10**4, sampler=everything_sampled)),
+        ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, sampler=everything_sampled)),
         ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
     ],
 )
