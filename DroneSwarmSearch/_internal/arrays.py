@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Narrow = NDArray[Any]  # int16, or int32 on large grids
 Rows = Any  # a slice, or an array of row numbers
 Singles = NDArray[np.float32]
 Words = NDArray[np.uint64]

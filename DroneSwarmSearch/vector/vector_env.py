@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
+from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.vector.arguments import (
@@ -30,14 +31,12 @@ from DroneSwarmSearch.vector.arguments import (
     shows_keywords_of,
 )
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import BatchObservations
+from DroneSwarmSearch.vector.observations import BatchObservations, Observations, Values
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["SearchVectorEnv"]
 
-Observations = Any  # an array, or a dict of arrays
-Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
 
 _BYTES_PER_NUMBER = 14
@@ -108,6 +107,13 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         )
         scenario, rows = self.batch.scenario_of(0), self.batch.num_rows
         self._size, self._drones = scenario.grid_size, scenario.n_drones
+        self._display = Display(
+            self._size,
+            render_grid=False,
+            render_gradient=True,
+            palette="classic",
+            fps=self.metadata["render_fps"],
+        )
         self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
         self.num_envs = rows * self._each
         if not self._writes:
@@ -260,15 +266,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """Render every swarm as text or as a picture, uint8 (H, W, 3); see `render_mode`."""
         if self.render_mode is None:
             return None
-        frames = [self.frame(row) for row in self._all_rows.tolist()]
-        if self.render_mode == "ansi":
-            from DroneSwarmSearch.rendering.text import render_text
-
-            return tuple(render_text(frame) for frame in frames)
-        from DroneSwarmSearch.rendering.painter import Painter
-
-        painter = Painter(self._size, render_grid=False, render_gradient=True)
-        return tuple(painter.pixels(frame) for frame in frames)
+        frames = map(self.frame, self._all_rows.tolist())
+        return tuple(self._display.render(frame, self.render_mode) for frame in frames)
 
     # Beyond Gymnasium's API.
 
