@@ -32,6 +32,7 @@ class Drones:
         self._scheme = scenario.reward_scheme
         self._timestep_limit = scenario.timestep_limit
         self._last_step = scenario.timestep_limit - 1
+        self._covers = scenario.mission == "coverage"
         self._names = names
         self._step_rewards = dict.fromkeys(names, self._scheme.step)
         self.start([])
@@ -88,7 +89,7 @@ class Drones:
             searches = self._searches()
             observed = world.observed(searches)
             finders = world.search(searches)
-            if not (crashed or finders or is_last):
+            if not (crashed or finders or is_last or world.is_covered):
                 for drone, probability in observed.items():
                     rewards[names[drone]] = rules.unsuccessful_search_reward(scheme, probability)
                 return rewards, None
@@ -100,7 +101,7 @@ class Drones:
                     target in shared,
                     target == OFF_GRID,
                     drone in finders,
-                    is_last,
+                    is_last and not self._covers,
                     drone in self.finders,
                     drone in observed,
                     observed.get(drone, 0.0),
@@ -111,7 +112,10 @@ class Drones:
         if finders:
             self.finders |= finders
             self.found = True
-        return rewards, rules.ending(not world.missing, bool(shared), OFF_GRID in targets, is_last)
+        left_grid = OFF_GRID in targets
+        return rewards, rules.ending(
+            not world.missing, world.is_covered, bool(shared), left_grid, is_last
+        )
 
     def _searches(self) -> dict[int, int]:
         """The searched cells, each with its drone: before a step, no two drones share a cell."""

@@ -24,6 +24,7 @@ from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.mappings import Infos, Rewards, Start
 from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch._internal.turn_based import TurnBased
+from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drones import Drones
 from DroneSwarmSearch.observations import Observation, SearchSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
@@ -35,7 +36,7 @@ from DroneSwarmSearch.world import WorldState
 
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
-_OPTIONS = ("drones_positions", "vector", "person_initial_position")
+_OPTIONS = ("drones_positions", "vector", "person_initial_position", "persons")
 
 
 def parallel_env(**kwargs: Any) -> DroneSwarmSearch:
@@ -74,11 +75,14 @@ class DroneSwarmSearch(SearchSpaces):
     - "Found": the same as for each drone;
     - "persons_found": for each person, whether the person has been found, a tuple of bool;
     - "ending": the `Ending` of the episode, or None;
-    - "step": completed steps.
+    - "step": completed steps;
+    - "probability_of_success": the cumulative probability of success (POS) of all searches so
+      far, the mean over persons; each drone's info has it too. It is there with
+      `bayesian_update`, `RewardScheme.expected()` or the coverage mission.
 
     ## Randomness
-    Drift and detections draw from their own random streams: for one seed, the persons' drift
-    does not depend on the drones' actions, in this episode and the following ones. The
+    Start, drift and detections draw from their own random streams: for one seed, the persons'
+    drift does not depend on the drones' actions, in this episode and the following ones. The
     environment neither reads nor changes global random states.
 
     Args:
@@ -99,13 +103,19 @@ class DroneSwarmSearch(SearchSpaces):
         bayesian_update: whether the matrix is the exact posterior given the searches so far,
             or the drift forecast alone.
         reward_scheme: the figures of the reward table.
+        persons: persons whose start or drift is uncertain, see `Person`; in place of
+            `vector`, `person_initial_position`, `disperse_constant` and
+            `probability_of_detection`.
+        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
+            success as possible: nobody is found, and searches pay what they add to it.
         scenario: all parameters but the render settings, instead of the arguments above.
         palette: the colours of the map: "classic" (dark red, yellow, bright green) or
             "sea" (pale to deep blue).
 
     Raises:
         TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of its limits, or is given together with a scenario.
+        ValueError: an argument is out of its limits, or is given together with a scenario
+            or `persons`.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
@@ -130,6 +140,8 @@ class DroneSwarmSearch(SearchSpaces):
         probability_of_detection: float | Sequence[float] = 1.0,
         bayesian_update: bool = False,
         reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
+        persons: Sequence[Person] | Person | None = None,
+        mission: str = "rescue",
         scenario: Scenario | None = None,
         palette: str = "classic",
     ) -> None:
@@ -145,6 +157,8 @@ class DroneSwarmSearch(SearchSpaces):
             probability_of_detection=probability_of_detection,
             bayesian_update=bayesian_update,
             reward_scheme=reward_scheme,
+            persons=persons,
+            mission=mission,
         )
         modes = (*self.metadata["render_modes"], None)
         self.render_mode = checks.choice("render_mode", render_mode, modes)
@@ -213,13 +227,13 @@ class DroneSwarmSearch(SearchSpaces):
             seed: an integer >= 0 that determines the episode and those that follow it. Without
                 a seed, the random streams continue.
             options: may hold "drones_positions" and "vector", as below, and
-                "person_initial_position", as in the constructor, for this episode only. Other
-                names cause a warning.
+                "person_initial_position" or "persons", as in the constructor, for this
+                episode only. Other names cause a warning.
             drones_positions: a different cell (x, y) for each drone, for this episode only.
                 By default, the drones stand from left to right from (0, 0), row by row.
                 Overrides the option.
             vector: drift in cells per step, (x, y), for this episode and later ones.
-                Overrides the option.
+                Overrides the option. Not with `persons`, which have their own.
 
         Returns:
             The observations and the infos of all drones, as a tuple. The tuple also answers
@@ -235,18 +249,20 @@ class DroneSwarmSearch(SearchSpaces):
         cells = self._start_cells
         if seed is not None:
             seed = checks.integer("seed", seed, 0)
-        person_initial_position = None
+        changes = {}  # for this episode only
         if options is not None:
             options = checks.known_options(options, _OPTIONS, stacklevel=2)
-            person_initial_position = options.get("person_initial_position")
+            for name in ("person_initial_position", "persons"):
+                if options.get(name) is not None:
+                    changes[name] = options[name]
             if drones_positions is None:
                 drones_positions = options.get("drones_positions")
             if vector is None:
                 vector = options.get("vector")
         if vector is not None:
             scenario = search = scenario.replace(vector=vector)
-        if person_initial_position is not None:
-            search = search.replace(person_initial_position=person_initial_position)
+        if changes:
+            search = search.replace(**changes)
         if drones_positions is not None:
             cells = scenario.drone_cells(drones_positions)
         if self.render_mode == "human":
@@ -270,7 +286,7 @@ class DroneSwarmSearch(SearchSpaces):
         self.agents = list(self._names)
         if self.render_mode == "human":
             self._display.show(self.frame())
-        facts = (None, self._world.missing, self._world.persons, 0)
+        facts = (None, self._world.missing, self._world.persons, 0, self._world.success)
         return Start(observe(self._names, cells, self._positions, matrix, False, facts))
 
     def step(
@@ -314,7 +330,7 @@ class DroneSwarmSearch(SearchSpaces):
         # 4. The drones observe the new state.
         if self.render_mode == "human":
             self._display.show(self.frame())
-        facts = (ending, world.missing, world.persons, world.step)
+        facts = (ending, world.missing, world.persons, world.step, world.success)
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, drones.found, facts
         )
@@ -353,7 +369,7 @@ class DroneSwarmSearch(SearchSpaces):
             ResetNeeded: before the first `reset`.
         """
         cells, world = self._cells_and_world()
-        missing = [world.person_cell(person) for person in world.missing]
+        missing = [world.person_cell(person) for person in world.missing if world.is_rescue]
         return state_planes(world.matrix(), cells, missing)
 
     # Beyond PettingZoo's API.
@@ -378,20 +394,22 @@ class DroneSwarmSearch(SearchSpaces):
         """
         cells, world = self._cells_and_world()
         positions, finds = self._positions, world.finds
-        persons = (
-            finds[person][1] if person in finds else world.person_cell(person)
-            for person in world.persons
+        persons = world.persons if world.is_rescue else ()
+        person_cells = (
+            finds[person][1] if person in finds else world.person_cell(person) for person in persons
         )
         return Frame(
             matrix=world.matrix(),
             drones=tuple(positions[cell] for cell in cells),
             searching=tuple(action == Action.SEARCH for action in self._drones.chosen),
-            persons=tuple(positions[cell] for cell in persons),
-            found_by=tuple(finds.get(person, (None, 0))[0] for person in world.persons),
+            persons=tuple(positions[cell] for cell in person_cells),
+            found_by=tuple(finds.get(person, (None, 0))[0] for person in persons),
             step=world.step,
             timestep_limit=self.timestep_limit,
-            vector=self.vector,
+            vector=self.scenario.mean_vector,
             ending=self._ending,
+            hypotheses=world.hypotheses(),
+            probability_of_success=world.success,
         )
 
     def _cells_and_world(self) -> tuple[list[int], WorldState]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 from gymnasium import spaces
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal.actions import check_agent
-from DroneSwarmSearch._internal.mappings import Facts, Infos
+from DroneSwarmSearch._internal.mappings import Facts, Infos, SuccessInfos
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -30,7 +30,7 @@ def observe(
     positions: Mapping[int, Cell],
     matrix: NDArray[np.float32],
     found: bool,
-    facts: Facts = (None, (), (), 0),
+    facts: Facts = (None, (), (), 0, None),
 ) -> tuple[dict[str, Observation], Infos]:
     """Each drone's observation and info.
 
@@ -43,11 +43,17 @@ def observe(
         facts: see `Infos`.
     """
     observations: dict[str, Observation] = {}
-    by_drone = {}  # filling a plain dict takes half the time
+    by_drone: dict[str, dict[str, Any]] = {}  # filling a plain dict takes half the time
     for name, cell in zip(names, cells):  # noqa: B905 (strict=True would cost a tenth)
         observations[name] = {"observation": (positions[cell], matrix)}
         by_drone[name] = {"Found": found}
-    infos = Infos(by_drone)
+    success = facts[-1]
+    if success is None:
+        infos = Infos(by_drone)
+    else:
+        for info in by_drone.values():
+            info["probability_of_success"] = success
+        infos = SuccessInfos(by_drone)
     infos.facts = facts
     return observations, infos
 
@@ -97,8 +103,8 @@ class SearchSpaces(ParallelEnv[str, Observation, int]):
 
     @property
     def vector(self) -> tuple[float, float]:
-        """Drift in cells per step, (x, y)."""
-        return self._scenario.vector
+        """Drift in cells per step, (x, y); the mean of uncertain drifts."""
+        return self._scenario.mean_vector
 
     @property
     def timestep_limit(self) -> int:

@@ -12,11 +12,15 @@ this one; L: timestep_limit; p: what the matrix that it observed holds for its c
 | it searched and found nobody                        | 10000 p if 100 p > 1, else -100 |
 | anything else                                       | 1                               |
 
+With `RewardScheme.expected_finds`, a search pays `find` times the probability of success (POS)
+that it adds, whether or not it finds a person, and the line on the time limit does not apply.
+
 All drones act at once, so a search counts even if another drone flies into the searcher: the
 person is found, although the searcher gets the reward of the collision.
 
 The episode ends for all drones together if drones collide, a drone leaves the grid or all
-persons are found, and with step number L.
+persons are found, and with step number L. In the coverage mission nobody is found, the line on
+the time limit does not apply, and the episode also ends once less than 1% is left to find.
 
 `reward` implements the table for one drone; `RewardScheme` holds its figures. Each rule has a
 scalar form and, in the plural, an array form for many searches.
@@ -72,6 +76,7 @@ class Ending(IntEnum):
     COLLISION = 2
     LEFT_GRID = 3
     TIME_LIMIT = 4
+    COVERED = 5
 
     @property
     def description(self) -> str:
@@ -84,10 +89,16 @@ _DESCRIPTIONS = {
     Ending.COLLISION: "drones collided",
     Ending.LEFT_GRID: "a drone left the grid",
     Ending.TIME_LIMIT: "the time limit was reached",
+    Ending.COVERED: "less than 1% was left to find",
 }
+
+COVERED_AT = 0.99
+"""The coverage mission ends above this probability of success."""
 
 OFF_GRID = -1
 """The target of a move that leaves the grid."""
+
+_NOT_ZERO = ("find", "expected_finds")
 
 _FEW_DRONES = 32
 """Up to this many drones, comparing all pairs is faster than sorting the cells."""
@@ -111,9 +122,11 @@ class RewardScheme:
             whole numbers such as the defaults, else up to rounding.
         leave_grid: trying to leave the grid.
         collision: being in the same cell as another drone after moving.
+        expected_finds: whether a search pays `find` times the probability of success that it
+            adds, in place of what it finds or does not find; see `expected`.
 
     Raises:
-        TypeError: a figure is not a real number.
+        TypeError: a figure is not a real number, or `expected_finds` is not a bool.
         ValueError: a figure is not finite.
     """
 
@@ -126,9 +139,11 @@ class RewardScheme:
     timeout: float = -100_000.0
     leave_grid: float = -100_000.0
     collision: float = -100_000.0
+    expected_finds: bool = False
 
     def __post_init__(self) -> None:
-        for field in fields(self):
+        checks.boolean("RewardScheme.expected_finds", self.expected_finds)
+        for field in fields(self)[:-1]:
             value = getattr(self, field.name)
             if not checks.is_number(value):
                 raise TypeError(f"RewardScheme.{field.name} must be a real number, got {value!r}")
@@ -155,8 +170,26 @@ class RewardScheme:
     @classmethod
     def sparse(cls) -> RewardScheme:
         """Reward 1 to a drone that finds a person, and 0 otherwise."""
-        nothing = dict.fromkeys((field.name for field in fields(cls)), 0.0)
-        return cls(**{**nothing, "find": 1.0})
+        return cls(find=1.0, **cls._zeros())
+
+    @classmethod
+    def expected(cls, find: float = 1.0) -> RewardScheme:
+        """Pay each search `find` times the probability of success (POS) that it adds.
+
+        All other figures are 0. The reward does not depend on where the person is, only on
+        what is known, so returns vary less than with `sparse`. A search of cell k adds the
+        mean over persons of (1 - POS) b(k) q, where b is the belief and q the probability of
+        detection; of several drones in a step, each counts its own cell.
+
+        Args:
+            find: the reward of a certain find.
+        """
+        return cls(find=find, expected_finds=True, **cls._zeros())
+
+    @classmethod
+    def _zeros(cls) -> dict[str, Any]:
+        """All figures but `find` as 0."""
+        return {field.name: 0.0 for field in fields(cls) if field.name not in _NOT_ZERO}
 
 
 def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]:
@@ -312,7 +345,8 @@ def reward(
         time_limit_reached: whether this is step number `timestep_limit`.
         found_before: whether it found a person in an earlier step of the episode.
         searched: whether it searched.
-        probability: what the matrix that it observed holds for its cell.
+        probability: what the matrix that it observed holds for its cell; or, with
+            `expected_finds`, the probability of success that its search adds.
         steps_before: steps completed before this one.
         timestep_limit: the number of steps in an episode.
         return_so_far: the sum of its rewards in the episode before this step.
@@ -321,6 +355,8 @@ def reward(
         return scheme.collision
     if left_grid:
         return scheme.leave_grid
+    if scheme.expected_finds:
+        return scheme.find * probability if searched else scheme.step
     if found:
         return scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
     if time_limit_reached and not found_before:
@@ -350,7 +386,7 @@ def rewards(
         scheme: the figures.
         drones: the number of drones, n; the arrays below hold numbers of drones.
         searched: the drones that searched.
-        probability: for each of these, what its matrix held for its cell.
+        probability: for each of these, as in `reward`.
         timed_out: the drones at the time limit that found nobody before this step.
         return_so_far: for each of these, the sum of its rewards before this step.
         found: the drones whose search found a person.
@@ -364,12 +400,15 @@ def rewards(
     """
     points = np.empty(drones)
     points.fill(scheme.step)
-    likely = scheme.search * probability
-    np.putmask(likely, probability <= scheme.search_threshold, scheme.search_unlikely)
-    points[searched] = likely
-    if timed_out.size:
+    if scheme.expected_finds:
+        points[searched] = scheme.find * probability
+    else:
+        likely = scheme.search * probability
+        np.putmask(likely, probability <= scheme.search_threshold, scheme.search_unlikely)
+        points[searched] = likely
+    if timed_out.size and not scheme.expected_finds:
         points[timed_out] = scheme.timeout - return_so_far
-    if found.size:
+    if found.size and not scheme.expected_finds:
         points[found] = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
     if left_grid.size:
         points[left_grid] = scheme.leave_grid
@@ -379,19 +418,26 @@ def rewards(
 
 
 def unsuccessful_search_reward(scheme: RewardScheme, probability: float) -> float:
-    """The reward of an unsuccessful search of a cell with an observed probability."""
+    """The reward of a search that finds nobody; `probability` as in `reward`."""
+    if scheme.expected_finds:
+        return scheme.find * probability
     if probability > scheme.search_threshold:
         return scheme.search * probability
     return scheme.search_unlikely
 
 
 def ending(
-    all_found: bool, any_collided: bool, any_left_grid: bool, time_limit_reached: bool
+    all_found: bool,
+    covered: bool,
+    any_collided: bool,
+    any_left_grid: bool,
+    time_limit_reached: bool,
 ) -> Ending | None:
     """How the episode ends with this step; success takes precedence over crashes.
 
     Args:
         all_found: whether all persons have been found.
+        covered: whether the coverage mission is complete, see `COVERED_AT`.
         any_collided: whether drones have collided.
         any_left_grid: whether a drone has left the grid.
         time_limit_reached: whether this is step number `timestep_limit`.
@@ -401,6 +447,8 @@ def ending(
     """
     if all_found:
         return Ending.FOUND
+    if covered:
+        return Ending.COVERED
     if any_collided:
         return Ending.COLLISION
     if any_left_grid:
@@ -412,6 +460,7 @@ def endings(
     searches: int,
     *,
     all_found: Drones,
+    covered: Drones,
     any_collided: Drones,
     any_left_grid: Drones,
     time_limit_reached: Drones,
@@ -421,6 +470,7 @@ def endings(
     Args:
         searches: the number of searches, n; the arrays below hold numbers of searches.
         all_found: the searches in which all persons have been found.
+        covered: the searches whose coverage mission is complete.
         any_collided: the searches in which drones have collided.
         any_left_grid: the searches in which a drone has left the grid.
         time_limit_reached: the searches at the time limit.
@@ -433,6 +483,7 @@ def endings(
         (time_limit_reached, Ending.TIME_LIMIT),
         (any_left_grid, Ending.LEFT_GRID),
         (any_collided, Ending.COLLISION),
+        (covered, Ending.COVERED),
         (all_found, Ending.FOUND),
     ):
         if where.size:

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.rules import RewardScheme
 
-__all__ = ["Cell", "Scenario"]
+__all__ = ["Cell", "Scenario", "checked_persons"]
 
 Ints = NDArray[np.int64]
 
@@ -36,6 +39,11 @@ _INDEPENDENT: dict[str, Callable[[str, object], object]] = {
     "timestep_limit": lambda name, value: checks.integer(name, value, 1, _MAX_STEPS),
 }
 """The rules of parameters whose limits do not depend on other parameters."""
+
+_REPLACED = ("vector", "person_initial_position", "disperse_constant", "probability_of_detection")
+"""The parameters whose place `persons` takes."""
+
+MISSIONS = ("rescue", "coverage")
 
 
 @dataclass(frozen=True)
@@ -63,11 +71,19 @@ class Scenario:
             person, from 0 to 1: a number for all persons, or a tuple with one for each.
         bayesian_update: whether the matrix is the posterior given the searches made, or
             the drift forecast alone.
-        reward_scheme: the figures of the reward table.
+        reward_scheme: the figures of the reward table. The default for the coverage mission
+            is `RewardScheme.expected()`.
+        persons: the persons to find if their start or drift is uncertain, a tuple of
+            `Person`; in place of `vector`, `person_initial_position`, `disperse_constant` and
+            `probability_of_detection`, which then keep their defaults. A single `Person` and
+            any sequence are accepted. None if those four describe the persons.
+        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
+            success as possible: nobody is found, and the episode ends once less than 1% is
+            left to find.
 
     Raises:
         TypeError: a parameter is of the wrong type.
-        ValueError: a parameter is out of its limits.
+        ValueError: a parameter is out of its limits, or is given together with `persons`.
     """
 
     grid_size: int = 7
@@ -79,24 +95,44 @@ class Scenario:
     probability_of_detection: float | tuple[float, ...] = field(default=1.0, kw_only=True)
     bayesian_update: bool = field(default=False, kw_only=True)
     reward_scheme: RewardScheme = field(default=RewardScheme(), kw_only=True)
+    persons: tuple[Person, ...] | None = field(default=None, kw_only=True)
+    mission: str = field(default="rescue", kw_only=True)
 
     def __post_init__(self) -> None:
         size = checks.integer("grid_size", self.grid_size, 2)
         drones = checks.integer("n_drones", self.n_drones, 1, size**2)
         updates = checks.boolean("bayesian_update", self.bayesian_update)
-        persons = _persons(self.person_initial_position, size)
-        # Two float32 matrices, and two float64 beliefs for each person.
-        cell_bytes = 8 + 16 * len(persons) * updates
+        mission = checks.choice("mission", self.mission, MISSIONS)
+        cells = _cells(self.person_initial_position, size)
+        beliefs = len(cells)
+        persons = None
+        if self.persons is not None:
+            persons = checked_persons("persons", self.persons, size)
+            beliefs = sum(len(person.drifts) for person in persons)
+            for name in _REPLACED:
+                if not _is_default(name, getattr(self, name)):
+                    raise ValueError(
+                        f"{name} cannot be given together with persons, got "
+                        f"{getattr(self, name)!r}; each Person has its own"
+                    )
+        # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
+        cell_bytes = 8 + 16 * beliefs * updates
         checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
         checks.fits("the drones", _DRONE_BYTES * drones, n_drones=drones)
         if not isinstance(self.reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
+        scheme = self.reward_scheme
+        if mission == "coverage" and scheme == RewardScheme():
+            scheme = RewardScheme.expected()
         values = {
             "grid_size": size,
             "n_drones": drones,
-            "person_initial_position": persons,
-            "probability_of_detection": _detection(self.probability_of_detection, persons),
+            "person_initial_position": cells,
+            "probability_of_detection": _detection(self.probability_of_detection, cells),
             "bayesian_update": updates,
+            "reward_scheme": scheme,
+            "persons": persons,
+            "mission": mission,
         }
         for name, rule in _INDEPENDENT.items():
             values[name] = rule(name, getattr(self, name))
@@ -106,16 +142,22 @@ class Scenario:
     def replace(self, **changes: Any) -> Scenario:
         """Return a scenario with other values of some parameters.
 
+        New `persons` reset the parameters whose place they take to their defaults. To go back
+        to those parameters, pass `persons=None` too.
+
         Raises:
             TypeError: a value is of the wrong type, or there is no such parameter.
-            ValueError: a value is out of its limits.
+            ValueError: a value is out of its limits, or is given together with `persons`.
         """
-        if not changes.keys() <= _INDEPENDENT.keys():
+        if self.persons is not None or not changes.keys() <= _INDEPENDENT.keys():
             _check_names(changes, TypeError)
+            if changes.get("persons") is not None:
+                changes = {name: getattr(_DEFAULT, name) for name in _REPLACED} | changes
             return replace(self, **changes)
         # Every reset of an environment with a new vector comes here: validate only that.
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__)
+        other.__dict__.pop("situation", None)  # cached
         for name, value in changes.items():
             object.__setattr__(other, name, _INDEPENDENT[name](name, value))
         return other
@@ -132,6 +174,7 @@ class Scenario:
                 list(detection) if isinstance(detection, tuple) else detection
             ),
             "reward_scheme": asdict(self.reward_scheme),
+            "persons": None if self.persons is None else [p.to_dict() for p in self.persons],
         }
 
     @classmethod
@@ -154,22 +197,75 @@ class Scenario:
                     f"reward_scheme has the figures {', '.join(known)}, got {unknown[0]!r}"
                 )
             scheme = RewardScheme(**scheme)
-        return cls(**{**data, "reward_scheme": scheme})
+        persons = data.get("persons")
+        if persons is not None and not isinstance(persons, Person):
+            persons = [
+                Person.from_dict(each) if isinstance(each, Mapping) else each
+                for each in checks.items("persons", persons, "a list of persons")
+            ]
+        return cls(**{**data, "reward_scheme": scheme, "persons": persons})
+
+    @cached_property
+    def situation(self) -> tuple[Person, ...]:
+        """The persons to find, whichever parameters describe them."""
+        if self.persons is not None:
+            return self.persons
+        vector, diffusion = self.vector, dispersion_rate(self.disperse_constant)
+        detections = self.probability_of_detection
+        if not isinstance(detections, tuple):
+            detections = (detections,) * len(self.person_initial_position)
+        return tuple(
+            Person((Drift(cell, vector=vector, diffusion=diffusion),), detection)
+            for cell, detection in zip(self.person_initial_position, detections, strict=True)
+        )
+
+    @property
+    def mean_vector(self) -> tuple[float, float]:
+        """The mean drift of all persons and hypotheses in cells per step, (x, y)."""
+        if self.persons is None:
+            return self.vector
+        drifts = [
+            (weight / len(self.persons), drift.vector)
+            for person in self.persons
+            for weight, drift in zip(person.weights, person.drifts, strict=True)
+        ]
+        x, y = (sum(weight * vector[axis] for weight, vector in drifts) for axis in (0, 1))
+        return x, y
 
     def forecasts(self) -> tuple[ProbabilityMatrix, ...]:
         """The forecast of each person."""
-        return tuple(
-            ProbabilityMatrix(self.grid_size, cell, self.vector, self.disperse_constant)
-            for cell in self.person_initial_position
-        )
+        return tuple(ProbabilityMatrix(self.grid_size, person) for person in self.situation)
 
     @property
     def detections(self) -> tuple[float, ...]:
         """The probability of detection of each person."""
-        detection = self.probability_of_detection
-        if isinstance(detection, tuple):
-            return detection
-        return (detection,) * len(self.person_initial_position)
+        return tuple(person.probability_of_detection for person in self.situation)
+
+    @property
+    def keeps_beliefs(self) -> bool:
+        """Whether the posteriors are computed, although the matrix may not show them."""
+        return (
+            self.bayesian_update or self.reward_scheme.expected_finds or self.mission == "coverage"
+        )
+
+    def mass_beyond_grid(self, step: int) -> float:
+        """The probability that a person would be beyond the grid if the drift went on there.
+
+        The forecast stops at the border and is truncated to the grid. Above 1% within the
+        time limit, the grid is too small for the drift.
+
+        Args:
+            step: completed steps, at least 0.
+
+        Returns:
+            The share of the untruncated forecast beyond the grid; of several persons, the
+            largest.
+
+        Raises:
+            TypeError: the step is not an integer.
+            ValueError: the step is negative.
+        """
+        return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
 
     def drone_cells(self, drones_positions: object) -> list[int]:
         """Validate the drones' start cells.
@@ -258,6 +354,8 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
 def _is_default(name: str, value: Any) -> bool:
     """Whether a value is the parameter's default, in any accepted form."""
     default = getattr(_DEFAULT, name)
+    if default is None or value is None:
+        return value is default
     if isinstance(default, RewardScheme) or isinstance(value, (str, RewardScheme)):
         return bool(value == default)
     try:
@@ -275,7 +373,32 @@ def _check_names(given: Iterable[str], error: type[Exception]) -> None:
             raise error(f"a scenario has the parameters {', '.join(known)}, got {name!r}")
 
 
-def _persons(value: object, grid_size: int) -> tuple[Cell, ...]:
+def checked_persons(name: str, value: object, grid_size: int) -> tuple[Person, ...]:
+    """Validate persons: one `Person`, or a sequence of them.
+
+    Args:
+        name: the parameter's name in error messages.
+        value: the persons.
+        grid_size: cells along each side.
+
+    Raises:
+        TypeError: they are not persons.
+        ValueError: there is none, or a start does not fit on the grid.
+    """
+    what = "a Person or a sequence of them"
+    persons = [value] if isinstance(value, Person) else checks.items(name, value, what)
+    if not persons:
+        raise ValueError(f"{name} must hold at least one Person, got {value!r}")
+    checked = []
+    for index, person in enumerate(persons):
+        if not isinstance(person, Person):
+            raise TypeError(f"{name}[{index}] must be a Person, got {person!r}")
+        person.check_grid(grid_size, f"{name}[{index}]")
+        checked.append(person)
+    return tuple(checked)
+
+
+def _cells(value: object, grid_size: int) -> tuple[Cell, ...]:
     """The persons' start cells: one cell, or a sequence of cells."""
     name = "person_initial_position"
     entries = checks.items(name, value, "a cell (x, y) or several of them")

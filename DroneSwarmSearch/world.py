@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.streams import Streams
-from DroneSwarmSearch.drift.belief import Posteriors, mean_over_missing
-from DroneSwarmSearch.drift.person import walk
+from DroneSwarmSearch.drift.belief import mean_over_missing
+from DroneSwarmSearch.drift.person import start, walk
+from DroneSwarmSearch.drift.posteriors import Posteriors
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["WorldState"]
@@ -34,7 +36,8 @@ class WorldState:
 
     The matrix comes from one of three sources: the tables of a forecast, if the shown persons
     share one; the mean of several forecasts; or the posteriors, once an episode with
-    `bayesian_update` has seen a search.
+    `bayesian_update` has seen a search. Posteriors may also be kept without being shown, see
+    `Scenario.keeps_beliefs`.
 
     Args:
         scenario: the search.
@@ -44,6 +47,10 @@ class WorldState:
         missing: the persons not yet found.
         finds: for every person found, the drone that found them, and the cell.
         step: completed steps.
+        success: the cumulative probability of success (POS) of all searches so far, or None
+            without posteriors.
+        is_rescue: whether the mission is to find the persons; else nobody is found.
+        is_covered: whether a coverage mission is complete.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -52,10 +59,13 @@ class WorldState:
         self._detections = scenario.detections
         self._forecasts = scenario.forecasts()
         self._posteriors = (
-            Posteriors(self._forecasts, self._detections) if scenario.bayesian_update else None
+            Posteriors(self._forecasts, self._detections) if scenario.keeps_beliefs else None
         )
-        self._start_paths = [[y * size + x] for x, y in scenario.person_initial_position]
-        self._block_steps = self._forecasts[0].block_steps
+        self._shows_posteriors = scenario.bayesian_update
+        self._pays_expectation = scenario.reward_scheme.expected_finds
+        self.is_rescue = scenario.mission == "rescue"
+        self._known_starts = [forecast.known_start for forecast in self._forecasts]
+        self._block_steps = min(forecast.block_steps for forecast in self._forecasts)
         self.persons = tuple(range(len(self._forecasts)))
         self._start_forecast = self._shared_forecast(self.persons)
         if self._start_forecast is not None:
@@ -76,9 +86,11 @@ class WorldState:
         self.step = 0
         self.missing = self.persons
         self.finds: dict[int, tuple[int, int]] = {}
-        self._paths = self._start_paths  # each person's cells over some steps
-        self._paths_first = 0  # the first of these steps
-        self._active_posteriors: Posteriors | None = None  # from the first search on
+        self._begin_paths()
+        self.success = None if self._posteriors is None else 0.0
+        self.is_covered = False
+        self._hidden_posteriors: Posteriors | None = None  # from the first search on
+        self._active_posteriors: Posteriors | None = None  # the same, if they are shown
         self._forecast = self._start_forecast  # the source of the matrices, or None
         self._block_end = self._block_steps
         self._loaded_first = 0
@@ -99,6 +111,8 @@ class WorldState:
             copy for the caller, which the world never reads again.
         """
         self.step += 1
+        if self._hidden_posteriors is not None:
+            self._hidden_posteriors.drift(self.step - 1)
         if self.step == self._loaded_end:
             if self.step == self._block_end:
                 self.person_cell(0)  # the walk must not leave the block of tables
@@ -133,6 +147,17 @@ class WorldState:
 
     # The persons.
 
+    def _begin_paths(self) -> None:
+        """Put all persons at step 0."""
+        self._hypotheses = [0] * len(self.persons)  # that each person follows
+        self._paths = []  # each person's cells over some steps
+        self._paths_first = 0  # the first of these steps
+        for person, cell in enumerate(self._known_starts):
+            if cell is None:
+                draw = self._streams.start.row(self._episode, 0, len(self.persons))[person]
+                self._hypotheses[person], cell = start(self._forecasts[person], draw)
+            self._paths.append([cell])
+
     def person_cell(self, person: int) -> int:
         """A person's present cell, y * N + x."""
         if self.step >= self._paths_first + len(self._paths[0]):
@@ -147,7 +172,14 @@ class WorldState:
         steps = min(max(self.step, ahead), self._block_end) - known
         draws = self._streams.drift.draw(self._episode, 2 * n * steps)
         self._paths = [
-            walk(forecast, known, path[-1], draws[2 * k :: 2 * n], draws[2 * k + 1 :: 2 * n])
+            walk(
+                forecast,
+                self._hypotheses[k],
+                known,
+                path[-1],
+                draws[2 * k :: 2 * n],
+                draws[2 * k + 1 :: 2 * n],
+            )
             for k, (forecast, path) in enumerate(zip(self._forecasts, self._paths, strict=True))
         ]
         self._paths_first = known + 1
@@ -164,22 +196,32 @@ class WorldState:
             The drones that have found a person.
         """
         finders = set()
-        for person in self.missing:
+        for person in self.missing if self.is_rescue else ():
             cell = self.person_cell(person)
             if cell in searches and self._is_detected(person):
                 finders.add(searches[cell])
                 self.finds[person] = searches[cell], cell
                 self.missing = tuple(other for other in self.missing if other != person)
         if self._posteriors is not None:
-            if self._active_posteriors is None:
-                self._posteriors.start(self.step)
-                self._active_posteriors = self._posteriors
-                self._loaded_end = self.step + 1
-            self._posteriors.search(searches, self.missing)
-        elif finders and len(self.persons) > 1:
+            posteriors = self._begun_posteriors(self._posteriors)
+            posteriors.search(searches)
+            self.success = posteriors.probability_of_success()
+            self.is_covered = not self.is_rescue and self.success > COVERED_AT
+        if finders and self._active_posteriors is None and len(self.persons) > 1:
             self._forecast = self._shared_forecast(self.missing or self.persons)
             self._loaded_end = self.step + 1
         return finders
+
+    def _begun_posteriors(self, posteriors: Posteriors) -> Posteriors:
+        """The posteriors, which begin with an episode's first search."""
+        if self._active_posteriors is None and self._hidden_posteriors is None:
+            posteriors.start(self.step)
+            if self._shows_posteriors:
+                self._active_posteriors = posteriors
+                self._loaded_end = self.step + 1
+            else:
+                self._hidden_posteriors = posteriors
+        return posteriors
 
     def _is_detected(self, person: int) -> bool:
         """Whether a search of the person's cell finds the person in this step."""
@@ -211,17 +253,30 @@ class WorldState:
         return matrices, self.step - self._loaded_first
 
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
-        """What the matrix of the present step holds for the searched cells, by drone.
+        """What each search pays for, by drone, before `search`.
+
+        What the matrix of the present step holds for the searched cell; or, with
+        `RewardScheme.expected_finds`, the probability of success that the search adds.
 
         Args:
             searches: as for `search`.
         """
+        if self._pays_expectation:
+            assert self._posteriors is not None
+            added = self._begun_posteriors(self._posteriors).added_success(searches)
+            return dict(zip(searches.values(), added, strict=True))
         if self._active_posteriors is not None:
             probabilities = self._active_posteriors.probabilities(searches, self.missing)
             return dict(zip(searches.values(), probabilities, strict=True))
         first = (self.step - self._loaded_first) * self._grid_cells
         item = self._loaded.item
         return {drone: item(first + cell) for cell, drone in searches.items()}
+
+    def hypotheses(self) -> tuple[tuple[float, ...], ...]:
+        """The probability of each hypothesis about each person, as far as the matrix shows it."""
+        if self._active_posteriors is not None:
+            return self._active_posteriors.weights()
+        return tuple(tuple(forecast.weights.tolist()) for forecast in self._forecasts)
 
     def _mean_forecast(self) -> Matrix:
         forecasts = [forecast.exact(self.step) for forecast in self._forecasts]
@@ -230,7 +285,7 @@ class WorldState:
     def _shared_forecast(self, persons: Sequence[int]) -> ProbabilityMatrix | None:
         """The forecast of some persons, or None if they differ."""
         first, *others = (self._forecasts[person] for person in persons)
-        same = all(forecast.parameters == first.parameters for forecast in others)
+        same = all(forecast.is_same(first) for forecast in others)
         return first if same else None
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -14,12 +14,13 @@ from typing import Any, Generic, TypeVar, overload
 
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Infos", "Rewards", "Start"]
+__all__ = ["Infos", "Rewards", "Start", "SuccessInfos"]
 
 Value = TypeVar("Value")
 Default = TypeVar("Default")
-Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int]
-"""The ending or None, the missing persons, all persons, completed steps."""
+Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int, float | None]
+"""The ending or None, the missing persons, all persons, completed steps, and the probability of
+success or None."""
 
 
 class _Answering(dict[str, Value]):
@@ -97,7 +98,7 @@ class Infos(_Answering[Any]):
     """Each drone's info; "Found", "persons_found", "ending" and "step" can be looked up, too.
 
     Attributes:
-        facts: the last three are computed from these.
+        facts: all but "Found" are computed from these.
     """
 
     __slots__ = ("facts",)
@@ -109,16 +110,26 @@ class Infos(_Answering[Any]):
     def _answer(self, name: str) -> Any:
         if name == "Found":
             return any(info.get("Found", False) for info in self.values())
-        ending, missing, persons, step = self.facts
+        ending, missing, persons, step, success = self.facts
         if name == "persons_found":
             return tuple(person not in missing for person in persons)
+        if name == "probability_of_success":
+            return success
         return ending if name == "ending" else step
 
     def copy(self) -> Infos:
         """A shallow copy with the same look-ups."""
-        copied = Infos(self)
+        copied = type(self)(self)
         copied.facts = self.facts
         return copied
+
+
+class SuccessInfos(Infos):
+    """`Infos` that answer "probability_of_success", too: environments with beliefs return them."""
+
+    __slots__ = ()
+
+    NAMES = Infos.NAMES | {"probability_of_success"}
 
 
 class Start(tuple[dict[str, Value], Infos], Generic[Value]):

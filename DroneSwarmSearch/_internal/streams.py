@@ -53,6 +53,9 @@ _LOWEST_BITS = _words(11)[0]  # a double holds the 53 above them
 DENOMINATOR = 2.0**53
 """Uniforms are `numerators` divided by this."""
 
+_POLICY = 3
+"""The place of the policies' key among the words of a seed."""
+
 _UNIT = np.array(1 / DENOMINATOR)
 
 # A NumPy call costs more than an episode of a few steps, which is typical of untrained drones.
@@ -65,12 +68,13 @@ _NEXT = np.arange(1, _CHUNK + 1, dtype=np.uint64) * GOLDEN
 
 
 def stream_keys(seed: int | None) -> Words:
-    """The keys of a seed's streams, uint64: drift, detection, sampling of parameters.
+    """The keys of a seed's streams, uint64: drift, detection, sampling of parameters, start.
 
     Args:
         seed: an integer >= 0; None uses entropy from the operating system.
     """
-    keys: Words = np.random.SeedSequence(seed).generate_state(3, np.uint64)  # type: ignore[assignment]
+    state = np.random.SeedSequence(seed).generate_state(5, np.uint64)
+    keys: Words = np.delete(state, _POLICY)  # type: ignore[arg-type]
     return keys
 
 
@@ -80,7 +84,7 @@ def policy_key(seed: int) -> np.uint64:
     Args:
         seed: an integer >= 0.
     """
-    key: np.uint64 = np.random.SeedSequence(seed).generate_state(4, np.uint64)[3]
+    key: np.uint64 = np.random.SeedSequence(seed).generate_state(_POLICY + 1, np.uint64)[_POLICY]
     return key
 
 
@@ -278,13 +282,15 @@ class Streams(NamedTuple):
     Attributes:
         drift: two uniforms per step and person, for the moves along x and y.
         detection: a row per step with one uniform per person, for searches.
+        start: a uniform per person, for the hypothesis and the cell at step 0.
     """
 
     drift: EpisodeStream
     detection: EpisodeStream
+    start: EpisodeStream
 
     @classmethod
     def from_seed(cls, seed: int | None) -> Streams:
         """The streams of a seed; without one, of entropy from the operating system."""
-        drift, detection, _ = stream_keys(seed)
-        return cls(EpisodeStream(drift), EpisodeStream(detection))
+        drift, detection, _, start = stream_keys(seed)
+        return cls(EpisodeStream(drift), EpisodeStream(detection), EpisodeStream(start))

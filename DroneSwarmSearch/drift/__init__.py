@@ -1,6 +1,7 @@
 """Where a drifting person may be: the forecast, the sampled trajectory, the posterior."""
 
+from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.drift.tables import dispersion_rate
 
-__all__ = ["ProbabilityMatrix", "dispersion_rate"]
+__all__ = ["Drift", "Person", "ProbabilityMatrix", "dispersion_rate"]

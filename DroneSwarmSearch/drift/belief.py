@@ -1,28 +1,30 @@
 """Bayesian updates of the belief about a missing person: searches, drift, and the mean.
 
-Before the first search, the belief equals the person's forecast. A search of cell k with
-probability of detection q that does not find the person multiplies b(k) by 1 - q. All
-searches of a step are applied together, and then the belief is normalised; the sum before
-normalisation is the probability that none of these searches finds the person. Finally, the
-belief drifts like the person (L. D. Stone, Theory of Optimal Search, 1975).
+A belief is the joint probability of a person's hypothesis and cell, indexed
+[hypothesis, y, x]. Before the first search, it equals the person's forecast. A search of cell
+k with probability of detection q that does not find the person multiplies b(h, k) by 1 - q
+for every hypothesis h. All searches of a step are applied together, and then the belief is
+normalised; the sum before normalisation is the probability that none of these searches finds
+the person. Finally, each hypothesis drifts by its own moves (L. D. Stone, Theory of Optimal
+Search, 1975).
 
-The functions take one belief or a batch: arrays may have trailing batch axes after [y, x].
-`Posteriors` is the fast form for a single search. Both agree bit for bit.
+The product of these sums is the probability that no search so far has found the person; one
+minus it is the cumulative probability of success (POS).
+
+The functions take one belief or a batch: arrays may have trailing batch axes after
+[hypothesis, y, x]. `posteriors.Posteriors` is the fast form for a single search. Both agree
+bit for bit.
 """
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Collection, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-
 __all__ = [
-    "Posteriors",
     "after_drift",
     "after_search",
     "after_unsuccessful_search",
@@ -30,6 +32,7 @@ __all__ = [
     "mean_over_missing",
     "means_over_missing",
     "normalise",
+    "over_hypotheses",
     "shown_persons",
 ]
 
@@ -43,7 +46,7 @@ def after_unsuccessful_search(
     """The belief about one person after the searches of a step have not found that person.
 
     Args:
-        belief: float64, shape (N, N), indexed [y, x], sums to 1.
+        belief: float64, shape (M, N, N), indexed [hypothesis, y, x], sums to 1.
         cells: the searched cells, y * N + x; a cell searched twice counts twice.
         probability_of_detection: the probability that a search of the person's cell
             finds the person.
@@ -53,9 +56,9 @@ def after_unsuccessful_search(
         that is 0, the searches contradict the belief, and the belief is returned unchanged.
     """
     after = belief.copy()
-    flat = after.reshape(-1)
+    by_cell = after.reshape(len(after), -1)
     for cell in cells:
-        flat[cell] *= 1.0 - probability_of_detection
+        by_cell[:, cell] *= 1.0 - probability_of_detection
     missed = float(normalise(after))
     return (after, missed) if missed > 0.0 else (belief, 0.0)
 
@@ -66,8 +69,8 @@ def after_search(
     """One step's searches for one person, without normalising.
 
     Args:
-        mass: float64, shape (N, N): probability that the person is in each cell and has not
-            been found.
+        mass: float64, shape (M, N, N): probability of each hypothesis and cell, and that the
+            person has not been found.
         cells: the searched cells, y * N + x, all different.
         probability_of_detection: the chance that a search of the right cell finds.
 
@@ -77,9 +80,9 @@ def after_search(
     if not cells:
         return mass, 0.0
     after = mass.copy()
-    flat = after.reshape(-1)
-    searched = flat[cells]
-    flat[cells] = (1.0 - probability_of_detection) * searched
+    by_cell = after.reshape(len(after), -1)
+    searched = by_cell[:, cells]
+    by_cell[:, cells] = (1.0 - probability_of_detection) * searched
     return after, probability_of_detection * float(searched.sum())
 
 
@@ -87,15 +90,16 @@ def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
     """Scale beliefs in place so that each sums to 1; beliefs that are 0 everywhere stay.
 
     Args:
-        belief: float64, shape (N, N, ...), indexed [y, x, ...].
+        belief: float64, shape (M, N, N, ...), C-contiguous.
         which: the beliefs to scale, bool, shape (...).
 
     Returns:
         The sums before, float64, shape (...).
     """
-    # Sum over y first, then over x one column at a time: this order does not depend on the
-    # batch. NumPy adds in this order along a first axis, but not along contiguous memory.
-    columns = belief.sum(axis=0)
+    # Sum over hypotheses and y first, then over x one column at a time: this order does not
+    # depend on the batch. NumPy adds in this order along a first axis, but not along
+    # contiguous memory.
+    columns = belief.reshape(-1, *belief.shape[2:]).sum(axis=0)
     total: Floats
     if columns.size > len(columns):
         total = columns.sum(axis=0)
@@ -113,11 +117,12 @@ def after_drift(
     """The belief one step later.
 
     Args:
-        belief: float64, shape (N, N, ...), indexed [y, x, ...].
+        belief: float64, shape (M, N, N, ...), indexed [hypothesis, y, x, ...].
         right_x: the probability of a move from each column to the next higher one, shape
-            (N, ...); 0 in the last column.
+            (M, N, ...); 0 in the last column.
         left_x: the same to the next lower column; 0 in the first.
-        right_y: the probability of a move from each row to the next higher one, shape (N, ...).
+        right_y: the probability of a move from each row to the next higher one, shape
+            (M, N, ...).
         left_y: the same to the next lower row.
 
     Returns:
@@ -147,26 +152,40 @@ def drift(
     """
     to_higher, to_lower = scratch
     cells, risen, fallen = after.reshape(-1), to_higher.reshape(-1), to_lower.reshape(-1)
-    higher, lower = along_y
-    for up, down, distance in (
-        (*along_x, belief[0, 0].size),
-        (higher[:, None], lower[:, None], belief[0].size),
-    ):
+    distances = belief[0, 0, 0].size, belief[0, 0].size
+    for moves, axis, distance in zip((along_x, along_y), (1, 2), distances, strict=True):
+        up, down = (np.expand_dims(chances, axis) for chances in moves)
         np.multiply(belief, up, out=to_higher)
         np.multiply(belief, down, out=to_lower)
         np.multiply(belief, 1.0 - up - down, out=after)
-        # Nobody leaves the grid, so nothing wraps around from one row to the next, and the
-        # array can be shifted as one run of memory.
+        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
+        # next, and the array can be shifted as one run of memory.
         cells[distance:] += risen[:-distance]
         cells[:-distance] += fallen[distance:]
         belief = after
+
+
+def over_hypotheses(belief: Floats) -> Floats:
+    """The probability of each cell: float64, shape (N, N, ...).
+
+    Args:
+        belief: float64, shape (M, N, N, ...).
+
+    Returns:
+        The sum over hypotheses; for a single one, its part of the belief itself.
+    """
+    total: Floats = belief[0]
+    for part in belief[1:]:
+        total = total + part
+    return total
 
 
 def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int]) -> FloatOrArray:
     """The mean belief about the missing persons, or about all persons if none is missing.
 
     Args:
-        beliefs: of each person: arrays of one shape, or the numbers of a single cell.
+        beliefs: of each person, see `over_hypotheses`: arrays of one shape, or the numbers of
+            a single cell.
         missing: the numbers of the missing persons, in ascending order.
 
     Returns:
@@ -211,106 +230,3 @@ def shown_persons(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
     shown: NDArray[np.bool_] = missing | ~missing.any(axis=0)
     return shown
-
-
-class Posteriors:
-    """The beliefs about all persons of a single search, updated in place.
-
-    The arithmetic of the functions above, operation by operation, in arrays that are
-    allocated once; `start` begins an episode's beliefs.
-
-    Args:
-        forecasts: of each person.
-        detections: each person's probability of detection.
-    """
-
-    def __init__(self, forecasts: Sequence[ProbabilityMatrix], detections: Sequence[float]) -> None:
-        size = forecasts[0].grid_size
-        self._forecasts = forecasts
-        self._detections = detections
-        self._beliefs = [np.empty((size, size)) for _ in forecasts]
-        self._make_views()
-
-    def _make_views(self) -> None:
-        size = len(self._beliefs[0])
-        self._cells: list[Any] = [belief.reshape(-1).data for belief in self._beliefs]
-        # The probabilities of staying, moving up and moving down, first along x, then along y.
-        self._along_x, self._along_y = np.empty((2, 3, size, size))
-        self._after_x = self._along_x[0]
-        stay, up, down = self._along_x.reshape(3, -1)
-        self._add_x = (stay[1:], up[:-1], stay[1:]), (stay[:-1], down[1:], stay[:-1])
-        stay, up, down = self._along_y.reshape(3, -1)
-        self._add_y = stay[size:], up[:-size], stay[size:]
-        self._last_row = stay[-size:]
-        self._finish_y = [
-            (stay[:-size], down[size:], belief.reshape(-1)[:-size]) for belief in self._beliefs
-        ]
-
-    def __getstate__(self) -> dict[str, Any]:
-        """A copy makes its own views and scratch arrays."""
-        names = ("_forecasts", "_detections", "_beliefs")
-        return {name: self.__dict__[name] for name in names}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._make_views()
-
-    def start(self, step: int) -> None:
-        """Set all beliefs to the forecasts at a step."""
-        for forecast, belief in zip(self._forecasts, self._beliefs, strict=True):
-            block = forecast.block(step)
-            x, y = block.steps.probability[step - block.first]
-            np.multiply(y[:, None], x, belief)
-
-    def search(self, searched: Collection[int], missing: Collection[int]) -> None:
-        """Apply searches that have not found the missing persons, see `normalise`.
-
-        Args:
-            searched: the searched cells, y * N + x, each once.
-            missing: the numbers of the missing persons.
-        """
-        for person in missing:
-            belief, cells = self._beliefs[person], self._cells[person]
-            missed = 1.0 - self._detections[person]
-            before = {cell: cells[cell] for cell in searched}
-            for cell, value in before.items():
-                cells[cell] = value * missed
-            total = np.add.accumulate(np.add.reduce(belief, 0)).item(-1)
-            if total > 0.0:
-                np.multiply(belief, 1.0 / total, belief)
-            else:  # the searches contradict the belief, which stays
-                for cell, value in before.items():
-                    cells[cell] = value
-
-    def drift(self, step: int) -> None:
-        """Let all beliefs drift from a step to the next, see `drift`."""
-        for forecast, belief, finish in zip(self._forecasts, self._beliefs, self._finish_y):  # noqa: B905
-            block = forecast.block(step)
-            along_x, along_y = block.flows_at(step)
-            np.multiply(belief, along_x, self._along_x)
-            for terms in self._add_x:
-                np.add(*terms)
-            np.multiply(self._after_x, along_y, self._along_y)
-            np.add(*self._add_y)
-            np.add(*finish)
-            belief[-1] = self._last_row
-
-    def matrix(self, missing: Collection[int]) -> NDArray[np.float32]:
-        """The matrix that the drones observe: float32, shape (N, N), indexed [y, x]; a new array.
-
-        Args:
-            missing: see `mean_over_missing`.
-        """
-        return mean_over_missing(self._beliefs, missing).astype(np.float32)
-
-    def probabilities(self, searched: Collection[int], missing: Collection[int]) -> list[float]:
-        """What `matrix` holds for some cells, y * N + x."""
-        if len(self._cells) == 1:
-            (cells,) = self._cells
-            means = [cells[cell] for cell in searched]
-        else:
-            means = [
-                mean_over_missing([cells[cell] for cells in self._cells], missing)
-                for cell in searched
-            ]
-        return array("f", means).tolist()  # rounded to single precision

@@ -33,29 +33,30 @@ def move_probabilities(higher: Floats, lower: Floats) -> Floats:
 
 
 def transition_matrices(higher: Floats, lower: Floats) -> Floats:
-    """The transition matrices of n steps along one axis.
+    """The transition matrices along one axis.
 
     Args:
-        higher: as in `move_probabilities`, shape (n, N).
+        higher: as in `move_probabilities`, shape (..., N).
         lower: the same for the next lower one.
 
     Returns:
-        float64, shape (n, N, N): the probability of moving from cell [i] to cell [j].
+        float64, shape (..., N, N): the probability of moving from cell [i] to cell [j].
     """
-    n, cells = higher.shape
+    cells = higher.shape[-1]
     falls, stays, rises = move_probabilities(higher, lower)
-    matrices = np.zeros((n, cells, cells))
+    matrices = np.zeros((*higher.shape, cells))
     here = np.arange(cells)
-    matrices[:, here, here] = stays
-    matrices[:, here[:-1], here[1:]] = rises[:, :-1]
-    matrices[:, here[1:], here[:-1]] = falls[:, 1:]
+    matrices[..., here, here] = stays
+    matrices[..., here[:-1], here[1:]] = rises[..., :-1]
+    matrices[..., here[1:], here[:-1]] = falls[..., 1:]
     return matrices
 
 
 class MarkovChain:
     """The steps of one person.
 
-    Arrays over the grid have shape (..., N, N), indexed [..., y, x], with any leading axes.
+    Arrays over hypotheses and cells have shape (..., M, N, N), indexed
+    [..., hypothesis, y, x], with any leading axes.
     The matrices of the steps used so far are kept as long as the object; copies do without.
 
     Args:
@@ -69,13 +70,13 @@ class MarkovChain:
     def forward(self, mass: Floats, step: int) -> Floats:
         """The distribution after a step, given the distribution before it."""
         along_x, along_y = self._matrices.get(step) or self._made(step)
-        moved: Floats = along_y.T @ mass @ along_x
+        moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
 
     def backward(self, value: Floats, step: int) -> Floats:
         """The expected value before a step in each cell, given the values after it."""
         along_x, along_y = self._matrices.get(step) or self._made(step)
-        expected: Floats = along_y @ value @ along_x.T
+        expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
 
     def _made(self, step: int) -> tuple[Floats, Floats]:

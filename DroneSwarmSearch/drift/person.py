@@ -9,6 +9,9 @@ p(-1) of a move up or down the axis, the person moves
     +1 if u < p(+1),   -1 if p(+1) <= u < p(+1) + p(-1),   0 otherwise.
 
 `walk` applies this rule to one person, `moves` to arrays of persons.
+
+Another uniform draw decides the hypothesis and the cell at step 0: the first entry of the
+forecast's `start_cumulative` above it. `start` and `starts` apply that rule.
 """
 
 from __future__ import annotations
@@ -21,11 +24,47 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
-__all__ = ["moves", "walk"]
+__all__ = ["moves", "start", "starts", "walk"]
+
+
+def start(forecast: ProbabilityMatrix, draw: float) -> tuple[int, int]:
+    """The hypothesis that a person follows, and the cell at step 0, y * grid_size + x.
+
+    Args:
+        forecast: the person's forecast.
+        draw: a uniform draw from [0, 1).
+    """
+    index = int(forecast.start_cumulative.searchsorted(draw, side="right"))
+    return divmod(index, forecast.grid_size**2)
+
+
+def starts(
+    cumulative: NDArray[np.float64], first: NDArray[Any], last: NDArray[Any], draws: NDArray[Any]
+) -> NDArray[np.int64]:
+    """The array form of `start`, for persons with different forecasts.
+
+    Args:
+        cumulative: the `start_cumulative` of all forecasts, one after another.
+        first: the index of the first entry of each person's forecast.
+        last: the index of the last one.
+        draws: a uniform draw from [0, 1) for each person.
+
+    Returns:
+        int64, of the shape of `draws`: hypothesis * grid_size² + cell.
+    """
+    low, high = first.copy(), last.copy()
+    for _ in range(int((high - low).max(initial=0)).bit_length()):
+        middle = (low + high) >> 1
+        above = cumulative[middle] > draws
+        high = np.where(above, middle, high)
+        low = np.where(above, low, middle + 1)
+    found: NDArray[np.int64] = low - first
+    return found
 
 
 def walk(
     forecast: ProbabilityMatrix,
+    hypothesis: int,
     step: int,
     cell: int,
     draws_x: Sequence[float],
@@ -35,6 +74,7 @@ def walk(
 
     Args:
         forecast: the person's forecast.
+        hypothesis: the hypothesis that the person follows.
         step: completed steps at the start.
         cell: the person's cell at the start, y * grid_size + x.
         draws_x: a uniform draw from [0, 1) for the move along x in each step.
@@ -48,8 +88,9 @@ def walk(
     grid_size = forecast.grid_size
     y, x = divmod(cell, grid_size)
     path = []
-    # For each step the tables hold a row for x, then a row for y.
-    rows_of_x = range((step - block.first) * 2 * grid_size, len(right), 2 * grid_size)
+    # For each step and hypothesis the tables hold a row for x, then a row for y.
+    width = 2 * grid_size * len(forecast.weights)
+    rows_of_x = range((step - block.first) * width + 2 * grid_size * hypothesis, len(right), width)
     for row, u, v in zip(rows_of_x, draws_x, draws_y, strict=False):
         at_x = row + x
         if u < right[at_x]:

@@ -1,41 +1,58 @@
 """Tables of the drift model: how the distribution of a person evolves along each axis.
 
-On an axis with N cells, start cell s, drift v and disperse constant c, the target at step t is
-a Gaussian with mean clip(s + v t, 0, N - 1) and variance (2/3) c / (c + 5) t, truncated to the
-grid. Persons move at most one cell per step, so the distribution function F of step t + 1 is
-the Gaussian's G, clipped to what can be reached from step t:
+On an axis with N cells, a person whose start is normally distributed around s with standard
+deviation sd_s, whose drift is normally distributed around v with standard deviation sd_v, and
+whose diffusion is r, has the target of step t: a Gaussian truncated to the grid, with
+
+    mean      clip(s + v tau, 0, N - 1),      tau = t plus the steps adrift before step 0,
+    variance  sd_s² + r tau + (sd_v tau)².
+
+If the start has any other distribution, the target is the mixture of the Gaussians from each
+cell. Persons move at most one cell per step, so the distribution function F of step t + 1 is
+the target's G, clipped to what can be reached from step t:
 
     F_{t+1}(x) = clip(G_{t+1}(x), F_t(x - 1), F_t(x + 1)).
 
 By Strassen's theorem (1965), a person who moves at most one cell per step can have the
 distribution F_t at every t if and only if these bounds hold. The moves that achieve it are a
-net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, plus a symmetric exchange between
-neighbouring cells of a quarter of the smaller probability that the net flow leaves in them.
+net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, plus a symmetric exchange e(x) between
+neighbouring cells, see `exchange_rate`. With the right exchange, the person's path is that of
+a Brownian motion: it remembers where it has been as long as a person at sea does.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift.persons import Drift
 
 __all__ = [
+    "Axes",
     "Steps",
     "dispersion_rate",
-    "gaussian_cdf",
+    "distribution",
+    "exchange_rate",
+    "mixed_distribution",
     "moves_between",
-    "point_mass",
     "reachable",
+    "start_distribution",
     "tabulate",
 ]
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
+Starts = Sequence[Floats | None] | None
+
+
+_LARGE_SD = 1e12
+"""Stands for larger standard deviations, whose squares could overflow."""
 
 
 def dispersion_rate(disperse_constant: Number) -> Number:
@@ -51,25 +68,67 @@ def dispersion_rate(disperse_constant: Number) -> Number:
     return rate
 
 
-def gaussian_cdf(
-    grid_size: int, start: Array, drift: Array, disperse_constant: Array, step: Array
-) -> Floats:
+class Axes(NamedTuple):
+    """The drift along one or more axes; an axis is the x axis or the y axis of a hypothesis.
+
+    Attributes:
+        start: mean of the start, in cells; all arrays are float64 and of one shape, (...).
+        start_sd: standard deviation of the start, in cells.
+        velocity: mean of the drift, in cells per step.
+        velocity_sd: standard deviation of the drift, in cells per step.
+        diffusion: variance gained per step, in cells².
+        adrift: steps adrift before step 0.
+    """
+
+    start: Floats
+    start_sd: Floats
+    velocity: Floats
+    velocity_sd: Floats
+    diffusion: Floats
+    adrift: Floats
+
+    @classmethod
+    def of(cls, drifts: Iterable[Drift]) -> Axes:
+        """The axes of some hypotheses: x and y of the first, x and y of the second, and so on.
+
+        The start of an array counts as cell 0, see `tabulate`.
+        """
+        axes = [axis for drift in drifts for axis in drift.axes]
+        columns = (np.array([value or 0.0 for value in column]) for column in zip(*axes))  # noqa: B905
+        return cls(*columns)
+
+    def mean(self, grid_size: int, step: Array) -> Floats:
+        """The means at a step; steps and axes broadcast."""
+        # A drift of one grid per step already reaches the border; clipping avoids overflow.
+        velocity = np.clip(self.velocity, -grid_size, grid_size)
+        mean: Floats = np.clip(self.start + velocity * (step + self.adrift), 0.0, grid_size - 1)
+        return mean
+
+    def shift(self, grid_size: int, step: Array) -> Floats:
+        """The cells by which the means move from a step to the next, at most 1."""
+        moved = np.abs(self.mean(grid_size, step + 1.0) - self.mean(grid_size, step))
+        shift: Floats = np.minimum(moved, 1.0)
+        return shift
+
+
+def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
     """The distribution function G of the truncated Gaussian at the right edge of every cell.
 
     Args:
         grid_size: cells on the axis, N.
-        start: start cell. This and the following arguments broadcast to one shape, (...).
-        drift: cells per step.
-        disperse_constant: see `dispersion_rate`.
-        step: completed steps, >= 1.
+        axes: the drift along each axis, of shape (...).
+        step: completed steps, at least 0; broadcasts with the axes.
 
     Returns:
         float64, shape (N, ...), non-decreasing along the cells, 1 in the last cell.
     """
-    last = grid_size - 1
-    # A drift of one grid per step already reaches the border; clipping avoids overflow.
-    mean = np.clip(start + np.clip(drift, -grid_size, grid_size) * step, 0.0, last)
-    variance: Floats = dispersion_rate(disperse_constant) * step
+    mean, tau = axes.mean(grid_size, step), step + axes.adrift
+    variance: Floats = axes.diffusion * tau
+    if np.any(axes.start_sd) or np.any(axes.velocity_sd):
+        start_sd, velocity_sd = (
+            np.minimum(sd, _LARGE_SD) for sd in (axes.start_sd, axes.velocity_sd)
+        )
+        variance = variance + start_sd**2 + (velocity_sd * tau) ** 2
     spreads = variance > 0.0
     deviation = np.sqrt(np.where(spreads, variance, 1.0))
     edges = np.arange(-0.5, grid_size).reshape(-1, *(1,) * np.broadcast(mean, deviation).ndim)
@@ -80,43 +139,63 @@ def gaussian_cdf(
     if np.less(cdf[1:], cdf[:-1]).any():  # due to rounding; rare
         np.maximum.accumulate(cdf, axis=0, out=cdf)
     if not np.all(spreads):
-        reached = edges[1:] - 0.5 >= np.rint(mean)
+        reached = edges[1:] - 0.5 >= np.floor(mean + 0.5)
         cdf = np.where(spreads, cdf, reached)
     return cdf
 
 
-def point_mass(grid_size: int, start: Array) -> Floats:
-    """The distribution functions F_0 of known start cells.
+def mixed_distribution(grid_size: int, axes: Axes, step: Array, start: Floats) -> Floats:
+    """`distribution` of persons whose start cell has any distribution: a mixture of Gaussians.
 
     Args:
         grid_size: cells on the axis, N.
-        start: the start cells, shape (...).
-
-    Returns:
-        float64, shape (N + 2, ...): F, padded with F(-1) = 0 and F(N) = 1.
+        axes: one axis; its start is ignored.
+        step: as for `distribution`.
+        start: the probability of each start cell, shape (N,).
     """
-    cells = np.arange(-1, grid_size + 1).reshape(-1, *(1,) * start.ndim)
-    return (cells >= start).astype(np.float64)
+    mixture: Any = 0.0
+    for cell in np.flatnonzero(start):
+        from_cell = axes._replace(start=np.full_like(axes.start, cell))
+        mixture = mixture + start[cell] * distribution(grid_size, from_cell, step)
+    cdf: Floats = np.minimum(mixture, 1.0)
+    cdf[-1] = 1.0
+    return cdf
 
 
 def reachable(cdf: Floats, target: Floats, out: Floats) -> None:
     """The distribution function nearest to a target that a person can reach in one step.
 
     Args:
-        cdf: F of the current step, shape (N + 2, ...), padded as in `point_mass`.
-        target: the Gaussian's G of the next step, shape (N, ...).
+        cdf: F of the current step, shape (N + 2, ...), padded with F(-1) = 0 and F(N) = 1.
+        target: G of the next step, shape (N, ...).
         out: receives F of the next step, without padding, shape (N, ...).
     """
     np.maximum(target, cdf[:-2], out=out)
     np.minimum(out, cdf[2:], out=out)
 
 
-def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats]:
+def exchange_rate(diffusion: Array, shift: Array) -> Floats:
+    """The share of the smaller of two neighbouring probabilities that changes places in a step.
+
+    The net flow of a spreading Gaussian carries everybody away from its mean; an exchange of
+    half the diffusion balances that, and leaves a Brownian motion. A person who drifts d cells
+    per step in whole cells has the variance d (1 - d) anyway, which is taken off.
+
+    Args:
+        diffusion: variance gained per step, in cells².
+        shift: see `Axes.shift`; broadcasts with the diffusion.
+    """
+    rate: Floats = np.maximum(diffusion - shift * (1.0 - shift), 0.0) * 0.5
+    return rate
+
+
+def moves_between(before: Floats, after: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
     """The moves of a person whose distribution function is F now and another one step later.
 
     Args:
-        before: F of the current step, shape (N + 2, ...), padded as in `point_mass`.
+        before: F of the current step, shape (N + 2, ...), padded as for `reachable`.
         after: F of the next step, in the same form.
+        rate: see `exchange_rate`, shape (...).
 
     Returns:
         float64, shape (N, ...) each: the probability of each cell; the probability of a move
@@ -128,7 +207,9 @@ def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats
     to_right = np.maximum(net, 0.0)
     to_left = to_right - net
     stay = np.maximum(probability - to_right[1:] - to_left[:-1], 0.0)
-    exchange = np.minimum(stay[:-1], stay[1:]) * 0.25
+    exchange = np.minimum(probability[:-1], probability[1:])
+    exchange *= rate
+    np.minimum(exchange, np.minimum(stay[:-1], stay[1:]) * 0.5, out=exchange)
     to_right[1:-1] += exchange
     to_left[1:-1] += exchange
     occupied = np.where(probability > 0.0, probability, 1.0)
@@ -138,15 +219,13 @@ def moves_between(before: Floats, after: Floats) -> tuple[Floats, Floats, Floats
 class Steps(NamedTuple):
     """The distributions and moves over n consecutive steps, along one or more axes.
 
-    An axis is the x axis or the y axis of a forecast.
-
     Attributes:
         probability: float64, shape (n, axes, N): the probability of each column or row.
         right: float64, shape (n, axes, N): the probability of a move to the next higher
             column or row, given the column or row.
         left: the same to the next lower one.
-        cdf: float64, shape (N + 2, axes): F of the step after the last, padded as in
-            `point_mass`, from which the next steps are computed.
+        cdf: float64, shape (N + 2, axes): F of the step after the last, padded as for
+            `reachable`, from which the next steps are computed.
     """
 
     probability: Floats
@@ -155,50 +234,60 @@ class Steps(NamedTuple):
     cdf: Floats
 
 
-def follow(first_cdf: Floats, targets: Floats) -> Steps:
-    """Follow the Gaussians as closely as a person moving one cell per step can.
+def start_distribution(grid_size: int, axes: Axes, starts: Starts = None) -> Floats:
+    """The distribution functions F_0, padded as for `reachable`: shape (N + 2, axes).
 
     Args:
-        first_cdf: F of the first step, shape (N + 2, axes), padded as in `point_mass`.
-        targets: the Gaussians' G of the following steps, shape (N, n, axes).
-
-    Returns:
-        The n steps that begin with the first.
+        grid_size: cells on each axis, N.
+        axes: the drift along each axis, of shape (axes,) or (axes, rows).
+        starts: see `tabulate`.
     """
-    cells, n, axes = targets.shape
-    cdf = np.empty((cells + 2, n + 1, axes))
-    cdf[:, 0] = first_cdf
+    cdf = np.ones((grid_size + 2, *axes.start.shape))
     cdf[0] = 0.0
-    cdf[-1] = 1.0
-    for step in range(n):
-        reachable(cdf[:, step], targets[:, step], out=cdf[1:-1, step + 1])
-    tables = moves_between(cdf[:, :-1], cdf[:, 1:])
-    probability, right, left = (np.ascontiguousarray(np.moveaxis(t, 0, -1)) for t in tables)
-    return Steps(probability, right, left, cdf[:, -1].copy())
+    cdf[1:-1] = distribution(grid_size, axes, np.array(0.0))
+    for axis, start in enumerate(starts or ()):
+        if start is not None:
+            cdf[1:-2, axis] = np.minimum(start.cumsum()[:-1], 1.0)
+    return cdf
 
 
 def tabulate(
     grid_size: int,
-    start: ArrayLike,
-    drift: ArrayLike,
-    disperse_constant: ArrayLike,
+    axes: Axes,
+    starts: Starts = None,
     *,
     first: int,
     count: int,
     cdf: Floats | None,
 ) -> Steps:
-    """Compute the tables of consecutive steps along one or more axes.
+    """Follow the Gaussians as closely as a person moving one cell per step can.
 
     Args:
         grid_size: cells on each axis, N.
-        start: start cell on each axis, shape (axes,).
-        drift: cells per step along each axis, shape (axes,).
-        disperse_constant: see `dispersion_rate`; a number, or shape (axes,).
+        axes: the drift along each axis, of shape (axes,).
+        starts: for each axis, None, or the probability of each start cell, shape (N,), which
+            takes the place of the axis' start.
         first: the first step.
         count: the number of steps.
         cdf: `Steps.cdf` of the preceding steps; None if `first` is 0.
+
+    Returns:
+        The tables of these steps.
     """
-    cells, constants = np.asarray(start), np.asarray(disperse_constant, np.float64)
-    ahead = np.arange(first + 1.0, first + count + 1)[:, None]
-    targets = gaussian_cdf(grid_size, cells, np.asarray(drift), constants, ahead)
-    return follow(point_mass(grid_size, cells) if cdf is None else cdf, targets)
+    steps = np.arange(first, first + count, dtype=np.float64)[:, None]
+    targets = distribution(grid_size, axes, steps + 1.0)  # (N, steps, axes)
+    shift = axes.shift(grid_size, steps)
+    for axis, start in enumerate(starts or ()):
+        if start is not None:
+            one = Axes(*(values[[axis]] for values in axes))
+            targets[..., [axis]] = mixed_distribution(grid_size, one, steps + 1.0, start)
+            shift[:, axis] = min(abs(axes.velocity[axis]), 1.0)
+    followed = np.ones((grid_size + 2, count + 1, len(axes.start)))
+    followed[0] = 0.0
+    followed[:, 0] = start_distribution(grid_size, axes, starts) if cdf is None else cdf
+    for step in range(count):
+        reachable(followed[:, step], targets[:, step], out=followed[1:-1, step + 1])
+    rate = exchange_rate(axes.diffusion, shift)
+    tables = moves_between(followed[:, :-1], followed[:, 1:], rate)
+    probability, right, left = (np.ascontiguousarray(np.moveaxis(t, 0, -1)) for t in tables)
+    return Steps(probability, right, left, followed[:, -1].copy())

@@ -33,6 +33,8 @@ class Frame:
         timestep_limit: the most steps the episode can have.
         vector: drift in cells per step, (x, y), y growing downward.
         ending: how the episode ended; None before its end.
+        hypotheses: the probability of each hypothesis about each person.
+        probability_of_success: of all searches so far; None if it is not known.
     """
 
     matrix: NDArray[np.float32]
@@ -44,6 +46,8 @@ class Frame:
     timestep_limit: int
     vector: tuple[float, float]
     ending: Ending | None
+    hypotheses: tuple[tuple[float, ...], ...] = ()
+    probability_of_success: float | None = None
 
     @property
     def grid_size(self) -> int:
@@ -60,6 +64,8 @@ class Frame:
         """The text of the final banner; empty before the end of the episode."""
         if self.ending is None:
             return ""
+        if self.ending is Ending.COVERED:
+            return f"The area was covered in {self.step} moves"
         if self.ending is Ending.FOUND:
             return f"The target was found in {self.step} moves"
         return "The target was not found"
