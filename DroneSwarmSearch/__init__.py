@@ -4,14 +4,17 @@ from importlib import import_module
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = [
     "Action",
+    "Drift",
     "DroneSwarmSearch",
     "Ending",
+    "Person",
     "ResetNeeded",
     "RewardScheme",
     "Scenario",

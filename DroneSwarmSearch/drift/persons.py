@@ -1,0 +1,433 @@
+"""Persons and what is known of their drift: start, mean velocity, diffusion, and their uncertainty.
+
+A `Drift` is one hypothesis about a person, and a `Person` is a weighted mixture of them. Both are
+plain validated data; `tables` computes where the person may be.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.erf import erf
+
+__all__ = ["AxisDrift", "Drift", "Person"]
+
+Floats = NDArray[np.float64]
+
+MAX_DIFFUSION = 2 / 3
+"""The variance of a step to one of three adjacent cells at random."""
+
+_MAX_STEPS = 2**53
+"""The largest number up to which all integers are exact as floats."""
+
+_LARGE = 1e300
+"""Stands for larger numbers, so that differences of two of them stay finite."""
+
+_ROUNDING = 1e-12
+
+
+class AxisDrift(NamedTuple):
+    """The part of a `Drift` along one axis; hashable.
+
+    Attributes:
+        start: the mean position at the start, in cells; None for an array.
+        start_sd: its standard deviation.
+        velocity: the mean drift, in cells per step.
+        velocity_sd: its standard deviation.
+        diffusion: the growth of the variance, in cells² per step.
+        adrift: steps before the search begins.
+    """
+
+    start: float | None
+    start_sd: float
+    velocity: float
+    velocity_sd: float
+    diffusion: float
+    adrift: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drift:
+    """One hypothesis about a person: the start, the drift, and how uncertain both are.
+
+    After tau = adrift + t steps, the person's position along each axis has the mean
+    start + vector * tau and the variance start_sd² + diffusion * tau + (vector_sd * tau)²; the
+    drift is constant during an episode, but known only up to `vector_sd`. Persons move at most
+    one cell per step along each axis, even if the vector is longer::
+
+        Drift((20, 20), start_sd=3, vector=(0.2, -0.1), vector_sd=0.05, diffusion=0.1)
+
+    Two drifts are equal if their values are, whichever form the values were given in.
+
+    Attributes:
+        start: where the person is when the drift begins. A cell (x, y) of the grid; real
+            numbers, also outside the grid, along an axis where `start_sd` is positive, or
+            along both if `adrift` is; or an array of shape (grid_size, grid_size), indexed
+            [y, x], at least 0, with a positive sum: the probability of each cell up to a
+            factor. The array is kept as a read-only float64 copy that sums to 1.
+        start_sd: standard deviation of the start, in cells: a number, or a pair (x, y).
+            Kept as a pair. 0 for an array.
+        vector: mean drift in cells per step, (x, y); y grows downward.
+        vector_sd: standard deviation of the drift, in cells per step: a number, or a pair
+            (x, y). Kept as a pair.
+        diffusion: growth of the position's variance along each axis, in cells² per step; from
+            0 to 2/3. It is twice the diffusion coefficient.
+        adrift: steps that the person has drifted before the search begins; whole, 0 for an
+            array.
+        weight: how likely the hypothesis is relative to the person's other ones; above 0.
+
+    Raises:
+        TypeError: a value is of the wrong type.
+        ValueError: a value is out of its limits.
+    """
+
+    start: tuple[float, float] | Floats
+    start_sd: float | tuple[float, float] = field(default=0.0, kw_only=True)
+    vector: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
+    vector_sd: float | tuple[float, float] = field(default=0.0, kw_only=True)
+    diffusion: float = field(default=0.0, kw_only=True)
+    adrift: int = field(default=0, kw_only=True)
+    weight: float = field(default=1.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        start_sd = _deviations("start_sd", self.start_sd)
+        adrift = checks.integer("adrift", self.adrift, 0, _MAX_STEPS)
+        start = _start(self.start, start_sd, adrift)
+        if isinstance(start, np.ndarray):
+            _require_zero("start_sd", max(start_sd), self.start_sd)
+            _require_zero("adrift", adrift, self.adrift)
+        values = {
+            "start": start,
+            "start_sd": start_sd,
+            "vector": checks.pair("vector", self.vector),
+            "vector_sd": _deviations("vector_sd", self.vector_sd),
+            "diffusion": _diffusion(self.diffusion),
+            "adrift": adrift,
+            "weight": checks.positive("weight", self.weight),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _restore, (
+            type(self),
+            {each.name: getattr(self, each.name) for each in fields(self)},
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Drift):
+            return NotImplemented
+        return self.key == other.key and self.weight == other.weight
+
+    def __hash__(self) -> int:
+        return hash((self.key, self.weight))
+
+    def __repr__(self) -> str:
+        start = self.start if self.prior is None else f"<array of shape {self.prior.shape}>"
+        others = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)[1:]]
+        return f"Drift({start}, {', '.join(others)})"
+
+    @property
+    def prior(self) -> Floats | None:
+        """The start if it is an array, shape (grid_size, grid_size), indexed [y, x]; or None."""
+        return self.start if isinstance(self.start, np.ndarray) else None
+
+    @cached_property
+    def axes(self) -> tuple[AxisDrift, AxisDrift]:
+        """The values along x and along y."""
+        starts = (None, None) if isinstance(self.start, np.ndarray) else self.start
+        x, y = (
+            AxisDrift(start, start_sd, velocity, velocity_sd, self.diffusion, self.adrift)
+            for start, start_sd, velocity, velocity_sd in zip(
+                starts, _pair(self.start_sd), self.vector, _pair(self.vector_sd), strict=True
+            )
+        )
+        return x, y
+
+    @cached_property
+    def key(self) -> tuple[object, ...]:
+        """A hashable key of everything but the weight; equal for equal forecasts."""
+        if isinstance(self.start, np.ndarray):
+            return self.start.shape, hashlib.sha256(self.start.tobytes()).digest(), self.axes
+        return self.axes
+
+    def check_grid(self, grid_size: int, name: str = "drift") -> None:
+        """Raise a ValueError if the start does not fit on a grid.
+
+        Args:
+            grid_size: cells along each side.
+            name: the name of this drift in the message, such as "persons[0].drifts[1]".
+        """
+        name = f"{name}.start"
+        if isinstance(self.start, np.ndarray):
+            size = (grid_size, grid_size)
+            if self.start.shape != size:
+                raise ValueError(
+                    f"{name} must be a cell (x, y) or an array of shape {size}, "
+                    f"got one of shape {self.start.shape}"
+                )
+            return
+        for place, axis in enumerate(self.axes):
+            if _known(axis.start_sd, axis.adrift) and not self.start[place] <= grid_size - 1:
+                raise ValueError(
+                    f"{name}[{place}] must be a whole number from 0 to {grid_size - 1} "
+                    f"unless start_sd or adrift is positive, got start={self.start}"
+                )
+
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        """The probability that the person would be beyond the grid if nothing stopped there.
+
+        The matrix never leaves the grid: its mean stops at the border, and it is truncated. This
+        is the share of the untruncated Gaussian, with its mean where the drift would carry it,
+        that lies outside of the grid.
+
+        Args:
+            grid_size: cells along each side.
+            step: completed steps of the search, at least 0.
+
+        Returns:
+            From 0 to 1.
+
+        Raises:
+            TypeError: an argument is not an integer.
+            ValueError: an argument is out of its limits, or the start does not fit.
+        """
+        size = checks.integer("grid_size", grid_size, 2)
+        step = checks.integer("step", step, 0, _MAX_STEPS)
+        self.check_grid(size)
+        if self.prior is None:
+            within = [_within(size, np.array([axis.start]), axis, step)[0] for axis in self.axes]
+            inside = within[0] * within[1]
+        else:
+            x, y = (_within(size, np.arange(size), axis, step) for axis in self.axes)
+            inside = y @ self.prior @ x
+        return min(max(1.0 - float(inside), 0.0), 1.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values as plain data for JSON; `from_dict` reads it."""
+        data = {each.name: getattr(self, each.name) for each in fields(self)}
+        start = self.start
+        return {
+            **data,
+            "start": start.tolist() if isinstance(start, np.ndarray) else list(start),
+            "start_sd": list(_pair(self.start_sd)),
+            "vector": list(self.vector),
+            "vector_sd": list(_pair(self.vector_sd)),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Drift:
+        """Make a drift from the output of `to_dict`; missing values get their defaults.
+
+        Raises:
+            TypeError: `data` is not a mapping, or a value is of the wrong type.
+            ValueError: a value is out of its limits, an unknown one is given, or `start` is
+                missing.
+        """
+        return cls(**_parameters(cls, "a drift", "start", data))
+
+
+@dataclass(frozen=True)
+class Person:
+    """A person to find: hypotheses about the drift, of which one is true.
+
+    An episode draws one of the drifts by weight and shows it to nobody::
+
+        Person([Drift((20, 20), weight=2), Drift((35, 12), weight=1)], probability_of_detection=0.8)
+
+    Attributes:
+        drifts: the hypotheses, a tuple of `Drift`; one drift or any sequence of them is
+            accepted.
+        probability_of_detection: the chance that a search of the person's cell finds the
+            person, from 0 to 1.
+
+    Raises:
+        TypeError: a value is of the wrong type.
+        ValueError: a value is out of its limits.
+    """
+
+    drifts: tuple[Drift, ...]
+    probability_of_detection: float = 1.0
+
+    def __post_init__(self) -> None:
+        given: object = self.drifts
+        what = "a Drift or a sequence of them"
+        drifts = [given] if isinstance(given, Drift) else checks.items("drifts", given, what)
+        if not drifts:
+            raise ValueError(f"drifts must hold at least one Drift, got {given!r}")
+        for place, drift in enumerate(drifts):
+            if not isinstance(drift, Drift):
+                raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
+        detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
+        object.__setattr__(self, "drifts", tuple(drifts))
+        object.__setattr__(self, "probability_of_detection", detection)
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """The probability of each of the drifts; they sum to 1."""
+        largest = max(drift.weight for drift in self.drifts)
+        relative = [drift.weight / largest for drift in self.drifts]
+        total = math.fsum(relative)
+        return tuple(weight / total for weight in relative)
+
+    def check_grid(self, grid_size: int, name: str = "person") -> None:
+        """Raise a ValueError if the start of a drift does not fit on a grid.
+
+        Args:
+            grid_size: cells along each side.
+            name: the name of this person in the message, such as "persons[0]".
+        """
+        for place, drift in enumerate(self.drifts):
+            drift.check_grid(grid_size, f"{name}.drifts[{place}]")
+
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        """The mean of `Drift.mass_beyond` over the drifts, by weight."""
+        beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
+        return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values as plain data for JSON; `from_dict` reads it."""
+        return {
+            "drifts": [drift.to_dict() for drift in self.drifts],
+            "probability_of_detection": self.probability_of_detection,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Person:
+        """Make a person from the output of `to_dict`; missing values get their defaults.
+
+        Raises:
+            TypeError: `data` is not a mapping, or a value is of the wrong type.
+            ValueError: a value is out of its limits, an unknown one is given, or `drifts` is
+                missing.
+        """
+        values = _parameters(cls, "a person", "drifts", data)
+        drifts = []
+        for place, each in enumerate(checks.items("drifts", values["drifts"], "a list of drifts")):
+            try:
+                drifts.append(each if isinstance(each, Drift) else Drift.from_dict(each))  # type: ignore[arg-type]
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"drifts[{place}]: {error}") from None
+        return cls(**{**values, "drifts": drifts})
+
+
+def _start(
+    value: object, start_sd: tuple[float, float], adrift: int
+) -> tuple[float, float] | Floats:
+    what = "a cell (x, y) or an array of shape (grid_size, grid_size)"
+    given = checks.numbers("start", value, what)
+    if given.ndim == 2:
+        return _probabilities(given)
+    if given.shape != (2,):
+        error = TypeError if given.ndim == 0 else ValueError
+        raise error(f"start must be {what}, got {value!r}")
+    cell = checks.pair("start", given.tolist())
+    known = [_known(deviation, adrift) for deviation in start_sd]
+    for place, coordinate in enumerate(cell):
+        if known[place] and not (coordinate >= 0 and coordinate.is_integer()):
+            raise ValueError(
+                f"start[{place}] must be a whole number of at least 0 unless start_sd or adrift "
+                f"is positive, got start={value!r}"
+            )
+    return (int(cell[0]), int(cell[1])) if all(known) else cell
+
+
+def _known(start_sd: float, adrift: int) -> bool:
+    """Whether the cell at step 0 is known along an axis."""
+    return start_sd == 0.0 and adrift == 0
+
+
+def _probabilities(given: NDArray[Any]) -> Floats:
+    """A read-only float64 copy that sums to 1."""
+    what = "an array of shape (grid_size, grid_size) of finite numbers of at least 0"
+    rows, columns = given.shape
+    if rows != columns or rows < 2:
+        raise ValueError(f"start must be {what}, got shape {given.shape}")
+    values = given.astype(np.float64)
+    wrong = values[~(np.isfinite(values) & (values >= 0.0))]
+    if wrong.size:
+        raise ValueError(f"start must be {what}, got {wrong[0]}")
+    with np.errstate(over="ignore"):
+        total = values.sum()
+    if not 0.0 < total < np.inf:
+        raise ValueError(f"start must have a positive, finite sum, got {total}")
+    if abs(total - 1.0) > _ROUNDING:  # so that a copy has the same values
+        values /= total
+    values += 0.0  # turns -0.0 into 0.0
+    # An array on top of bytes cannot be made writeable.
+    return np.frombuffer(values.tobytes()).reshape(rows, columns)
+
+
+def _deviations(name: str, value: object) -> tuple[float, float]:
+    """A standard deviation along each axis, from one number or a pair."""
+    if checks.is_number(value):
+        number = checks.real(name, value, 0)
+        return number, number
+    entries = checks.items(name, value, "a number of at least 0 or a pair (x, y) of them")
+    if len(entries) != 2:
+        raise ValueError(
+            f"{name} must be a number of at least 0 or a pair (x, y) of them, got {value!r}"
+        )
+    x, y = (checks.real(f"{name}[{place}]", entry, 0) for place, entry in enumerate(entries))
+    return x, y
+
+
+def _diffusion(value: object) -> float:
+    number = checks.real("diffusion", value, 0)
+    if number > MAX_DIFFUSION + _ROUNDING:
+        raise ValueError(f"diffusion must be a number from 0 to 2/3, got {value!r}")
+    return number
+
+
+def _require_zero(name: str, number: float, value: object) -> None:
+    if number:
+        raise ValueError(f"{name} must be 0 if start is an array, got {value!r}")
+
+
+def _pair(value: float | tuple[float, float]) -> tuple[float, float]:
+    """The type of a validated standard deviation."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
+    """The probability of staying within the grid along an axis, for each of some starts."""
+    tau = float(axis.adrift + step)
+    shift = min(max(axis.velocity * tau, -_LARGE), _LARGE)
+    mean = np.clip(starts + shift, -_LARGE, _LARGE)
+    deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), axis.velocity_sd * tau)
+    if deviation == 0.0:
+        within: Floats = ((mean >= -0.5) & (mean < grid_size - 0.5)).astype(np.float64)
+        return within
+    scale = min(deviation, _LARGE) * math.sqrt(2)
+    with np.errstate(over="ignore"):  # an infinite argument of erf is clipped
+        low, high = ((edge - mean) / scale for edge in (-0.5, grid_size - 0.5))
+    return 0.5 * (erf(high) - erf(low))
+
+
+def _parameters(
+    kind: type[Drift] | type[Person], article: str, required: str, data: object
+) -> dict[str, Any]:
+    """The constructor's arguments from plain data."""
+    if not isinstance(data, Mapping):
+        raise TypeError(f"data must be a mapping of parameters of {article}, got {data!r}")
+    known = [each.name for each in fields(kind)]
+    for name in data:
+        if name not in known:
+            raise ValueError(f"{article} has the parameters {', '.join(known)}, got {name!r}")
+    if required not in data:
+        raise ValueError(f"{article} must have {required!r}, got {list(data)!r}")
+    return dict(data)
+
+
+def _restore(kind: Callable[..., Drift], values: dict[str, Any]) -> Drift:
+    """Make a copy of a drift."""
+    return kind(**values)
