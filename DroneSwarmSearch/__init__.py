@@ -5,6 +5,7 @@ from typing import Any
 
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
@@ -17,6 +18,7 @@ __all__ = [
     "Person",
     "ResetNeeded",
     "RewardScheme",
+    "Scale",
     "Scenario",
     "__version__",
     "parallel_env",
@@ -25,11 +27,13 @@ __all__ = [
 __version__ = "1.0.0"
 
 _SUBMODULES = (
+    "detection",
     "drift",
     "drone_swarm_search_v0",
     "evaluation",
     "planning",
     "policies",
+    "priors",
     "rendering",
     "training",
     "vector",

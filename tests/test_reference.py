@@ -27,6 +27,8 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
     "DroneSwarmSearch.drift",
+    "DroneSwarmSearch.priors",
+    "DroneSwarmSearch.detection",
     "DroneSwarmSearch.vector",
     SB3,
     "DroneSwarmSearch.wrappers",
