@@ -31,6 +31,7 @@ _SUBMODULES = (
     "drift",
     "drone_swarm_search_v0",
     "evaluation",
+    "leeway",
     "planning",
     "policies",
     "priors",

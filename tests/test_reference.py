@@ -27,6 +27,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
     "DroneSwarmSearch.drift",
+    "DroneSwarmSearch.leeway",
     "DroneSwarmSearch.priors",
     "DroneSwarmSearch.detection",
     "DroneSwarmSearch.vector",
