@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.erf import erf
 
-__all__ = ["AxisDrift", "Drift", "Person"]
+__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
 Floats = NDArray[np.float64]
 
@@ -33,6 +34,11 @@ _LARGE = 1e300
 """Stands for larger numbers, so that differences of two of them stay finite."""
 
 _ROUNDING = 1e-12
+
+_MASS_BEYOND = 0.01
+"""The share of a forecast beyond the grid above which the map is not to be trusted."""
+
+_SAMPLED_STEPS = 33
 
 
 class AxisDrift(NamedTuple):
@@ -323,6 +329,35 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
+
+
+def warn_of_mass_beyond(
+    persons: Sequence[Person], grid_size: int, timestep_limit: int, stacklevel: int
+) -> None:
+    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit.
+
+    Args:
+        persons: the persons; the worst one counts.
+        grid_size: cells along each side.
+        timestep_limit: steps in an episode.
+        stacklevel: the warning's stack level, counted from the caller.
+
+    Raises:
+        TypeError: a size is not an integer.
+        ValueError: a size is out of its limits, or a start does not fit on the grid.
+    """
+    last = checks.integer("timestep_limit", timestep_limit, 1, _MAX_STEPS)
+    # A forecast comes and goes smoothly, so a few steps are enough.
+    steps = {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
+    beyond, step = max(
+        (person.mass_beyond(grid_size, step), -step) for person in persons for step in steps
+    )
+    if beyond > _MASS_BEYOND:
+        warnings.warn(
+            f"{beyond:.1%} of a person's forecast lies beyond the grid of {grid_size} x "
+            f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
+            stacklevel=stacklevel + 1,
+        )
 
 
 def _start(
