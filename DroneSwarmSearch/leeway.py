@@ -250,7 +250,7 @@ def person(
         wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`.
         current: in m/s, (east, north): where it flows to; see `current_towards`.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
-        adrift: the time from the last known position to the begin of the search, in seconds;
+        adrift: the time from the last known position to the start of the search, in seconds;
             rounded to whole steps.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
