@@ -79,7 +79,9 @@ class Drift:
             numbers, also outside the grid, along an axis where `start_sd` is positive, or
             along both if `adrift` is; or an array of shape (grid_size, grid_size), indexed
             [y, x], at least 0, with a positive sum: the probability of each cell up to a
-            factor. The array is kept as a read-only float64 copy that sums to 1.
+            factor. The array is kept as a read-only float64 copy that sums to 1. With an
+            array, the spread by `vector_sd` is an approximation that can be coarse, because
+            it is computed along one axis at a time: prefer several drifts with `start_sd`.
         start_sd: standard deviation of the start, in cells: a number, or a pair (x, y).
             Kept as a pair. 0 for an array.
         vector: mean drift in cells per step, (x, y); y grows downward.
