@@ -307,6 +307,7 @@ def test_bad_steps_and_grids_are_rejected(owner):
     for arguments, error, message in (
         ((1, 0), ValueError, "grid_size must be"),
         ((7.0, 0), TypeError, "grid_size must be"),
+        ((10**400, 0), ValueError, "grid_size must be"),
         ((7, -1), ValueError, "step must be"),
         ((7, 0.5), TypeError, "step must be"),
     ):
