@@ -403,7 +403,7 @@ def moves_with_a_quarter(forecast: ProbabilityMatrix, step: int) -> Moves:
 
 
 def one_step(mass: Floats, moves: Moves) -> Floats:
-    """Return a distribution of the column one step later; rounding may lose a little at the ends."""
+    """Return a distribution of the column one step later."""
     right, left = moves
     after = mass * (1 - right - left)
     after[1:] += (mass * right)[:-1]
