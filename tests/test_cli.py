@@ -364,7 +364,7 @@ def test_an_ascii_terminal_shows_replacements(tmp_path, environment, policy):
 def test_wrong_actions_are_reported_in_a_line(capsys, own):
     output = answer(capsys, "evaluate", f"{own}:wrong", "pond", "--episodes", 2, code=1)
     assert output.out == ""
-    assert output.err.startswith("ValueError: the policy must return actions of shape (2, 1)")
+    assert output.err.startswith("ValueError: the policy's actions must have the shape (2, 1)")
     assert output.err.count("\n") == 1
 
 

@@ -370,30 +370,39 @@ def test_a_class_is_instantiated_for_the_search():
         evaluate(Uncalled, named(), episodes=3, progress=False)
 
 
-SHAPE = r"actions of shape \(2, 3\), one for each drone of each episode shown"
+SHAPE = r"the policy's actions must have the shape \(2, 3\), one for each drone of each search"
+WHOLE = "the policy's actions must be integers from 0 to 5, got"
 
 
 @pytest.mark.parametrize(
     ("returned", "view", "error", "message"),
     [
-        ([[1, 2, 3]], "swarm", ValueError, rf"must return {SHAPE}, got shape \(1, 3\)"),
-        ([[1, 2, 3], [1]], "swarm", ValueError, SHAPE),
-        (np.ones((2, 3)), "swarm", TypeError, "integers from 0 to 5.* got float64 of shape"),
-        (np.ones((2, 3), bool), "swarm", TypeError, "integers from 0 to 5.* got bool"),
-        (None, "swarm", TypeError, "integers from 0 to 5.* got None"),
-        ("up", "swarm", TypeError, "integers from 0 to 5"),
-        ({"drone0": 1}, "swarm", TypeError, 'got .*; from dicts to dicts is view="parallel"'),
-        (np.full((2, 3), 6), "swarm", ValueError, "integers from 0 to 5.* got 6"),
-        (np.full((2, 3), -1), "swarm", ValueError, "integers from 0 to 5.* got -1"),
-        (np.ones((2, 3), int), "drone", ValueError, r"of shape \(6,\).* got shape \(2, 3\)"),
-        (np.ones(6, int), "parallel", TypeError, "must return a mapping with an action"),
-        ({"drone0": 1}, "parallel", ValueError, "each of drone0, drone1, drone2, got actions for"),
-        ({}, "parallel", ValueError, "got actions for none"),
+        ([[1, 2, 3]], "swarm", ValueError, rf"{SHAPE}, got \(1, 3\)"),
+        ([[1, 2, 3], [1]], "swarm", ValueError, rf"{SHAPE}, got \[\[1, 2, 3\], \[1\]\]"),
+        (np.ones((2, 3)), "swarm", TypeError, rf"{WHOLE} float64 of shape \(2, 3\)"),
+        (np.ones((2, 3), bool), "swarm", TypeError, f"{WHOLE} bool"),
+        (None, "swarm", TypeError, f"{WHOLE} None"),
+        ("up", "swarm", TypeError, f"{WHOLE} <U2"),
+        (
+            {"drone0": 1},
+            "swarm",
+            TypeError,
+            "the policy's actions must be an array of integers, got {'drone0': 1}; "
+            'a policy from dicts to dicts needs view="parallel"',
+        ),
+        (np.full((2, 3), 6), "swarm", ValueError, f"{WHOLE} 6 for drone 0 of search 0"),
+        (np.full((2, 3), -1), "swarm", ValueError, f"{WHOLE} -1"),
+        (np.arange(2, 8), "drone", ValueError, f"{WHOLE} 6 for sub-environment 4"),
+        (np.ones((2, 3), int), "drone", ValueError, r"the shape \(6,\).* got \(2, 3\)"),
+        (np.ones(6, int), "parallel", TypeError, "the policy's actions must be a mapping from"),
+        ({"drone0": 1}, "parallel", ValueError, "the policy's .* got none for 'drone1'"),
+        ({"drone3": 1}, "parallel", ValueError, "the policy's .* got one for 'drone3'"),
+        ({}, "parallel", ValueError, "the policy's actions must hold an action for every drone"),
         (
             {"drone0": 1, "drone1": 6, "drone2": 1},
             "parallel",
             ValueError,
-            "the policy's action for drone1 must be an integer from 0 to 5, got 6",
+            r"the policy's actions\['drone1'\] must be an integer from 0 to 5, got 6",
         ),
     ],
 )
