@@ -1263,9 +1263,9 @@ def test_a_copy_goes_on_identically(
     env.reset(seed=2)
     rollout(env, 4)
     other = way(env)
-    mine = rollout(env, 16, policy_seed=1)
-    assert rollout(other, 16, policy_seed=1) == mine
-    assert rollout(way(other), 16, policy_seed=2) == rollout(env, 16, policy_seed=2)
+    mine = rollout(env, 10, policy_seed=1)
+    assert rollout(other, 10, policy_seed=1) == mine
+    assert rollout(way(other), 10, policy_seed=2) == rollout(env, 10, policy_seed=2)
 
 
 @pytest.mark.parametrize("case", [SEVERAL_PERSONS, ONE_DRONE])

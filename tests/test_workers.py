@@ -137,7 +137,7 @@ def test_a_crash_names_the_job_and_finished_work_is_kept(tmp_path):
     assert 2 <= kept < 5
     fuse.unlink()
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()}
-    got = evaluate(**arguments)
+    got = evaluate(**{**arguments, "workers": 1})
     assert len(Store(tmp_path / "kept")) == 5
     for path, written in before.items():  # none was played again
         assert path.stat().st_mtime_ns == written
