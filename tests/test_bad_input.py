@@ -203,7 +203,7 @@ def make_env(**changes: Any) -> DroneSwarmSearch:
         "person_initial_position": [(3, 3), (5, 2)],
         "probability_of_detection": [0.3, 0.6],
         "bayesian_update": True,
-        "timestep_limit": 25,
+        "timestep_limit": 15,
     }
     return DroneSwarmSearch(**{**parameters, **changes})
 

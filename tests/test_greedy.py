@@ -161,7 +161,7 @@ def test_never_collides_nor_leaves_the_grid(
     env = make_env(size, drones, bayesian_update=bayesian_update, **changes)
     policy = kind(env.scenario)
     cells = [(i % size, i // size) for i in range(size**2)]
-    for seed in range(8):
+    for seed in range(4):
         np.random.default_rng(seed).shuffle(cells)
         policy.reset()
         play(env, policy, seed, cells[:drones])
@@ -196,7 +196,7 @@ def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() 
 
 
 class TestSuccess:
-    EPISODES = 60
+    EPISODES = 40
 
     def rate(self, make: Callable[[Any], Any], episodes: int = EPISODES, **changes: Any) -> float:
         env = make_env(**changes)
@@ -223,7 +223,7 @@ class TestSuccess:
     def test_the_tracked_posterior_does_not_need_the_posterior_matrix(
         self, bayesian_update: bool
     ) -> None:
-        rate = self.rate(PosteriorGreedyPolicy, episodes=30, bayesian_update=bayesian_update)
+        rate = self.rate(PosteriorGreedyPolicy, episodes=20, bayesian_update=bayesian_update)
         assert rate >= 0.8
 
     def test_is_better_than_the_random_policy(self) -> None:

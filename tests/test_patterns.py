@@ -499,10 +499,10 @@ def test_usually_finds_the_person(kind: type[PatternPolicy]) -> None:
     )
     policy = kind(env.scenario)
     found = 0
-    for seed in range(30):
+    for seed in range(20):
         observations, infos = env.reset(seed)
         policy.reset()
         while env.agents:
             observations, _, _, _, infos = env.step(policy(observations))
         found += infos["Found"]
-    assert found >= 15
+    assert found >= 10

@@ -66,7 +66,7 @@ class TestQuality:
     def test_is_nearly_optimal_in_random_small_searches(self) -> None:
         rng = np.random.default_rng(0)
         ratios = []
-        while len(ratios) < 8:
+        while len(ratios) < 5:
             of = random_search(rng)
             mine = planner_success(of)
             most = best_success(of.scenario, of.drones, known=mine)
