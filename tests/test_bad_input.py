@@ -21,7 +21,7 @@ from DroneSwarmSearch import (
     ResetNeeded,
     RewardScheme,
 )
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
@@ -519,7 +519,7 @@ def test_huge_grids_are_rejected(make, grid_size):
 
 
 def forecast_of(grid_size):
-    return ProbabilityMatrix(grid_size, (0, 0), (0, 0), 1)
+    return ProbabilityMatrix(grid_size, Drift((0, 0)))
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import RewardScheme
 from DroneSwarmSearch import cli as command
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import frames
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
@@ -82,8 +82,8 @@ class TestFrames:
         for prior, posterior in pairs:
             same = replace(posterior, matrix=prior.matrix)
             assert vars(same) == vars(prior)
-        forecast = ProbabilityMatrix(5, (1, 2), (0.0, 0.0), 1)
-        belief = forecast.exact(0)
+        forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
+        belief = forecast.joint(0)
         for (_, before), (prior, after) in pairwise(pairs):
             looked = [cell for cell, s in zip(before.drones, after.searching, strict=True) if s]
             if looked and not any(after.found):
@@ -91,7 +91,7 @@ class TestFrames:
             belief = after_drift(belief, *forecast.moves(before.step))
             assert np.array_equal(prior.matrix, forecast.at(after.step))
             if not any(after.found):
-                np.testing.assert_allclose(after.matrix, belief, atol=1e-6)
+                np.testing.assert_allclose(after.matrix, belief[0], atol=1e-6)
         assert any(after.searching[0] for _, after in pairs)
 
     @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
