@@ -79,7 +79,7 @@ class TestQuality:
         "name",
         [
             "pond",
-            pytest.param("lagoon", marks=pytest.mark.slow),
+            pytest.param("two-positions", marks=pytest.mark.slow),
             pytest.param("harbour", marks=pytest.mark.slow),
             pytest.param("fog", marks=pytest.mark.slow),
         ],
