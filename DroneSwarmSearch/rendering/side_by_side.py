@@ -11,17 +11,15 @@ from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.painter import to_array
 from DroneSwarmSearch.rendering.palette import (
-    FOUND,
     GREY,
     INK,
     N_SHADES,
-    NOT_FOUND,
     PALETTES,
     PAPER,
     WHITE,
 )
 from DroneSwarmSearch.rendering.panel import symbol_images, vector_component
-from DroneSwarmSearch.rendering.search_map import RIGHT, SearchMap
+from DroneSwarmSearch.rendering.search_map import RIGHT, SearchMap, outcome_colour
 from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rules import Ending
 
@@ -87,6 +85,8 @@ class SideBySide:
         status = [] if frame.ending else [f"step {frame.step} of {frame.timestep_limit}"]
         if frame.ending:
             right = _draw_outcome(canvas, frame, right, middle) - GAP
+        if frame.probability_of_success is not None:
+            status.insert(0, f"POS {frame.probability_of_success:.1%}")
         if len(frame.persons) > 1 and frame.ending is not Ending.FOUND:
             status.insert(0, f"{sum(frame.found)} of {len(frame.persons)} found")
         written = write(canvas, "   ".join(status), TITLE_FONT, INK, midright=(right, middle))
@@ -129,8 +129,7 @@ def _draw_outcome(canvas: pygame.Surface, frame: Frame, right: int, middle: int)
     line = text_line(outcome_in_brief(frame), TITLE_FONT, WHITE)
     box = line.get_rect().inflate(2 * across, 2 * down)
     box.midright = (right, middle)
-    colour = FOUND if frame.ending is Ending.FOUND else NOT_FOUND
-    pygame.draw.rect(canvas, colour, box, border_radius=down)
+    pygame.draw.rect(canvas, outcome_colour(frame), box, border_radius=down)
     canvas.blit(line, box.move(across, down))
     return int(box.left)
 
