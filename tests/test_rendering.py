@@ -28,6 +28,7 @@ from DroneSwarmSearch.rendering.palette import (
     PROGRESS_LIGHT,
 )
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
+from DroneSwarmSearch.rendering.side_by_side import SideBySide
 from DroneSwarmSearch.rendering.text import RAMP, render_text
 from DroneSwarmSearch.rendering.window import KEYS_KEPT, Window
 from DroneSwarmSearch.rules import Ending
@@ -686,6 +687,41 @@ class TestEndScreens:
             frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_LIMIT)
             changed = draw(frame) != draw(replace(frame, searching=(True,)))
             assert cell_of(changed, 20, 10, row).any(axis=2).mean() > 0.3
+
+
+class TestSideBySide:
+    def test_it_shows_the_hypotheses_and_the_probability_of_success(self) -> None:
+        frame = make_frame(persons=((1, 1),) * 5)
+        looks = []
+        for success, hypotheses in (
+            (None, ()),
+            (0.2, ()),
+            (0.2, ((1.0,),) * 5),
+            (0.2, ((0.7, 0.3), *((1.0,),) * 4)),
+            (0.2, ((0.6, 0.4), *((1.0,),) * 4)),
+            (0.2, ((0.5, 0.5),) * 5),
+        ):
+            posterior = replace(frame, probability_of_success=success, hypotheses=hypotheses)
+            looks.append(SideBySide(7, "a title").pixels(frame, posterior))
+        height, width, _ = looks[0].shape
+        assert [look.shape[0] - height for look in looks[:3]] == [0] * 3
+        assert len({look.shape for look in looks[3:]}) == 1
+        assert looks[3].shape[0] > height
+        assert all(side % 2 == 0 for look in looks for side in look.shape[:2])
+        assert (looks[0] != looks[1]).any()
+        assert (looks[1] == looks[2]).all()
+        assert (looks[3][:height] == looks[2]).mean() > 0.99
+        assert (looks[3] != looks[4]).any()
+        assert (looks[5] == looks[5][0, 0])[height:, width - 20 :].all()
+
+    def test_the_coverage_mission(self) -> None:
+        running = replace(make_frame(persons=()), probability_of_success=0.995)
+        looks = [
+            SideBySide(7, "a title").pixels(frame, frame)
+            for frame in (running, replace(running, ending=Ending.COVERED))
+        ]
+        assert not (looks[0] == FOUND).all(axis=2).any()
+        assert (looks[1] == FOUND).all(axis=2).mean() > 0.005
 
 
 class TestPainter:

@@ -64,9 +64,12 @@ class Frame:
         """The numbers of the persons about whom there are several hypotheses."""
         return tuple(n for n, weights in enumerate(self.hypotheses) if len(weights) > 1)
 
-    def is_shown(self, person: int) -> bool:
-        """Whether the matrix shows a person: one still missing, or anyone if nobody is."""
-        return not self.persons or all(self.found) or not self.found[person]
+    @property
+    def shown_uncertain_persons(self) -> tuple[int, ...]:
+        """Those whom the matrix shows: the ones still missing, or all if nobody is."""
+        if all(self.found):
+            return self.uncertain_persons
+        return tuple(person for person in self.uncertain_persons if not self.found[person])
 
     @property
     def outcome(self) -> str:

@@ -27,7 +27,7 @@ from DroneSwarmSearch.rendering.palette import (
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-__all__ = ["Layout", "Panel", "symbol_images", "vector_component"]
+__all__ = ["Layout", "Panel", "draw_weights", "symbol_images", "vector_component"]
 
 WIDTH, LEAST_HEIGHT = 232, 690
 
@@ -239,9 +239,9 @@ class Panel:
         if len(frame.hypotheses) == 1:
             (weights,) = frame.hypotheses
             write(canvas, f"{len(weights)}", HEADING, GREY, topright=(WIDTH, top))
-            _draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
+            draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
             return
-        persons = [person for person in frame.uncertain_persons if frame.is_shown(person)]
+        persons = frame.shown_uncertain_persons
         if len(persons) > layout.rows:
             text = f"and {len(persons) - layout.rows} more"
             write(canvas, text, HEADING, GREY, topright=(WIDTH, top))
@@ -251,7 +251,7 @@ class Panel:
             weights = frame.hypotheses[person]
             write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
             write(canvas, f"{len(weights)}", SMALL, GREY, midright=(WIDTH, bar.centery))
-            _draw_weights(canvas, weights, bar)
+            draw_weights(canvas, weights, bar)
             bar.move_ip(0, HYPOTHESES_ROW)
 
     def _draw_drones(self, canvas: pygame.Surface, drones: int, top: int) -> None:
@@ -303,7 +303,9 @@ def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
         pygame.draw.rect(canvas, PROGRESS, bar, border_radius=PROGRESS_HEIGHT // 2)
 
 
-def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect) -> None:
+def draw_weights(
+    canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect, font: int = SMALL
+) -> None:
     """A bar with a part for each probability, in per cent where there is room."""
     edges = np.rint(bar.left + bar.width * np.cumsum((0.0, *weights))).astype(int).tolist()
     for number, (left, right) in enumerate(pairwise(edges)):
@@ -312,7 +314,7 @@ def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygam
         if number and part.width >= WEIGHT_GAP_FROM:
             part = pygame.Rect(left + 1, bar.top, part.width - 1, bar.height)
         canvas.fill(colour, part)
-        label = text_line(f"{weights[number]:.0%}", SMALL, readable_on(colour))
+        label = text_line(f"{weights[number]:.0%}", font, readable_on(colour))
         if label.get_width() + LABEL_GAP <= part.width:
             canvas.blit(label, label.get_rect(center=part.center))
 

@@ -82,7 +82,7 @@ def _hypotheses(frame: Frame) -> str:
     """The probabilities of the hypotheses about each person of whom there are several."""
     if len(frame.hypotheses) == 1:
         return f"hypotheses: {_weights(frame.hypotheses[0])}"
-    persons = [person for person in frame.uncertain_persons if frame.is_shown(person)]
+    persons = frame.shown_uncertain_persons
     parts = [
         f"person {person} {_weights(frame.hypotheses[person])}"
         for person in persons[:PERSONS_NAMED]
