@@ -46,6 +46,8 @@ Pair = tuple[float, float]
 KNOT = 1852 / 3600
 """One knot in m/s."""
 
+_FASTEST_WIND = 1000.0
+
 SOURCE = (
     "A. Allen, U.S. Coast Guard, list of 2010-11-15, updated by O. Breivik on 2011-08-25; from "
     "Allen and Plourde, Review of Leeway, USCG CG-D-08-99 (1999), and Allen, Leeway Divergence, "
@@ -130,13 +132,13 @@ class ObjectClass:
         k s sqrt(1 + alpha h - h²)/100: a normal distribution truncated at a + e/20 = 0.
 
         Args:
-            wind_speed: W, at a height of 10 m, in m/s; at least 0.
+            wind_speed: W, at a height of 10 m, in m/s; from 0 to 1000.
 
         Raises:
             TypeError: the wind speed is not a number.
-            ValueError: it is negative or not finite.
+            ValueError: it is out of its limits.
         """
-        wind = checks.real("wind_speed", wind_speed, 0)
+        wind = checks.real("wind_speed", wind_speed, 0, _FASTEST_WIND)
         k = wind / 20 + 0.5
         slope, offset, sd = self.downwind
         mean, share = 0.0, 0.0  # of e, in units of s
@@ -250,7 +252,7 @@ def person(
         wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`.
         current: in m/s, (east, north): where it flows to; see `current_towards`.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
-        adrift: the time from the last known position to the begin of the search, in seconds;
+        adrift: the time from the last known position to the start of the search, in seconds;
             rounded to whole steps.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
@@ -259,7 +261,8 @@ def person(
             is oblique to the axes and the errors downwind and crosswind differ. More of them
             represent it, as far as they overlap, at a cost in proportion. Over all classes,
             in a wind of 10 m/s, the total-variation distance to the full model after 3 hours
-            is at most 0.10 with one and at most 0.05 with three.
+            is at most 0.10 with one and at most 0.05 with three. For planning one is enough:
+            in eight searches, three changed the success rate by less than one percentage point.
         grid_size: together with `timestep_limit`, a warning is given if more than 1% of the
             forecast lies beyond a grid of this size within the limit.
         timestep_limit: steps in an episode.
@@ -273,6 +276,8 @@ def person(
     if not isinstance(scale, Scale):
         raise TypeError(f"scale must be a Scale, got {scale!r}")
     downwind = checks.pair("wind", wind)
+    if math.hypot(*downwind) > _FASTEST_WIND:
+        raise ValueError(f"wind must be at most {_FASTEST_WIND:g} m/s, got {wind!r}")
     drifting = checks.pair("current", current)
     seconds = checks.real("adrift", adrift, 0)
     count = checks.integer("hypotheses_per_side", hypotheses_per_side, 1, 9)

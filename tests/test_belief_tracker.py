@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from helpers import HUNT, SPREAD, careful_actions, planned_actions
 from hypothesis import given, settings
+from small_searches import uncertain_persons
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
@@ -21,18 +22,25 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 def searches(draw: st.DrawFn, most_persons: int) -> dict[str, Any]:
     size = draw(st.integers(2, 8))
     cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+    common = {
+        "grid_size": size,
+        "n_drones": draw(st.integers(1, 3)),
+        "timestep_limit": draw(st.integers(1, 40)),
+        "bayesian_update": draw(st.booleans()),
+    }
+    if draw(st.booleans()):
+        uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=most_persons)
+        mission = st.sampled_from(["rescue", "rescue", "coverage"])
+        return {**common, "persons": draw(uncertain), "mission": draw(mission)}
     persons = draw(st.lists(cells, min_size=1, max_size=most_persons))
     detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
     drift = st.sampled_from([0.0, 0.3, -0.5, 1.0])
     return {
-        "grid_size": size,
-        "n_drones": draw(st.integers(1, 3)),
+        **common,
         "vector": (draw(drift), draw(drift)),
         "person_initial_position": persons,
         "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
-        "timestep_limit": draw(st.integers(1, 40)),
         "probability_of_detection": draw(detection | st.tuples(*[detection for _ in persons])),
-        "bayesian_update": draw(st.booleans()),
     }
 
 

@@ -375,6 +375,7 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"position_sd": (1, 1)}, TypeError, "position_sd must"),
         ({"wind": 10}, TypeError, "wind must be two finite numbers"),
         ({"wind": (10, NAN)}, ValueError, r"wind\[1\] must .*got nan"),
+        ({"wind": (1e308, 0)}, ValueError, "wind must be at most 1000 m/s, got"),
         ({"current": (1, 2, 3)}, ValueError, "current must be two finite numbers"),
         ({"current": ("1", 2)}, TypeError, r"current\[0\] must"),
         ({"diffusivity": -5}, ValueError, "diffusivity must .*at least 0, got -5"),

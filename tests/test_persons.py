@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import math
 import pickle
@@ -96,6 +97,8 @@ def test_copies_and_files_are_equal(drift):
         assert copied == person and hash(copied) == hash(person)
         assert copied.drifts[0].prior is None or not copied.drifts[0].prior.flags.writeable
     assert Drift.from_dict(drift.to_dict()) == drift
+    heavier = dataclasses.replace(drift, weight=7)
+    assert heavier.key == drift.key and heavier.weight == 7
 
 
 def test_files_may_leave_defaults_out():
@@ -304,6 +307,7 @@ def test_bad_steps_and_grids_are_rejected(owner):
     for arguments, error, message in (
         ((1, 0), ValueError, "grid_size must be"),
         ((7.0, 0), TypeError, "grid_size must be"),
+        ((10**400, 0), ValueError, "grid_size must be"),
         ((7, -1), ValueError, "step must be"),
         ((7, 0.5), TypeError, "step must be"),
     ):

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
 
-_MAX_STEPS = 2**53
+_LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""
 
 _LARGE = 1e300
@@ -79,7 +79,9 @@ class Drift:
             numbers, also outside the grid, along an axis where `start_sd` is positive, or
             along both if `adrift` is; or an array of shape (grid_size, grid_size), indexed
             [y, x], at least 0, with a positive sum: the probability of each cell up to a
-            factor. The array is kept as a read-only float64 copy that sums to 1.
+            factor. The array is kept as a read-only float64 copy that sums to 1. With an
+            array, the spread by `vector_sd` is an approximation that can be coarse, because
+            it is computed along one axis at a time: prefer several drifts with `start_sd`.
         start_sd: standard deviation of the start, in cells: a number, or a pair (x, y).
             Kept as a pair. 0 for an array.
         vector: mean drift in cells per step, (x, y); y grows downward.
@@ -106,7 +108,7 @@ class Drift:
 
     def __post_init__(self) -> None:
         start_sd = _deviations("start_sd", self.start_sd)
-        adrift = checks.integer("adrift", self.adrift, 0, _MAX_STEPS)
+        adrift = checks.integer("adrift", self.adrift, 0, _LARGEST_EXACT)
         start = _start(self.start, start_sd, adrift)
         if isinstance(start, np.ndarray):
             _require_zero("start_sd", max(start_sd), self.start_sd)
@@ -212,8 +214,8 @@ class Drift:
             TypeError: an argument is not an integer.
             ValueError: an argument is out of its limits, or the start does not fit.
         """
-        size = checks.integer("grid_size", grid_size, 2)
-        step = checks.integer("step", step, 0, _MAX_STEPS)
+        size = checks.integer("grid_size", grid_size, 2, _LARGEST_EXACT)
+        step = checks.integer("step", step, 0, _LARGEST_EXACT)
         self.check_grid(size)
         if self.prior is None:
             within = [_within(size, np.array([axis.start]), axis, step)[0] for axis in self.axes]
@@ -346,7 +348,7 @@ def warn_of_mass_beyond(
         TypeError: a size is not an integer.
         ValueError: a size is out of its limits, or a start does not fit on the grid.
     """
-    last = checks.integer("timestep_limit", timestep_limit, 1, _MAX_STEPS)
+    last = checks.integer("timestep_limit", timestep_limit, 1, _LARGEST_EXACT)
     # A forecast comes and goes smoothly, so a few steps are enough.
     steps = {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
     beyond, step = max(

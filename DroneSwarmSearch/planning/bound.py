@@ -124,12 +124,11 @@ def success_bound(
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
-    # Persons with the same start cell and probability of detection share one bound.
-    parameters = zip(scenario.person_initial_position, scenario.detections, strict=True)
-    forecasts = dict(zip(parameters, scenario.forecasts(), strict=True))
+    # Equal persons share one bound.
+    forecasts = dict(zip(scenario.situation, scenario.forecasts(), strict=True))
     persons = [
-        _Person(forecast, detection, enumerate_trajectories(forecast, limit))
-        for (_, detection), forecast in sorted(forecasts.items())
+        _Person(forecast, person.probability_of_detection, enumerate_trajectories(forecast, limit))
+        for person, forecast in forecasts.items()
     ]
     sampled_bounds = len(ends) * sum(person.enumerated is None for person in persons)
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
@@ -214,10 +213,9 @@ def _over_chain(
     person: _Person, chain: MarkovChain, steps: int, oracle: Oracle, gap: float, known: float
 ) -> float:
     """Maximise E[1 - (1 - q)^s] over a given number of steps, up to the known bound."""
-    prior = person.forecast.exact(0)
-    rate, effort = -math.log1p(-person.detection), np.zeros(steps * prior.size)
+    rate, size = -math.log1p(-person.detection), person.forecast.grid_size
     return frank_wolfe(
-        MarkovChainObjective(chain, prior, rate, effort),
+        MarkovChainObjective(chain, person.forecast.joint(0), rate, np.zeros(steps * size**2)),
         oracle,
         gap=gap,
         iterations=ITERATIONS_BEFORE,
