@@ -431,8 +431,8 @@ class _Episode:
             lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
         else:
             cells, searches = len(set(self._searches)), len(self._searches)
-            share = f"{cells} of {frame.grid_size**2:,}"
-            lines.append(f"cells searched  {share}, {searches - cells} searches repeated")
+            repeated = f"{searches - cells} of {searches} searches repeated"
+            lines.append(f"cells searched  {cells} of {frame.grid_size**2:,}; {repeated}")
         if frame.probability_of_success is not None:
             success = f"{frame.probability_of_success:.1%} (probability of success)"
             lines.append(f"POS             {success}")
