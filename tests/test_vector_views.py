@@ -1354,7 +1354,9 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
 
 
 @both_views
-@pytest.mark.parametrize("name", ["grid_sise", "num_rows", "wants_table", "situation_number", "swarms"])
+@pytest.mark.parametrize(
+    "name", ["grid_sise", "num_rows", "wants_table", "situation_number", "swarms"]
+)
 def test_an_unknown_parameter_is_refused_by_the_view(
     view: type[SearchVectorEnv], name: str
 ) -> None:
