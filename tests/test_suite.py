@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
-from DroneSwarmSearch import RewardScheme
+from DroneSwarmSearch import Drift, Person, RewardScheme
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, search
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
 from DroneSwarmSearch.scenario import Scenario
@@ -76,6 +78,48 @@ def test_every_parameter_changes_the_fingerprint():
     words = {each.fingerprint for each in [usual, *changed]}
     assert len(words) == 10
     assert dataclasses.replace(usual, name="other", reason="other").fingerprint in words
+
+
+def uncertain(*drifts: Drift, **changes: object) -> NamedSearch:
+    """A search for a person with some hypotheses."""
+    person = Person(drifts or [Drift((2, 1), start_sd=1), Drift((3, 3), weight=2)], 0.8)
+    return NamedSearch("mine", "Mine.", Scenario(5, 2, persons=(person,), **changes))
+
+
+def test_every_parameter_of_a_person_changes_the_fingerprint():
+    drift = Drift((2, 1))
+    searches = [
+        uncertain(drift),
+        uncertain(Drift((2, 2))),
+        uncertain(Drift((2, 1), start_sd=0.5)),
+        uncertain(Drift((2, 1), vector=(0.1, 0))),
+        uncertain(Drift((2, 1), vector_sd=0.1)),
+        uncertain(Drift((2, 1), diffusion=0.1)),
+        uncertain(Drift((2, 1), adrift=1)),
+        uncertain(Drift(np.ones((5, 5)))),
+        uncertain(drift, drift),
+        uncertain(drift, mission="coverage"),
+        NamedSearch("mine", "Mine.", Scenario(5, 2, persons=Person(drift, 0.7))),
+        NamedSearch("mine", "Mine.", Scenario(5, 2, persons=[Person(drift, 0.8)] * 2)),
+    ]
+    assert len({each.fingerprint for each in searches}) == len(searches)
+    assert uncertain(drift).fingerprint == searches[0].fingerprint
+    for each in searches:
+        parameters = json.loads(json.dumps(each.data))
+        parameters.pop("drones_positions")
+        assert Scenario.from_dict(parameters) == each.scenario
+
+
+def test_outlines():
+    assert search("two-rafts").outline.startswith(
+        "25 x 25 cells; 4 drones; 2 persons; drift (0.1, 0.05); disperse constant 4; "
+    )
+    assert uncertain(mission="coverage").outline == (
+        "5 x 5 cells; 2 drones; coverage for 1 person; 2 hypotheses with mean drift (0, 0); "
+        "probability of detection 0.8; 100 steps"
+    )
+    drift = Drift((2, 2), vector=(0.1234567, 0))
+    assert "; 1 person; 1 hypothesis with mean drift (0.123, 0); " in uncertain(drift).outline
 
 
 @pytest.mark.parametrize("name", list(SUITE))

@@ -61,14 +61,19 @@ class NamedSearch:
     def outline(self) -> str:
         """The main parameters, in a line."""
         scenario = self.scenario
-        n, persons = scenario.n_drones, len(scenario.person_initial_position)
-        x, y = scenario.vector
+        n, persons = scenario.n_drones, len(scenario.situation)
+        x, y = scenario.mean_vector
+        drift = f"drift ({x:g}, {y:g}); disperse constant {scenario.disperse_constant:g}"
+        if scenario.persons is not None:
+            hypotheses = sum(len(person.drifts) for person in scenario.persons)
+            ending = "es" if hypotheses > 1 else "is"
+            drift = f"{hypotheses} hypothes{ending} with mean drift ({x:.3g}, {y:.3g})"
         detection = ", ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
         return (
             f"{scenario.grid_size} x {scenario.grid_size} cells; {n} drone{'s' * (n > 1)}; "
-            f"{persons} person{'s' * (persons > 1)}; drift ({x:g}, {y:g}); disperse constant "
-            f"{scenario.disperse_constant:g}; probability of detection {detection}; "
-            f"{scenario.timestep_limit:,} steps"
+            f"{'coverage for ' * (scenario.mission == 'coverage')}"
+            f"{persons} person{'s' * (persons > 1)}; {drift}; probability of detection "
+            f"{detection}; {scenario.timestep_limit:,} steps"
         )
 
     @property
@@ -79,12 +84,14 @@ class NamedSearch:
     @property
     def data(self) -> dict[str, Any]:
         """The parameters as plain data for files, without name and reason."""
-        return {
+        data = {
             **self.scenario.to_dict(),
-            # Equal searches have equal data, also if one number stands for all persons.
-            "probability_of_detection": list(self.scenario.detections),
             "drones_positions": [list(cell) for cell in self.drones],
         }
+        if self.scenario.persons is None:
+            # Equal searches have equal data, also if one number stands for all persons.
+            data["probability_of_detection"] = list(self.scenario.detections)
+        return data
 
     @property
     def fingerprint(self) -> str:
