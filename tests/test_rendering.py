@@ -146,6 +146,12 @@ class TestLabels:
         assert percent(0.123456) == "12.3%"
         assert percent(0.0) == "0%"
         assert signed(-0.5) == "-0.50"
+        assert [signed(value) for value in (0.0, 0.05, 0.1, 0.096)] == [
+            *("+0.00", "+0.05", "+0.10", "+0.10")
+        ]
+        assert [signed(value) for value in (0.083, -0.0098, 1.2e-5)] == [
+            *("+0.083", "-0.0098", "+1.2e-05")
+        ]
         assert signed(12345.0) == "+1.23e+04"
 
 
