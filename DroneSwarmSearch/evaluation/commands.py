@@ -192,8 +192,9 @@ def _print_suite() -> None:
         summary = (inspect.getdoc(make) or "").split("\n")[0]
         print(f"  {name:<17} {summary}".rstrip())
     print(f"\nsearches of suite {SUITE_VERSION}:\n")
+    width = max(map(len, SUITE))
     for name, each in SUITE.items():
-        print(f"  {name:<11} {each.outline}\n              {each.reason}")
+        print(f"  {name:<{width}} {each.outline}\n  {'':<{width}} {each.reason}")
 
 
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
