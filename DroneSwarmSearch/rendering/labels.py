@@ -31,7 +31,7 @@ def signed(value: float) -> str:
         return f"{value:+.3g}"
     text = f"{value:+.2f}"
     # The drift of a person at sea is often some thousandths of a cell per step.
-    return text if abs(value) >= 0.095 or float(text) == value else f"{value:+.2g}"
+    return text if abs(value) >= 0.095 or float(text) == value else f"{value:+#.2g}"
 
 
 def tick_stride(room_needed: float, pitch: float) -> int:
