@@ -240,7 +240,7 @@ def test_right_and_left_of_the_wind():
 
 @pytest.mark.parametrize("name", ["PIW-1", "PIW-4", "LIFE-RAFT-DB-18", "FISHING-VESSEL-1"])
 def test_more_hypotheses_where_the_leeway_is_correlated(name):
-    """By default, those that a correlation of 1/4 requires; they overlap, so that the map has no gaps."""
+    """A correlation above 1/4 requires three on each side; they overlap, so the map has no gaps."""
     for direction in range(0, 360, 15):
         usual = {"start": (30, 30), "wind": leeway.wind_from(direction, 15), "scale": SCALE}
         velocities = simulated(leeway.CLASSES[name], usual["wind"], 50_000, seed=5)
