@@ -206,9 +206,9 @@ class DroneSwarmSearch(SearchSpaces):
         example: dict[str, Any] = {
             "grid_size": 15,
             "n_drones": 3,
-            "vector": (0.15, 0.1),
-            "person_initial_position": (6, 6),
-            "disperse_constant": 3,
+            "vector": (0.08, 0.05),
+            "person_initial_position": (5, 5),
+            "disperse_constant": 0.6,
             "timestep_limit": 60,
         }
         return cls(**{**example, **changes})

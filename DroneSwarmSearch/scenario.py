@@ -40,7 +40,7 @@ _INDEPENDENT: dict[str, Callable[[str, object], object]] = {
 }
 """The rules of parameters whose limits do not depend on other parameters."""
 
-_REPLACED = ("vector", "person_initial_position", "disperse_constant", "probability_of_detection")
+REPLACED = ("vector", "person_initial_position", "disperse_constant", "probability_of_detection")
 """The parameters whose place `persons` takes."""
 
 MISSIONS = ("rescue", "coverage")
@@ -109,8 +109,8 @@ class Scenario:
         if self.persons is not None:
             persons = checked_persons("persons", self.persons, size)
             beliefs = sum(len(person.drifts) for person in persons)
-            for name in _REPLACED:
-                if not _is_default(name, getattr(self, name)):
+            for name in REPLACED:
+                if not is_default(name, getattr(self, name)):
                     raise ValueError(
                         f"{name} cannot be given together with persons, got "
                         f"{getattr(self, name)!r}; each Person has its own"
@@ -152,7 +152,7 @@ class Scenario:
         if self.persons is not None or not changes.keys() <= _INDEPENDENT.keys():
             _check_names(changes, TypeError)
             if changes.get("persons") is not None:
-                changes = {name: getattr(_DEFAULT, name) for name in _REPLACED} | changes
+                changes = {name: getattr(_DEFAULT, name) for name in REPLACED} | changes
             return replace(self, **changes)
         # Every reset of an environment with a new vector comes here: validate only that.
         other = object.__new__(type(self))
@@ -343,7 +343,7 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
     if not isinstance(scenario, Scenario):
         raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
     for name, value in parameters.items():
-        if not _is_default(name, value):
+        if not is_default(name, value):
             raise ValueError(
                 f"{name} cannot be given together with a scenario, got {value!r}; "
                 f"use scenario.replace({name}=...)"
@@ -351,7 +351,7 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
     return scenario
 
 
-def _is_default(name: str, value: Any) -> bool:
+def is_default(name: str, value: Any) -> bool:
     """Whether a value is the parameter's default, in any accepted form."""
     default = getattr(_DEFAULT, name)
     if default is None or value is None:

@@ -18,6 +18,7 @@ CONSTANT = "disperse_constant"
 
 # The axes of a value for all rows; with one axis more, each row has its own.
 AXES = {"vector": 1, PERSON: 2, CONSTANT: 0, DRONES: 2}
+SITUATION_AXES = {"situation": 0, DRONES: 2}
 
 
 def moved(cell: int, number: float, higher: np.ndarray, lower: np.ndarray) -> int:

@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import SUITE, evaluate, progress, run
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, progress, run
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -183,6 +184,29 @@ def test_all_means_the_whole_suite(capsys, monkeypatch):
     assert [row["search"] for row in csv.DictReader(io.StringIO(output))] == ["pond", "fog"]
 
 
+@pytest.mark.parametrize("reaches", [True, False])
+@pytest.mark.parametrize("name", ["evaluate", "leaderboard", "bound", "record"])
+def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(
+    capsys, monkeypatch, tmp_path, name, reaches
+):
+    person = Person(Drift((3, 3), start_sd=0.3, vector=(0.3 if reaches else 0.0, 0)))
+    search = NamedSearch("storm", "For tests.", Scenario(7, timestep_limit=10, persons=person))
+    for module in ("suite", "commands", "board"):
+        monkeypatch.setattr(f"DroneSwarmSearch.evaluation.{module}.SUITE", {"storm": search})
+    few = ["--episodes", 2]
+    arguments = {
+        "evaluate": ["random", "storm", *few],
+        "leaderboard": ["--policies", "random", "greedy-matrix", "--no-bound", "--workers", 1]
+        + ["--out", tmp_path / "board", *few],
+        "bound": ["storm"],
+        "record": ["storm", "--policy", "random", "--out", tmp_path / "storm.gif"],
+    }
+    printed = answer(capsys, name, *arguments[name]).err
+    warning = "warning: storm: 4.8% of a person's forecast lies beyond the grid of 7 x 7 cells"
+    assert (warning in printed) == reaches
+    assert ("warning" in printed) == reaches
+
+
 def test_policies_can_come_from_files_and_modules(capsys, own, monkeypatch):
     monkeypatch.syspath_prepend(own.parent)
     monkeypatch.delitem(sys.modules, "own", raising=False)
@@ -280,7 +304,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
     [
         (["evaluate"], "POLICY and SEARCH are needed; `evaluate --list` lists them"),
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
-        (["evaluate", "random", "lagon"], "got 'lagon'; did you mean lagoon?"),
+        (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour?"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "nofile.py:act", "pond"], "there is no 'nofile.py'"),
         (["evaluate", "nofile.npz", "pond"], "there is no 'nofile.npz'"),
@@ -299,7 +323,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
         ),
         (["leaderboard", "--add", "own=ppo", "--view", "drone"], "view must be 'swarm' or"),
         (["evaluate", "/.npz", "pond"], "there is no '/.npz'"),
-        (["bound", "lagon"], "got 'lagon'; did you mean lagoon?"),
+        (["bound", "harbor"], "got 'harbor'; did you mean harbour?"),
         (["bound"], "the following arguments are required: SEARCH"),
     ],
 )

@@ -10,9 +10,21 @@ from batches import moved
 from helpers import plain
 
 from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.vector import tabulated_forecasts
-from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
-from DroneSwarmSearch.vector.tabulated_forecasts import TabulatedForecasts, choose_forecasts
+from DroneSwarmSearch.vector.forecasts import (
+    DriftParameters,
+    Forecasts,
+    Mixtures,
+    OnTheFlyForecasts,
+)
+from DroneSwarmSearch.vector.tabulated_forecasts import (
+    TabulatedForecasts,
+    choose_forecasts,
+    distinct,
+    forecasts_of_situations,
+)
 
 
 def parameters_of(
@@ -32,30 +44,47 @@ CONSTANTS = [3.0, 0.0, 3.0]
 SIX = parameters_of(STARTS, DRIFTS, CONSTANTS)  # of the six forecasts three differ
 
 
-def check_forecasts(made: Forecasts, steps: list[int]) -> None:
+def drift_of(row: int, person: int) -> Drift:
+    diffusion = dispersion_rate(CONSTANTS[row])
+    return Drift(STARTS[row][person], vector=DRIFTS[row], diffusion=diffusion)
+
+
+def tabulated(steps: int, *parameters: DriftParameters) -> TabulatedForecasts:
+    known = distinct(parameters)
+    return TabulatedForecasts(SIZE, steps, Mixtures.of_numbers(known), 2, known)
+
+
+def on_the_fly() -> OnTheFlyForecasts:
+    return OnTheFlyForecasts(SIZE, Mixtures.of_numbers(SIX.as_numbers().reshape(-1, 5)), 2, 3)
+
+
+def check_forecasts(
+    made: Forecasts, steps: list[int], persons: Sequence[Sequence[Person | Drift]]
+) -> None:
     """The forecasts of the three rows at some steps are those of `ProbabilityMatrix`."""
     every = np.arange(3)
-    for person in range(2):
-        of = [
-            ProbabilityMatrix(SIZE, STARTS[row][person], DRIFTS[row], CONSTANTS[row])
-            for row in every
-        ]
+    for number, of_rows in enumerate(persons):
+        of = [ProbabilityMatrix(SIZE, person) for person in of_rows]
         out = np.empty((3, SIZE, SIZE), np.float32)
-        made.write_matrices(person, slice(None), out)
+        made.write_matrices(number, slice(None), out)
         matrices = np.stack([forecast.at(step) for forecast, step in zip(of, steps, strict=True)])
         assert out.tobytes() == matrices.tobytes()
+        joint = made.joint(number, every)
         for cell in (0, 13, 35):
-            shown = made.probabilities(person, every, np.full(3, cell))
+            shown = made.probabilities(number, every, np.full(3, cell))
             assert shown.tolist() == matrices.reshape(3, -1)[:, cell].tolist()
-        x, y = made.marginals(person, every)
-        right, left, down, up = made.moves(person, slice(None))
+            at_cell = made.joint_at(number, every, np.full(3, cell))
+            assert at_cell.tolist() == joint.reshape(-1, SIZE**2, 3)[:, cell].tolist()
+        right, left, down, up = made.moves(number, slice(None))
         for row, (forecast, step) in enumerate(zip(of, steps, strict=True)):
-            assert plain([x[row], y[row]]) == plain(list(forecast.marginals(step)))
-            moves = [chances[:, row] for chances in (right, left, down, up)]
+            own = len(forecast.weights)
+            assert plain(joint[:own, ..., row]) == plain(forecast.joint(step))
+            assert not joint[own:, ..., row].any()
+            moves = [chances[:own, :, row] for chances in (right, left, down, up)]
             assert plain(moves) == plain(list(forecast.moves(step)))
         for axis, (higher, lower) in enumerate(((right, left), (down, up))):
             for at in range(SIZE):
-                check_walk(made, person, axis, at, higher, lower)
+                check_walk(made, number, axis, at, higher[0], lower[0])
 
 
 def check_walk(
@@ -82,11 +111,13 @@ def check_walk(
 class Held:
     """Forecasts of three rows, with pointers that advance as in `BatchState`."""
 
-    def __init__(self, made: Forecasts) -> None:
+    def __init__(self, made: Forecasts, numbers: np.ndarray | None = None) -> None:
         self.forecasts = made
         self._now, self._first = (np.zeros((len(made.increments), 3), np.int64) for _ in range(2))
         made.bind(self._now, self._first)
-        made.assign(np.arange(3), SIX)
+        rows = np.arange(3)
+        numbers = made.numbers_of(rows, SIX) if numbers is None else numbers
+        made.assign(rows, numbers, np.zeros_like(numbers))
         self.begin([0, 1, 2])
 
     def begin(self, rows: list[int]) -> None:
@@ -100,15 +131,10 @@ class Held:
         self.forecasts.advance(rows)
 
 
-@pytest.mark.parametrize(
-    "make", [lambda: TabulatedForecasts(SIZE, 80, SIX), lambda: OnTheFlyForecasts(SIZE, SIX)]
-)
-def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
-    make: Callable[[], Forecasts],
-) -> None:
-    held, steps = Held(make()), [0, 0, 0]
+def check_every_step(make: Callable[[], Held], persons: Sequence[Sequence[Person | Drift]]) -> None:
+    held, steps = make(), [0, 0, 0]
     for step in range(80):
-        check_forecasts(held.forecasts, steps)
+        check_forecasts(held.forecasts, steps, persons)
         held.advance([2] if step == 20 else [])
         steps = [one + 1 for one in steps]
         if step == 20:
@@ -116,10 +142,44 @@ def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
         if step in (5, 40):
             held.begin([1, 2])
             steps[1:] = 0, 0
-    check_forecasts(held.forecasts, [80, 39, 39])
-    again = Held(make())
+    check_forecasts(held.forecasts, [80, 39, 39], persons)
+    again = make()
     again.forecasts.catch_up(np.array([70, 0, 33]))
-    check_forecasts(again.forecasts, [70, 0, 33])
+    check_forecasts(again.forecasts, [70, 0, 33], persons)
+
+
+@pytest.mark.parametrize("make", [lambda: tabulated(80, SIX), on_the_fly])
+def test_forecasts_are_those_of_the_matrix_at_every_rows_step(
+    make: Callable[[], Forecasts],
+) -> None:
+    persons = [[drift_of(row, person) for row in range(3)] for person in range(2)]
+    check_every_step(lambda: Held(make()), persons)
+
+
+PRIOR = np.diag(np.arange(SIZE, dtype=float))
+DIFFERENT = [
+    Person([Drift((1.5, 2), start_sd=1, vector_sd=0.1), Drift((4, 4), diffusion=0.3, weight=2)]),
+    Person(Drift((2, 2), vector=(0.3, 0.1), adrift=4, diffusion=0.2)),
+    Person([Drift((5, 0), vector=(-0.2, 0.2), diffusion=0.1), Drift((0, 0)), Drift((3, 3))]),
+    Person([Drift(PRIOR, diffusion=0.2), Drift((4, 1), vector=(-0.1, 0.1))]),
+]
+
+
+@pytest.mark.parametrize(("count", "table_bytes"), [(3, 2**26), (3, 0), (4, 0)])
+def test_forecasts_of_hypotheses_are_those_of_the_matrix(
+    count: int, table_bytes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forecasts with fewer hypotheses are padded; starts that are arrays are tabulated."""
+    monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", table_bytes)
+    different = DIFFERENT[:count]
+    numbers = np.array([[0, 1, count - 1], [2, 2, 1]])
+    mixtures = Mixtures.of_persons(different)
+
+    def make() -> Held:
+        return Held(forecasts_of_situations(SIZE, 80, mixtures, 2, 3), numbers)
+
+    assert isinstance(make().forecasts, TabulatedForecasts) == (table_bytes > 0 or count == 4)
+    check_every_step(make, [[different[number] for number in row] for row in numbers.tolist()])
 
 
 def filled_steps(tables: TabulatedForecasts) -> int:
@@ -128,7 +188,7 @@ def filled_steps(tables: TabulatedForecasts) -> int:
 
 
 def test_tables_fill_as_far_as_the_rows_come() -> None:
-    tables = TabulatedForecasts(SIZE, 100, SIX)
+    tables = tabulated(100, SIX)
     held = Held(tables)
     filled = []
     for step in range(100):
@@ -147,8 +207,8 @@ def test_tables_fill_as_far_as_the_rows_come() -> None:
 
 def test_equal_forecasts_are_stored_once_even_with_signed_zeros() -> None:
     other = parameters_of([[(0, 0)]] * 3, [(0.0, 1.0), (-0.0, 1.0), (0.0, 2.0)], [0.0, -0.0, 0.0])
-    assert len(TabulatedForecasts(SIZE, 5, other).matrices) == 2 * 6
-    twice = TabulatedForecasts(SIZE, 5, SIX, SIX)
+    assert len(tabulated(5, other).matrices) == 2 * 6
+    twice = tabulated(5, SIX, SIX)
     assert twice.matrices.shape == (3 * 6, SIZE, SIZE)
 
 

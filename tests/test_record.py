@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import RewardScheme
+from DroneSwarmSearch import Person, RewardScheme
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
@@ -51,6 +51,19 @@ def small(**changed: Any) -> NamedSearch:
     return NamedSearch("puddle", "For tests.", Scenario(**{**parameters, **changed}))
 
 
+def at_sea(**changed: Any) -> NamedSearch:
+    """A short search for a person with two hypotheses."""
+    person = Person(
+        [
+            Drift((4, 4), start_sd=1, vector=(0.05, 0), vector_sd=0.02, weight=3),
+            Drift((10, 10), start_sd=1, vector=(0, 0.05), diffusion=0.1),
+        ],
+        probability_of_detection=0.5,
+    )
+    parameters = {"grid_size": 15, "n_drones": 3, "timestep_limit": 20, "persons": person}
+    return NamedSearch("storm", "For tests.", Scenario(**{**parameters, **changed}))
+
+
 def all_do(action: Action) -> Any:
     """A policy with one action."""
 
@@ -80,8 +93,10 @@ class TestFrames:
         search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
         pairs = list(frames("greedy-posterior", search, seed=4))
         for prior, posterior in pairs:
-            same = replace(posterior, matrix=prior.matrix)
+            known = {"probability_of_success": None, "hypotheses": prior.hypotheses}
+            same = replace(posterior, matrix=prior.matrix, **known)
             assert vars(same) == vars(prior)
+            assert posterior.hypotheses == (pytest.approx((1.0,)),)
         forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
         belief = forecast.joint(0)
         for (_, before), (prior, after) in pairwise(pairs):
@@ -93,6 +108,19 @@ class TestFrames:
             if not any(after.found):
                 np.testing.assert_allclose(after.matrix, belief[0], atol=1e-6)
         assert any(after.searching[0] for _, after in pairs)
+
+    @pytest.mark.parametrize("mission", ["rescue", "coverage"])
+    def test_uncertain_persons(self, mission: str) -> None:
+        search = at_sea(mission=mission)
+        *_, (prior, posterior) = pairs = list(frames("greedy-posterior", search, seed=1))
+        assert all(before.hypotheses == ((0.75, 0.25),) for before, _ in pairs)
+        assert posterior.hypotheses != prior.hypotheses
+        assert sum(posterior.hypotheses[0]) == pytest.approx(1)
+        found = [after.probability_of_success for _, after in pairs]
+        assert found[0] == 0
+        assert found == sorted(found)
+        assert found[-1] > 0.1
+        assert (prior.persons == ()) == (mission == "coverage")
 
     @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
     def test_it_is_the_episode_that_evaluate_plays_with_the_seed(self, policy: str) -> None:
@@ -440,6 +468,27 @@ def python(code: str, *arguments: object) -> str:
 
 
 class TestCommand:
+    @pytest.mark.parametrize("mission", ["rescue", "coverage"])
+    def test_it_films_uncertain_persons(
+        self,
+        mission: str,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        search = at_sea(mission=mission)
+        monkeypatch.setattr("DroneSwarmSearch.evaluation.suite.SUITE", {"storm": search})
+        path = tmp_path / "storm.gif"
+        arguments = ["record", "storm", "--policy", "greedy-posterior", "--out", str(path)]
+        assert command.main(arguments) == 0
+        pairs = list(frames("greedy-posterior", "storm"))
+        outcome = outcome_in_brief(pairs[-1][1])
+        captured = capsys.readouterr()
+        assert captured.out == f"{path}: greedy-posterior searching storm, {outcome}\n"
+        assert captured.err == ""
+        with Image.open(path) as film:
+            assert film.n_frames == len(pairs)
+
     def test_it_writes_the_film_and_prints_the_outcome(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

@@ -14,7 +14,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import AXES, CONSTANT, DRONES, NAN, PERSON, POD, everything_sampled, moved, seen
+from batches import (
+    AXES,
+    CONSTANT,
+    DRONES,
+    NAN,
+    PERSON,
+    POD,
+    SITUATION_AXES,
+    everything_sampled,
+    moved,
+    seen,
+)
 from helpers import EVENTS, INTENTS, SCHEMES, inside, planned_actions, target_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,6 +34,8 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, rules
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.persons import Drift
+from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.vector import (
     SearchBatch,
@@ -31,7 +44,6 @@ from DroneSwarmSearch.vector import (
     tabulated_forecasts,
     threads,
 )
-from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
 
 # A batch, and a single environment for each of its rows.
 
@@ -39,7 +51,7 @@ from DroneSwarmSearch.vector.forecasts import DriftParameters, OnTheFlyForecasts
 def of_row(parameters: Mapping[str, Any], row: int) -> dict[str, Any]:
     """The parameters of one row, as the single environment takes them."""
     own = dict(parameters)
-    for name, axes in AXES.items():
+    for name, axes in (AXES | SITUATION_AXES).items():
         if own.get(name) is not None:
             array = np.asarray(own[name])
             own[name] = (array[row % len(array)] if array.ndim > axes else array).tolist()
@@ -53,6 +65,11 @@ class Twins:
         self.batch = SearchBatch(rows, **parameters)
         self.parameters = [of_row(parameters, row) for row in range(rows)]
         self.drones = [parameters_of.pop(DRONES, None) for parameters_of in self.parameters]
+        self.situations = parameters.get("situations")
+        for parameters_of in self.parameters:
+            parameters_of.pop("situation", None)
+            if parameters_of.pop("situations", None) is not None:
+                parameters_of["persons"] = self.situations[0]
         self.usual = [DroneSwarmSearch(**parameters_of) for parameters_of in self.parameters]
         self.envs = list(self.usual)  # those of the episodes under way
         self.names = self.envs[0].possible_agents
@@ -82,6 +99,10 @@ class Twins:
         self.episodes[row] = 0 if seed is not None else self.episodes[row] + 1
         options = {DRONES: self.drones[row], **given}
         constant = options.pop(CONSTANT, None)
+        if self.situations is not None:
+            number = self.batch.parameters["situation"][row]
+            assert number == options.pop("situation", number)
+            options["persons"] = self.situations[number]
         self.envs[row] = env = self.usual[row]
         env.reset(seed=seed, options=options)
         if constant is not None:
@@ -128,9 +149,16 @@ class Twins:
         assert batch.positions.tolist() == drones
         assert batch.cells.tolist() == [[y * size + x for x, y in cells] for cells in drones]
         missing = batch.missing
-        assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
-        persons = [[y * size + x for x, y in frame.persons] for frame in frames]
-        assert (batch.person_cells == persons)[missing].all()
+        if self.envs[0].scenario.mission == "rescue":
+            assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
+        else:
+            assert missing.all()
+        if self.envs[0].scenario.mission == "rescue":
+            persons = [[y * size + x for x, y in frame.persons] for frame in frames]
+            assert (batch.person_cells == persons)[missing].all()
+        success = [frame.probability_of_success for frame in frames]
+        shown = batch.probability_of_success
+        assert success == ([None] * len(frames) if shown is None else shown.tolist())
         assert batch.found.tolist() == [any(frame.found) for frame in frames]
         assert batch.searching.tolist() == [list(frame.searching) for frame in frames]
         assert batch.steps.tolist() == [frame.step for frame in frames]
@@ -447,23 +475,27 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
 ) -> None:
     """No episode comes to that unless by rounding: it takes a sure search of the only cell."""
     monkeypatch.setattr(beliefs, "_TILE_ROWS", 2)
-    start = np.array([[[1, 1, 0], [1, 1, 0]]])
-    still = np.zeros((2, 3)), np.array([0.0, 9.0, 0.0])
-    forecasts = OnTheFlyForecasts(4, DriftParameters(start, *still))
-    forecasts.assign(np.arange(3), DriftParameters(start, *still))
-    forecasts.begin(np.arange(3))
-    forecasts.advance(np.empty(0, np.int64))  # the person of row 1 may now be in any of nine cells
-    known = beliefs.Beliefs(4, (1.0,), 3)
-    cells = np.array([5, 5, 0])
-    everybody = np.ones((1, 3), bool)
-    known.update(np.arange(3), cells, everybody, everybody, forecasts, None, lambda: None)
-    matrices = known.matrices(np.arange(3), everybody)
-    for row, cell in enumerate(cells.tolist()):
-        forecast = ProbabilityMatrix(4, tuple(start[0, :, row].tolist()), (0, 0), still[1][row])
-        learned, kept = after_unsuccessful_search(forecast.exact(1), [cell], 1.0)
+    parameters = {"grid_size": 4, "vector": (0, 0), CONSTANT: [0.0, 9.0, 0.0]}
+    starts = np.array([[(1, 1)], [(1, 1)], [(0, 0)]])
+    batch = SearchBatch(3, person_initial_position=starts, bayesian_update=True, **parameters)
+    batch.reset([1, 2, 3])
+    batch.step(np.full((3, 1), Action.IDLE))  # the person of row 1 may be in any of nine cells
+    known = batch._world
+    rows, cells = np.arange(3), np.array([5, 5, 0])
+    assert known._beliefs is not None
+    known._beliefs.begin(rows, known.forecasts)
+    known._beliefs.search(rows, cells, [1.0])
+    known.advance(rows[:0], None, lambda: None)
+    matrices, success = batch.matrices_of(rows), batch.probability_of_success
+    assert success is not None
+    for row, (person, cell) in enumerate(zip(starts[:, 0].tolist(), cells.tolist(), strict=True)):
+        drift = Drift(person, diffusion=dispersion_rate(parameters[CONSTANT][row]))
+        forecast = ProbabilityMatrix(4, drift)
+        learned, kept = after_unsuccessful_search(forecast.joint(1), [cell], 1.0)
         assert (kept == 0.0) == (row != 1)
+        assert success[row] == 1.0 - kept
         after = after_drift(learned, *forecast.moves(1))
-        assert matrices[row].tobytes() == after.astype(np.float32).tobytes()
+        assert matrices[row].tobytes() == after[0].astype(np.float32).tobytes()
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
@@ -531,13 +563,17 @@ def episode_numbers(seed: int, episode: int, count: int, persons: int) -> Any:
 
 def test_persons_walk_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
     size, steps, starts, seeds = 9, 40, [(4, 4), (0, 8)], [3, 3, 12345]
-    parameters = {"vector": (0.3, -0.2), CONSTANT: 7.0}
+    parameters: dict[str, Any] = {"vector": (0.3, -0.2), CONSTANT: 7.0}
     batch = SearchBatch(
         len(seeds), grid_size=size, timestep_limit=steps, person_initial_position=starts,
         **parameters,
     )  # fmt: skip
     batch.reset(seeds)
-    matrices = [ProbabilityMatrix(size, start, *parameters.values()) for start in starts]
+    diffusion = dispersion_rate(parameters[CONSTANT])
+    matrices = [
+        ProbabilityMatrix(size, Drift(start, vector=parameters["vector"], diffusion=diffusion))
+        for start in starts
+    ]
     for episode in range(2):
         drift = [episode_numbers(seed, episode, steps, len(starts))[0] for seed in seeds]
         at = [list(starts) for _ in seeds]
@@ -547,7 +583,7 @@ def test_persons_walk_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
             batch.step(np.full((len(seeds), 1), Action.IDLE))
             for row, persons in enumerate(at):
                 for k, (x, y) in enumerate(persons):
-                    right, left, down, up = matrices[k].moves(step)
+                    right, left, down, up = (moves[0] for moves in matrices[k].moves(step))
                     u, v = drift[row][step, k]
                     persons[k] = moved(x, u, right, left), moved(y, v, down, up)
         assert batch.ended.all()

@@ -1343,7 +1343,7 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
     assert list(shown)[1:] == [
         *f"{own}render_mode".split(),
         *(field.name for field in dataclasses.fields(Scenario)),
-        *("scenario", "drones_positions", "sampler"),
+        *("scenario", "situations", "situation", "drones_positions", "sampler"),
     ]
     usual = {name: shown[name].default for name in list(shown)[1:]}
     for field in dataclasses.fields(Scenario):
@@ -1354,7 +1354,9 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
 
 
 @both_views
-@pytest.mark.parametrize("name", ["grid_sise", "num_rows", "wants_table", "persons", "swarms"])
+@pytest.mark.parametrize(
+    "name", ["grid_sise", "num_rows", "wants_table", "situation_number", "swarms"]
+)
 def test_an_unknown_parameter_is_refused_by_the_view(
     view: type[SearchVectorEnv], name: str
 ) -> None:

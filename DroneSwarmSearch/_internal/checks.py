@@ -29,6 +29,7 @@ __all__ = [
     "finite",
     "fits",
     "integer",
+    "integers",
     "is_number",
     "items",
     "known_options",
@@ -95,6 +96,24 @@ def integer(name: str, value: object, low: int, high: int | None = None) -> int:
     if number < low or (high is not None and number > high):
         raise ValueError(f"{name} must be an integer {limits}, got {value!r}")
     return number
+
+
+def integers(name: str, value: object, rows: int, low: int, high: int) -> Ints:
+    """`integer` for the rows of a batch: one integer for all of them, or one for each.
+
+    Returns:
+        int64, shape (rows,).
+    """
+    what = f"an integer from {low} to {high}"
+    given = array(name, value, what)
+    if given.ndim == 0:
+        return np.full(rows, integer(name, value, low, high))
+    _check_rows(name, given, (rows,), what)
+    if given.dtype.kind not in "iu":
+        raise TypeError(f"{name} must be {what}, or one for each search, got {value!r}")
+    for row in ((given < low) | (given > high)).nonzero()[0]:
+        integer(f"{name}[{row}]", given[row].item(), low, high)
+    return given.astype(np.int64)
 
 
 def is_number(value: object) -> bool:

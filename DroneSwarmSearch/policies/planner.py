@@ -145,7 +145,7 @@ class PlannerPolicy(SwarmPolicy):
         if rest is not None and len(rest[0].searches) == steps:
             plan = plan_of(rest)
             self._set_weights(plan)
-            plan.improve(min_length=steps, min_gain=MIN_GAIN, max_rounds=1)
+            plan.improve(min_length=MIN_LENGTH, min_gain=MIN_GAIN, max_rounds=1)
             return plan.paths
         greedy = plan_of(self._greedy_paths(tracker, starts, steps))
         self._set_weights(greedy)

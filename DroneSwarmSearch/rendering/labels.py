@@ -12,9 +12,11 @@ def outcome_in_brief(frame: Frame) -> str:
     """How an episode ended, in a few words; empty before its end."""
     if frame.ending is None:
         return ""
-    if frame.ending in (Ending.FOUND, Ending.TIME_LIMIT):
-        found = "found" if frame.ending is Ending.FOUND else "not found"
-        return f"{found} in {frame.step} step{'' if frame.step == 1 else 's'}"
+    result = {Ending.FOUND: "found", Ending.COVERED: "covered"}.get(frame.ending)
+    if frame.ending is Ending.TIME_LIMIT:
+        result = "not found" if frame.persons else "not covered"
+    if result is not None:
+        return f"{result} in {frame.step} step{'' if frame.step == 1 else 's'}"
     return f"{frame.ending.description} in step {frame.step}"
 
 

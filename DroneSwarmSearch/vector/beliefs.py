@@ -15,8 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import drift, means_over_missing, normalise
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Rows, Singles
+from DroneSwarmSearch.drift.belief import (
+    drift,
+    means_over_missing,
+    normalise,
+    over_hypotheses,
+)
 from DroneSwarmSearch.vector.forecasts import Forecasts
 from DroneSwarmSearch.vector.threads import run_in_parts
 
@@ -47,12 +52,12 @@ the elements of a column would evict each other from the cache."""
 
 
 class _Searches(NamedTuple):
-    """The searches of a step that did not find one of the missing persons.
+    """The searches of a step for one person, who may have been found.
 
     Attributes:
         rows: the row of every search, in rising order.
-        cells: the index of its cell in the flat beliefs.
-        before: the probability of that cell before the search.
+        cells: the index of its cell in the flat beliefs: shape (M, n).
+        before: the probabilities of that cell before the search, of the same shape.
         searched: which rows were searched: bool, shape (all rows,).
     """
 
@@ -65,36 +70,46 @@ class _Searches(NamedTuple):
 class Beliefs:
     """The beliefs about every row's persons.
 
+    Every person's belief is that of a person who has not been found, even after the find.
+    A step is `begin` and `search`, if there are searches, and then `drift`.
+
     Args:
         grid_size: cells along each side, N.
-        detections: each person's probability of detection.
+        persons: the number of persons.
+        hypotheses: the hypotheses about each, M.
         rows: the number of rows.
 
     Attributes:
         begun: which rows have beliefs: bool, shape (rows,).
+        kept: the probability that no search so far finds the person: float64, shape
+            (persons, rows).
     """
 
-    def __init__(self, grid_size: int, detections: Sequence[float], rows: int) -> None:
+    def __init__(self, grid_size: int, persons: int, hypotheses: int, rows: int) -> None:
         self._size = grid_size
-        self._detections = detections
-        self._width = min(rows, _TILE_ROWS, max(_LEAST_ROWS, _TILE_BYTES // (8 * grid_size**2)))
-        self._flat = np.zeros(len(detections) * grid_size**2 * rows)
+        self._persons, self._hypotheses = persons, hypotheses
+        cells = hypotheses * grid_size**2
+        self._width = min(rows, _TILE_ROWS, max(_LEAST_ROWS, _TILE_BYTES // (8 * cells)))
+        self._flat = np.zeros(persons * cells * rows)
         self.begun = np.zeros(rows, np.bool_)
+        self.kept = np.ones((persons, rows))
+        self._searches: list[_Searches] = []  # that `_normalise` has yet to complete
         self._make_views()
 
     def _make_views(self) -> None:
-        persons, size, rows = len(self._detections), self._size, len(self.begun)
+        persons, size, rows = self._persons, self._size, len(self.begun)
+        cells = self._hypotheses * size**2
         self._first = range(0, rows, self._width)  # each tile's first row
         ends = [*self._first[1:], rows]
         self._rows = [slice(*ends_of) for ends_of in zip(self._first, ends, strict=True)]
         # The index of each row's first cell in the flat beliefs, and the distance between cells.
         columns = np.arange(rows) % self._width
-        self._origin = columns + persons * size**2 * (np.arange(rows) - columns)
+        self._origin = columns + persons * cells * (np.arange(rows) - columns)
         self._stride = np.minimum(self._width, rows - (np.arange(rows) - columns))
-        # Each indexed [person, y, x, row of the tile].
+        # Each indexed [person, hypothesis, y, x, row of the tile].
         self._tiles = [
-            part.reshape(persons, size, size, -1)
-            for part in np.split(self._flat, [persons * size**2 * end for end in ends[:-1]])
+            part.reshape(persons, self._hypotheses, size, size, -1)
+            for part in np.split(self._flat, [persons * cells * end for end in ends[:-1]])
         ]
         self._spare: list[tuple[Floats, Floats]] = []  # scratch arrays, one pair per thread
 
@@ -110,90 +125,120 @@ class Beliefs:
     def forget(self, rows: Ints) -> None:
         """Drop the beliefs of rows that start an episode."""
         self.begun[rows] = False
+        self.kept[:, rows] = 1.0
 
     # A step.
 
-    def update(
+    def begin(self, rows: Ints, forecasts: Forecasts) -> None:
+        """Set the beliefs of those of some rows that have none to the forecasts.
+
+        Args:
+            rows: their numbers, in rising order, possibly with repetitions.
+            forecasts: the rows' forecasts.
+        """
+        new = rows[~self.begun[rows]]
+        if not new.size:
+            return
+        new = np.unique(new)
+        cells = np.arange(self._hypotheses * self._size**2)[:, None]
+        for person in range(self._persons):
+            for first in range(0, len(new), _BEGIN_ROWS):
+                some = new[first : first + _BEGIN_ROWS]
+                # As in the tiles, the row is the last axis.
+                joint = forecasts.joint(person, some)
+                self._flat[self._index(person, some, cells).reshape(-1)] = joint.reshape(-1)
+        self.begun[new] = True
+
+    def search(self, rows: Ints, cells: Ints, detections: Sequence[float | Floats]) -> None:
+        """Apply searches that find nobody, except for the normalisation.
+
+        Args:
+            rows: the row of every search, in rising order; all of them have beliefs.
+            cells: the cell of every search, y * N + x; different cells within a row.
+            detections: each person's probability of detection: a number, or one for each
+                search.
+        """
+        searched = np.zeros(len(self.begun), np.bool_)
+        searched[rows] = True
+        self._searches = []
+        for person, detection in enumerate(detections):
+            index = self._indices(person, rows, cells)
+            before = self._flat.take(index)
+            self._flat[index] = before * (1.0 - detection)
+            self._searches.append(_Searches(rows, index, before, searched))
+
+    def normalise(self) -> None:
+        """Normalise the searched beliefs now, and not in `drift`: `kept` is up to date then."""
+        for tile in range(len(self._tiles)):
+            self._normalise(tile)
+        self._searches = []
+
+    def drift(
         self,
-        rows: Ints,
-        cells: Ints,
-        missing: Flags,
-        counted: Flags,
         forecasts: Forecasts,
+        counted: Flags,
         out: Singles | None,
         foreground: Callable[[], None],
     ) -> None:
-        """Update the beliefs by a step, in the background of something else.
+        """Let the beliefs drift by a step, in the background of something else.
 
-        Bayes' rule for the searches that found nobody, then drift, then write the matrices
-        of all rows with beliefs. Some other rows of `out` receive arbitrary values.
+        Normalise the searched beliefs, let all drift, then write the matrices of all rows with
+        beliefs. Some other rows of `out` receive arbitrary values.
 
         Args:
-            rows: the row of every search, in rising order.
-            cells: the cell of every search, y * N + x; different cells within a row.
-            missing: the persons not found: bool, shape (persons, all rows).
-            counted: the persons in the mean that a matrix shows, of the same shape.
             forecasts: the rows' forecasts; `foreground` must not advance them.
+            counted: the persons in the mean that a matrix shows: bool, (persons, all rows).
             out: float32, shape (all rows, N, N), or None.
             foreground: the rest of the step.
         """
-        new = rows[~self.begun[rows]]
-        if new.size:
-            self._begin(np.unique(new), forecasts)
-        by_person = [
-            self._multiply(person, rows[still], cells[still])
-            for person, still in enumerate(missing[:, rows])
-        ]
 
         def update_tile(tile: int) -> None:
             if not self.begun[self._rows[tile]].any():
                 return
-            for person, searches in enumerate(by_person):
-                self._normalise(tile, person, searches)
+            self._normalise(tile)
             self._drift(tile, forecasts)
             if out is not None:
                 self._write(tile, counted, out)
 
         shares = len(self._tiles) > 1 and self._tiles[0][0].nbytes >= _LEAST_SHARED_BYTES
         run_in_parts(update_tile, range(len(self._tiles)), foreground, shares)
-
-    def _begin(self, rows: Ints, forecasts: Forecasts) -> None:
-        self.begun[rows] = True
-        cells = np.arange(self._size**2)[:, None]
-        for person in range(len(self._detections)):
-            for first in range(0, len(rows), _BEGIN_ROWS):
-                some = rows[first : first + _BEGIN_ROWS]
-                x, y = forecasts.marginals(person, some)
-                # As in the tiles, the row is the last axis.
-                products = y.T[:, None] * x.T
-                self._flat[self._index(person, some, cells).reshape(-1)] = products.reshape(-1)
-
-    def _multiply(self, person: int, rows: Ints, cells: Ints) -> _Searches:
-        """Multiply searched cells by the probability that the search misses the person."""
-        index = self._index(person, rows, cells)
-        before = self._flat.take(index)
-        self._flat[index] = before * (1.0 - self._detections[person])
-        searched = np.zeros(len(self.begun), np.bool_)
-        searched[rows] = True
-        return _Searches(rows, index, before, searched)
+        self._searches = []
 
     def _index(self, person: int, rows: Ints, cells: Ints) -> Ints:
-        """The index of some rows' cells in the flat beliefs; rows and cells are broadcast."""
-        index: Ints = (cells + person * self._size**2) * self._stride.take(rows)
+        """The index of some rows' cells in the flat beliefs; rows and cells are broadcast.
+
+        Args:
+            person: the person's number.
+            rows: the rows.
+            cells: the hypothesis times N², plus the cell.
+        """
+        cells_before = person * self._hypotheses * self._size**2
+        index: Ints = (cells + cells_before) * self._stride.take(rows)
         index += self._origin.take(rows)
         return index
 
-    def _normalise(self, tile: int, person: int, searches: _Searches) -> None:
+    def _indices(self, person: int, rows: Ints, cells: Ints) -> Ints:
+        """The indices of one cell of each row under every hypothesis: (M, n)."""
+        if self._hypotheses == 1:
+            return self._index(person, rows, cells)[None]
+        first = np.arange(self._hypotheses)[:, None] * self._size**2
+        return self._index(person, rows, first + cells)
+
+    def _normalise(self, tile: int) -> None:
         """Normalise the beliefs of a tile's searched rows."""
         rows = self._rows[tile]
-        searched = searches.searched[rows]
-        if not searched.any():
-            return
-        impossible = searched & (normalise(self._tiles[tile][person], searched) <= 0.0)
-        if impossible.any():  # the searches contradict the belief: restore it
-            first, last = np.searchsorted(searches.rows, [rows.start, rows.stop])
-            undo = first + impossible[searches.rows[first:last] - rows.start].nonzero()[0]
-            self._flat[searches.cells[undo]] = searches.before[undo]
+        for person, searches in enumerate(self._searches):
+            searched = searches.searched[rows]
+            if not searched.any():
+                return
+            total = normalise(self._tiles[tile][person], searched)
+            possible = total > 0.0
+            self.kept[person, rows] *= np.where(searched, total * possible, 1.0)
+            impossible = searched & ~possible
+            if impossible.any():  # the searches contradict the belief: restore it
+                first, last = np.searchsorted(searches.rows, [rows.start, rows.stop])
+                undo = first + impossible[searches.rows[first:last] - rows.start].nonzero()[0]
+                self._flat[searches.cells[:, undo]] = searches.before[:, undo]
 
     def _drift(self, tile: int, forecasts: Forecasts) -> None:
         """Drift the beliefs of a tile by a step; the forecasts are still at the step before."""
@@ -229,7 +274,8 @@ class Beliefs:
     def _write(self, tile: int, counted: Flags, out: Singles) -> None:
         """Write the matrices of a tile."""
         cells, rows = self._size**2, self._rows[tile]
-        mean = means_over_missing(self._tiles[tile], counted[:, rows]).reshape(cells, -1)
+        beliefs = [*map(over_hypotheses, self._tiles[tile])]
+        mean = means_over_missing(beliefs, counted[:, rows]).reshape(cells, -1)
         flat = out[rows].reshape(-1, cells)
         single = np.empty((cells, len(flat) + _PADDING), np.float32)[:, : len(flat)]
         single[...] = mean
@@ -244,16 +290,48 @@ class Beliefs:
         """
         out = np.empty((len(rows), self._size, self._size), np.float32)
         for tile, here in self._parts(rows):
-            beliefs = self._tiles[tile].take(rows[here] - self._first[tile], axis=-1)
+            columns = self._tiles[tile].take(rows[here] - self._first[tile], axis=-1)
+            beliefs = [*map(over_hypotheses, columns)]
             out[here] = np.moveaxis(means_over_missing(beliefs, counted[:, here]), -1, 0)
         return out
 
     def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
         """The matrix entry of one cell in each of some rows, in rising order: float32, (n,)."""
-        persons = range(len(self._detections))
-        of_cells = np.stack([self._flat.take(self._index(k, rows, cells)) for k in persons])
+        of_cells = [self._probability(person, rows, cells) for person in range(self._persons)]
         values: Singles = means_over_missing(of_cells, counted).astype(np.float32)
         return values
+
+    def _probability(self, person: int, rows: Ints, cells: Ints) -> Floats:
+        """The belief about one cell in each of some rows, over all hypotheses: (n,)."""
+        return over_hypotheses(self._flat.take(self._indices(person, rows, cells)))
+
+    def weights(self, row: int) -> Floats:
+        """The probability of each hypothesis about each person in a row: (persons, M)."""
+        [(tile, _)] = self._parts(np.array([row]))
+        belief = np.ascontiguousarray(self._tiles[tile][..., row - self._first[tile]])
+        weights: Floats = belief.sum(axis=(2, 3))
+        return weights
+
+    # The probability of success.
+
+    def success(self, rows: Rows) -> Floats:
+        """The cumulative probability of success (POS) in some rows: float64, (n,)."""
+        kept = self.kept[:, rows]
+        return 1.0 - means_over_missing(kept, np.ones(kept.shape, np.bool_))
+
+    def added_success(
+        self, rows: Ints, cells: Ints, detections: Sequence[float | Floats]
+    ) -> Floats:
+        """The probability of success that searches add; arguments as for `search`, which follows.
+
+        Returns:
+            float64, shape (n,): for each search, as if it were its row's only one.
+        """
+        added = [
+            self.kept[person].take(rows) * detection * self._probability(person, rows, cells)
+            for person, detection in enumerate(detections)
+        ]
+        return means_over_missing(added, np.ones((self._persons, len(rows)), np.bool_))
 
     def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
         """The tiles of some rows in rising order, and the slice of the rows in each."""

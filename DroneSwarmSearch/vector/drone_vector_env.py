@@ -39,13 +39,15 @@ class DroneVectorEnv(SearchVectorEnv):
     Rewards: the drone's own.
 
     Infos, equal for all drones of a swarm, each with a mask of the same name after an
-    underscore: `Found`, `persons_found`, `ending` and `step`, as in `SwarmVectorEnv`.
+    underscore: `Found`, `persons_found`, `ending`, `step` and `probability_of_success`, as in
+    `SwarmVectorEnv`.
 
     The keywords `observation`, `top_cells`, `write_matrices`, `autoreset_mode`,
     `separate_flags`, `reward_scale`, `copy`, `render_mode`, `grid_size`, `n_drones`, `vector`,
     `person_initial_position`, `disperse_constant`, `timestep_limit`,
-    `probability_of_detection`, `bayesian_update`, `reward_scheme`, `scenario`,
-    `drones_positions` and `sampler` are those of `SwarmVectorEnv`.
+    `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`,
+    `scenario`, `situations`, `situation`, `drones_positions` and `sampler` are those of
+    `SwarmVectorEnv`.
 
     Args:
         num_swarms: the number of swarms.

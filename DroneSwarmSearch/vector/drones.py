@@ -51,7 +51,8 @@ class BatchDrones:
         self._scheme = scenario.reward_scheme
         self._limit = scenario.timestep_limit
         self._last_step = np.array(scenario.timestep_limit - 1)  # 0-d, as above
-        self._several = len(scenario.person_initial_position) > 1
+        self._several = len(scenario.situation) > 1
+        self._covers = scenario.mission == "coverage"
         neighbours = rules.neighbours_of_all(size)  # which checks that such tables fit in memory
         kinds = (np.int16, np.int32, np.int64)
         self.dtype: Any = next(kind for kind in kinds if neighbours.size <= np.iinfo(kind).max)
@@ -126,6 +127,7 @@ class BatchDrones:
         probability: Floats,
         found: Ints,
         all_found: Ints,
+        covered: Ints,
         beginning: Ints,
     ) -> None:
         """Apply the rules to a step: determine rewards and endings.
@@ -135,16 +137,17 @@ class BatchDrones:
             targets: the cell that each drone tries to enter; those that leave the grid are
                 put back into their cells.
             searches: the drones that searched.
-            probability: the matrix entry that each of them was shown of its cell.
+            probability: what each of them pays for, see `BatchState.observed`.
             found: the drones that found someone, possibly with repetitions.
             all_found: the rows in which all persons have been found.
+            covered: the rows whose coverage mission is complete.
             beginning: the drones that begin an episode in this step and get no reward.
         """
         left_grid = (targets.reshape(-1) == _OFF_GRID).nonzero()[0]
         collided = self._collided(targets)
         last = np.greater(np.equal(steps, self._last_step), self.ended).nonzero()[0]
         timed_out, return_so_far, steps_before = _NO_DRONES, _NO_RETURNS, _NO_DRONES
-        if last.size:
+        if last.size and not self._covers:
             timed_out = self.of_rows.take(last, axis=0).reshape(-1)
             if self._several:
                 timed_out = timed_out[~self._finders.take(timed_out)]
@@ -171,6 +174,7 @@ class BatchDrones:
         self.endings = rules.endings(
             len(steps),
             all_found=all_found,
+            covered=covered,
             any_collided=self.row_of.take(collided),
             any_left_grid=self.row_of.take(left_grid),
             time_limit_reached=last,

@@ -27,17 +27,25 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.streams import mixed
+from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.drones import BatchDrones
 from DroneSwarmSearch.vector.episodes import Episodes
-from DroneSwarmSearch.vector.forecasts import Forecasts, OnTheFlyForecasts
-from DroneSwarmSearch.vector.parameters import BatchParameters, RowValues, Sampler
+from DroneSwarmSearch.vector.forecasts import Forecasts, Mixtures, OnTheFlyForecasts
+from DroneSwarmSearch.vector.parameters import (
+    SEED_PARAMETERS,
+    BatchParameters,
+    RowValues,
+    Sampler,
+)
 from DroneSwarmSearch.vector.tabulated_forecasts import (
     TabulatedForecasts,
     check_table,
     choose_forecasts,
+    distinct,
+    forecasts_of_situations,
 )
 from DroneSwarmSearch.vector.world import BatchState
 
@@ -68,7 +76,16 @@ class SearchBatch:
         probability_of_detection: one number, or one for each person.
         bayesian_update: whether matrices are posteriors, or the drift forecast alone.
         reward_scheme: the figures of the reward table.
+        persons: the persons of every row if their start or drift is uncertain, see `Person`;
+            in place of `vector`, `person_initial_position`, `disperse_constant` and
+            `probability_of_detection`.
+        mission: "rescue" or "coverage".
         scenario: all parameters from `grid_size` on, in place of them.
+        situations: a catalogue in place of `persons`: a sequence of situations, each a
+            sequence of `Person`, the same number in each. Every episode draws one of them with
+            equal chances.
+        situation: the number of a situation, from 0, for every episode, in place of the draw;
+            or one for each row, (E,).
         drones_positions: a cell (x, y) for each drone at the start of every episode, shape
             (n_drones, 2) or (E, n_drones, 2). By default drones stand from left to right
             from (0, 0), row by row.
@@ -97,7 +114,11 @@ class SearchBatch:
         probability_of_detection: float | Sequence[float] = Scenario.probability_of_detection,
         bayesian_update: bool = Scenario.bayesian_update,
         reward_scheme: RewardScheme = Scenario.reward_scheme,
+        persons: Sequence[Person] | Person | None = Scenario.persons,
+        mission: str = Scenario.mission,
         scenario: Scenario | None = None,
+        situations: Sequence[Sequence[Person] | Person] | None = None,
+        situation: ArrayLike | None = None,
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
         wants_table: bool = False,
@@ -111,6 +132,8 @@ class SearchBatch:
             num_rows,
             rows_name,
             drones_positions,
+            situations,
+            situation,
             sampler is not None,
             scenario,
             grid_size=grid_size,
@@ -122,12 +145,14 @@ class SearchBatch:
             probability_of_detection=probability_of_detection,
             bayesian_update=bayesian_update,
             reward_scheme=reward_scheme,
+            persons=persons,
+            mission=mission,
         )
         self._now = self._usual.copy()  # those of the present episodes
         self._varies = sampler is not None  # whether they may differ from the usual ones
         self._scenario = scenario = self._usual.scenario
         if wants_table:
-            check_table(scenario, self._usual.forecasts)
+            self._check_table(self._usual)
 
         self._rows = np.arange(self._usual.num_rows)
         self.ready = False
@@ -137,19 +162,38 @@ class SearchBatch:
         self._world = self._new_world()
 
     def _new_world(self) -> BatchState:
-        scenario = self._scenario
-        detections, updates = scenario.detections, scenario.bayesian_update
-        world = BatchState(self._choose_forecasts(), detections, updates, self.num_rows)
-        world.assign(self._rows, self._now.forecasts)
+        forecasts, situations = self._choose_forecasts(), self._usual.situations
+        world = BatchState(self._scenario, forecasts, situations, self.num_rows)
+        if situations is None:
+            world.assign(self._rows, self._now.forecasts)
+        else:  # until an episode draws one
+            situation = self._usual.situation
+            world.choose(self._rows, np.zeros_like(self._rows) if situation is None else situation)
         world.begin(self._rows)
         return world
 
     def _choose_forecasts(self) -> Forecasts:
         size, steps = self._scenario.grid_size, self._scenario.timestep_limit
+        if self._usual.situations is not None:
+            mixtures = self._usual.situations.mixtures
+            persons = len(self._scenario.situation)
+            return forecasts_of_situations(
+                size, steps, mixtures, persons, self.num_rows, self._wants_table
+            )
+        now = self._now.forecasts
         if self._sampler is not None:
-            return OnTheFlyForecasts(size, self._now.forecasts)
-        forecasts = self._usual.forecasts, self._now.forecasts
-        return choose_forecasts(size, steps, *forecasts, wants_table=self._wants_table)
+            mixtures = Mixtures.of_numbers(now.as_numbers().reshape(-1, 5))
+            return OnTheFlyForecasts(size, mixtures, len(now.start), self.num_rows)
+        usual = self._usual.forecasts
+        return choose_forecasts(size, steps, usual, now, wants_table=self._wants_table)
+
+    def _check_table(self, parameters: BatchParameters) -> None:
+        """Raise a ValueError if the table of matrices does not fit in memory."""
+        if parameters.situations is not None:
+            mixtures = parameters.situations.mixtures
+        else:
+            mixtures = Mixtures.of_numbers(distinct([parameters.forecasts]))
+        check_table(self._scenario, mixtures)
 
     def _check_complete(self, what: str) -> None:
         if self._changing:
@@ -170,9 +214,11 @@ class SearchBatch:
                 episodes, or starts one from system entropy.
             rows: their numbers; all rows by default.
             given: "vector", which also applies to later episodes unless a sampler draws it;
-                and "person_initial_position", "disperse_constant" and "drones_positions"
-                for this episode only. Each has one value for all rows, or one for each row
-                of the batch, and takes precedence over the sampler.
+                and "person_initial_position", "disperse_constant", "situation" and
+                "drones_positions" for this episode only. Each has one value for all rows, or
+                one for each row of the batch, and takes precedence over the sampler.
+                "situation" is for batches with persons or situations, which have none of the
+                first three.
 
         Raises:
             ResetNeeded: a step or reset was interrupted, and `rows` are not all rows.
@@ -180,9 +226,10 @@ class SearchBatch:
             ValueError: a value is out of its limits.
         """
         rows = self._rows if rows is None else checks.row_numbers(rows, self.num_rows)
-        wanted = self._usual if given is None else self._usual.changed(given)
-        if given and self._wants_table:
-            check_table(self._scenario, wanted.forecasts)
+        valid = {} if given is None else self._usual.validated(self.num_rows, given, "given")
+        wanted = self._usual.changed(valid) if valid else self._usual
+        if valid and self._wants_table:
+            self._check_table(wanted)
         seeds = None if seeds is None else checks.seeds("seeds", seeds)
         if seeds is not None and len(seeds) != len(rows):
             raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
@@ -194,17 +241,21 @@ class SearchBatch:
         self._prepare(rows)
         counters = self._episodes.reseeded(rows, seeds)
         values = self._usual.drawn(self._sampler, mixed(counters[2]))
-        values = {name: value for name, value in values.items() if name not in (given or ())}
+        values = {name: value for name, value in values.items() if name not in valid}
+        if "situation" in valid:
+            values["situation"] = valid["situation"][rows]
 
         # The input is valid: from here on the batch changes.
         self._changing = True
-        self._world.prepare(rows, self._episodes.assign(rows, counters))
+        self._episodes.assign(rows, counters)
+        self._world.prepare(rows, counters, self._usual.situation)
         self.ready = bool(self._episodes.seeded.all())
-        if given:
+        if valid:
             self._varies = True
+            self._now.assign(rows, wanted)
+        if not valid.keys().isdisjoint(SEED_PARAMETERS):
             drift = self._usual.forecasts.drift
             drift[:, rows] = wanted.forecasts.drift[:, rows]
-            self._now.assign(rows, wanted)
             if isinstance(self._world.forecasts, TabulatedForecasts):
                 self._world.change_forecasts(self._choose_forecasts(), self._now.forecasts)
         self._start(rows, values, wanted)
@@ -250,7 +301,10 @@ class SearchBatch:
         if self._varies:
             self._now.assign(rows, parameters)
             self._now.assign_values(rows, values)
-            self._world.assign(rows, self._now.forecasts)
+            if self._usual.situations is None:
+                self._world.assign(rows, self._now.forecasts)
+            elif "situation" in values:
+                self._world.choose(rows, values["situation"])
         return self._drones.begin(rows, self._now.drones)
 
     def _next(self, rows: Ints) -> RowValues:
@@ -265,7 +319,7 @@ class SearchBatch:
         if self._episodes.prepared(rows):
             return
         before, self._changing = self._changing, True
-        self._world.prepare(*self._episodes.prepare_all())
+        self._world.prepare(*self._episodes.prepare_all(), self._usual.situation)
         self._changing = before
 
     # A step.
@@ -316,17 +370,17 @@ class SearchBatch:
         cells = drones.cells.reshape(-1).take(searches).astype(np.int64)
 
         # 2. The rules decide outcomes, rewards and endings.
-        probability = world.probabilities(rows, cells).astype(np.float64)
+        probability = world.observed(rows, cells)
         finds = world.search(rows, cells, searches)
         found = all_found = finds
         if finds.size:
             found, all_found = searches.take(finds), world.all_found(rows.take(finds))
 
-        outcome = targets, searches, probability, found, all_found, idle
+        outcome = targets, searches, probability, found, all_found, world.covered(rows), idle
         resolve = partial(drones.resolve, world.step, *outcome)
 
         # 3. The clock advances; `resolve` runs while background threads write and drift.
-        world.advance(rows, cells, beginning, matrices, resolve)
+        world.advance(beginning, matrices, resolve)
         drones.cells, drones.chosen = targets, chosen
         self._changing = False
 
@@ -346,10 +400,12 @@ class SearchBatch:
         Raises:
             ValueError: the searches have different parameters; see `scenario_of`.
         """
-        return self._now.common_scenario()
+        return self._now.common_scenario(self._world.situation)
 
     def scenario_of(self, row: int) -> Scenario:
         """The parameters of one search in its present episode.
+
+        With situations, its `persons` are those of the search's situation.
 
         Args:
             row: its number, from 0 to E - 1.
@@ -358,12 +414,13 @@ class SearchBatch:
             TypeError: `row` is not an integer.
             ValueError: there is no such search.
         """
-        return self._now.scenario_of(checks.integer("row", row, 0, self.num_rows - 1))
+        row = checks.integer("row", row, 0, self.num_rows - 1)
+        return self._now.scenario_of(row, int(self._world.situation[row]))
 
     @property
     def parameters(self) -> RowValues:
         """Every row's parameters in its present episode, in the form that `reset` accepts."""
-        return self._now.to_dict()
+        return self._now.to_dict(self._world.situation)
 
     # The last step.
 
@@ -420,6 +477,15 @@ class SearchBatch:
         """Every person's cell, y * N + x, hidden from the drones: int64, (E, persons)."""
         return self._world.person_cells.T.copy()
 
+    @property
+    def probability_of_success(self) -> Floats | None:
+        """The cumulative probability of success (POS) of every row's searches: float64, (E,).
+
+        The mean over persons. None unless beliefs are kept: with `bayesian_update`,
+        `RewardScheme.expected()` or the coverage mission.
+        """
+        return self._world.success()
+
     def frame(self, row: int) -> Frame:
         """Everything that a picture of one row shows, including the persons.
 
@@ -429,12 +495,19 @@ class SearchBatch:
         row = checks.integer("row", row, 0, self.num_rows - 1)
         self._check_complete("frame")
         _, positions = grid_of(self._scenario.grid_size)
-        x, y = self._now.forecasts.drift[:, row].tolist()
-        ending = self._drones.endings[row]
+        scenario = self.scenario_of(row)
+        ending, success = self._drones.endings[row], self.probability_of_success
+        hypotheses = [person.weights for person in scenario.situation]
+        shown = self._world.shown_weights(row)
+        if shown is not None:
+            pairs = zip(shown.tolist(), hypotheses, strict=True)
+            hypotheses = [tuple(weights[: len(own)]) for weights, own in pairs]
         missing = self._world.missing[:, row]
         finders, find_cells = self._world.finds[..., row]
         persons = np.where(missing, self._world.person_cells[:, row], find_cells)
         found_by = np.where(missing, -1, finders % self._scenario.n_drones)
+        if scenario.mission == "coverage":  # it has no persons
+            persons = found_by = persons[:0]
         return Frame(
             matrix=self.matrices_of(np.array([row]))[0],
             drones=tuple(positions[cell] for cell in self._drones.cells[row].tolist()),
@@ -443,8 +516,10 @@ class SearchBatch:
             found_by=tuple(None if drone < 0 else drone for drone in found_by.tolist()),
             step=int(self._world.step[row]),
             timestep_limit=self._scenario.timestep_limit,
-            vector=(x, y),
+            vector=scenario.mean_vector,
             ending=Ending(ending) if ending else None,
+            hypotheses=tuple(hypotheses),
+            probability_of_success=None if success is None else float(success[row]),
         )
 
     # The matrices.

@@ -15,6 +15,8 @@ __all__ = ["Episodes", "RowState"]
 class Episodes:
     """A counter for each random stream of each row: the stream's key plus the episode's number.
 
+    The key of an episode's sequence is the mixed counter, see `streams.mixed`.
+
     A row is prepared once its counters stand at its next episode. The batch prepares all rows
     at a time, because an array call for one row costs as much as for hundreds.
 
@@ -26,7 +28,7 @@ class Episodes:
     """
 
     def __init__(self, rows: int) -> None:
-        self._counters = np.zeros((3, rows), np.uint64)  # drift, detection, sampling
+        self._counters = np.zeros((4, rows), np.uint64)  # in the order of `stream_keys`
         self._prepared = np.zeros(rows, np.bool_)
         self.seeded: Flags = np.zeros(rows, np.bool_)
 
@@ -38,21 +40,20 @@ class Episodes:
         """Prepare all rows that are not.
 
         Returns:
-            Their numbers, and the keys of their next episodes for drift and detection,
-            (2, n).
+            Their numbers, and the counters of their next episodes: uint64, (4, n).
         """
         rows = (~self._prepared).nonzero()[0]
         counters = self._counters[:, rows] + GOLDEN
         self._counters[:, rows] = counters
         self._prepared[rows] = True
-        return rows, mixed(counters[:2])
+        return rows, counters
 
     def sampling_keys(self, rows: Ints) -> Words:
         """The sampling keys of the next episodes of some prepared rows."""
         return mixed(self._counters[2].take(rows))
 
     def reseeded(self, rows: Ints, seeds: Sequence[int | None] | None) -> Words:
-        """The counters of the next episodes of some prepared rows, given new seeds: (3, n).
+        """The counters of the next episodes of some prepared rows, given new seeds: (4, n).
 
         Rows without a seed continue their sequence, or start one from system entropy.
         """
@@ -62,11 +63,10 @@ class Episodes:
                 counters[:, index] = stream_keys(seed) + GOLDEN
         return counters
 
-    def assign(self, rows: Ints, counters: Words) -> Words:
-        """Set the counters of some rows; returns their keys for drift and detection."""
+    def assign(self, rows: Ints, counters: Words) -> None:
+        """Set the counters of some rows."""
         self._counters[:, rows] = counters
         self.seeded[rows] = True
-        return mixed(counters[:2])
 
     def begin(self, rows: Ints) -> None:
         """Note that some rows begin the episodes they are prepared for."""
@@ -85,46 +85,40 @@ class RowState:
 
     Args:
         persons: the persons in each row.
-        pointers: the pointers that the forecasts keep for each row.
         rows: the number of rows.
 
     Attributes:
-        all: int64, (6 persons + 2 + pointers, rows). The other attributes are views of it.
+        all: int64, (9 persons + 3, rows). The other attributes are views of it.
         coordinates: each person's x and y: int64, (persons, 2, rows).
         x: the first of these: int64, (persons, rows).
         y: the second of these.
         cells: y * N + x: int64, (persons, rows).
         missing: 1 for persons who have not been found, else 0: int64, (persons, rows).
         detection_keys: the key of the episode's detections: uint64, (rows,).
+        situation: the number of the situation; 0 without a catalogue: int64, (rows,).
         counters: all integers that grow by a constant in every step, which are:
         step: completed steps: int64, (rows,).
         draws: counters of the next drift draws: uint64, (2 persons, rows).
-        pointers: the pointers of the forecasts: int64, (pointers, rows).
+        pointers: the pointers of the forecasts: int64, (3 persons, rows).
     """
 
-    def __init__(self, persons: int, pointers: int, rows: int) -> None:
+    def __init__(self, persons: int, rows: int) -> None:
         self._persons = persons
-        self.all = np.zeros((6 * persons + 2 + pointers, rows), np.int64)
+        self.all = np.zeros((9 * persons + 3, rows), np.int64)
         self._make_views()
 
     def _make_views(self) -> None:
         n = self._persons
-        coordinates, self.cells, self.missing, keys, self.counters = np.split(
-            self.all, (2 * n, 3 * n, 4 * n, 4 * n + 1)
+        coordinates, self.cells, self.missing, keys, situation, self.counters = np.split(
+            self.all, (2 * n, 3 * n, 4 * n, 4 * n + 1, 4 * n + 2)
         )
         self.coordinates: Ints = coordinates.reshape(n, 2, -1)
         self.x, self.y = self.coordinates[:, 0], self.coordinates[:, 1]
         self.detection_keys: Words = keys[0].view(np.uint64)
+        self.situation: Ints = situation[0]
         self.step: Ints = self.counters[0]
         self.draws: Words = self.counters[1 : 2 * n + 1].view(np.uint64)
         self.pointers: Ints = self.counters[2 * n + 1 :]
-
-    def with_pointers(self, pointers: int) -> RowState:
-        """A copy with room for another number of pointers."""
-        other = RowState(self._persons, pointers, self.all.shape[1])
-        kept = len(self.all) - len(self.pointers)
-        other.all[:kept] = self.all[:kept]
-        return other
 
     def __getstate__(self) -> tuple[int, Ints]:
         return self._persons, self.all  # views would become arrays of their own in a copy

@@ -1,7 +1,8 @@
 """The parameters of a batch: a scenario that all rows share, and values for each row.
 
 The parameters in `ROW_PARAMETERS` may differ between rows. A reset can change them, and a
-sampler can draw them for every episode.
+sampler can draw them for every episode. The persons of a row are described either by the seed
+parameters or by a situation of the batch's catalogue.
 """
 
 from __future__ import annotations
@@ -16,16 +17,27 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints, Words
 from DroneSwarmSearch._internal.streams import RowGenerator
-from DroneSwarmSearch.scenario import Scenario, persons_of_rows, resolve_scenario
+from DroneSwarmSearch.scenario import (
+    REPLACED,
+    Scenario,
+    is_default,
+    persons_of_rows,
+    resolve_scenario,
+)
 from DroneSwarmSearch.vector.forecasts import DriftParameters
+from DroneSwarmSearch.vector.situations import Situations, checked_situations
+from DroneSwarmSearch.vector.tabulated_forecasts import table_bytes
 
 __all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler"]
 
 RowValues = dict[str, NDArray[Any]]
 """Valid values of some of `ROW_PARAMETERS`; the row is the last axis."""
 
-ROW_PARAMETERS = ("vector", "person_initial_position", "disperse_constant", "drones_positions")
-"""The parameters that may differ between rows."""
+SEED_PARAMETERS = ("vector", "person_initial_position", "disperse_constant")
+"""The parameters of the persons' drift."""
+
+ROW_PARAMETERS = (*SEED_PARAMETERS, "situation", "drones_positions")
+"""The parameters that may differ between rows: `SEED_PARAMETERS`, or the situation."""
 
 _DRONE_BYTES = 64
 """A lower limit of the memory of each drone in each row."""
@@ -55,7 +67,8 @@ class Sampler(Protocol):
 
         Returns:
             Any of "vector", shape (n, 2); "person_initial_position", (n, persons, 2);
-            "disperse_constant", (n,); "drones_positions", (n, n_drones, 2). A value
+            "disperse_constant", (n,); "drones_positions", (n, n_drones, 2). With persons or
+            situations, "situation", (n,), takes the place of the first three. A value
             without the first axis applies to all of these episodes. Missing parameters
             keep the batch's values.
         """
@@ -67,13 +80,18 @@ class BatchParameters:
 
     Attributes:
         scenario: the shared parameters; those that differ between rows are row 0's.
-        forecasts: the persons' start, the drift and the disperse constant of every row.
+        seed: the values of `SEED_PARAMETERS`; empty with a catalogue.
         drones: the drones' start cells, y * N + x: int64, (rows, n_drones).
+        situations: the catalogue, or None.
+        situation: the number of each row's situation, int64, (rows,); None if each episode
+            draws one.
     """
 
     scenario: Scenario
-    forecasts: DriftParameters
+    seed: RowValues
     drones: Ints
+    situations: Situations | None = None
+    situation: Ints | None = None
 
     @classmethod
     def from_arguments(
@@ -81,6 +99,8 @@ class BatchParameters:
         num_rows: object,
         rows_name: str,
         drones_positions: object,
+        situations: object,
+        situation: object,
         on_the_fly: bool,
         scenario: Scenario | None,
         **parameters: Any,
@@ -91,6 +111,8 @@ class BatchParameters:
             num_rows: the number of rows.
             rows_name: its name in error messages.
             drones_positions: as in `SearchBatch`.
+            situations: as in `SearchBatch`.
+            situation: as in `SearchBatch`.
             on_the_fly: whether each row computes its own forecasts.
             scenario: as in `SearchBatch`.
             parameters: the scenario's parameters; those in `ROW_PARAMETERS` may have a
@@ -101,40 +123,77 @@ class BatchParameters:
             ValueError: an argument is out of its limits.
         """
         if scenario is not None:
-            parameters = vars(resolve_scenario(scenario, **parameters))
+            resolved = resolve_scenario(scenario, **parameters)
+            parameters = {name: getattr(resolved, name) for name in parameters}
         rows = checks.integer(rows_name, num_rows, 1)
         sizes = Scenario(parameters["grid_size"], parameters["n_drones"])
         size, n = sizes.grid_size, sizes.n_drones
         named = {rows_name: rows}
         checks.fits("the drones", _DRONE_BYTES * rows * n, **named, n_drones=n)
-        vectors = checks.pairs("vector", parameters["vector"], rows)
-        persons = persons_of_rows(parameters["person_initial_position"], rows, size)
-        constants = checks.reals("disperse_constant", parameters["disperse_constant"], rows, 0)
-        first_row = {
-            "vector": vectors[0],
-            "person_initial_position": persons[0],
-            "disperse_constant": constants[0],
-        }
-        shared = Scenario(**{**parameters, **first_row})
-        bytes_each = 8 * size**2 * shared.bayesian_update + _ON_THE_FLY_BYTES * size * on_the_fly
-        needed = persons.shape[1] * rows * bytes_each
+        seed: RowValues = {}
+        catalogue: list[Any] = []
+        if situations is not None:
+            for name in (*REPLACED, "persons"):
+                if not is_default(name, parameters[name]):
+                    raise ValueError(
+                        f"{name} cannot be given together with situations, got "
+                        f"{parameters[name]!r}; each Person has its own"
+                    )
+            catalogue = checked_situations(situations, size)
+            shared = Scenario(**{**parameters, "persons": catalogue[0]})
+        elif parameters["persons"] is not None:
+            shared = Scenario(**parameters)
+            catalogue = [shared.persons]
+        else:
+            start = persons_of_rows(parameters["person_initial_position"], rows, size)
+            vectors = checks.pairs("vector", parameters["vector"], rows)
+            seed = {
+                "vector": np.ascontiguousarray(vectors.T),
+                "person_initial_position": _by_person(start),
+                "disperse_constant": checks.reals(
+                    "disperse_constant", parameters["disperse_constant"], rows, 0
+                ),
+            }
+            first_row = {
+                "vector": seed["vector"][:, 0],
+                "person_initial_position": start[0],
+                "disperse_constant": seed["disperse_constant"][0],
+            }
+            shared = Scenario(**{**parameters, **first_row})
+        persons = len(shared.situation)
+        hypotheses = max((len(p.drifts) for each in catalogue for p in each), default=1)
+        bytes_each = 8 * size**2 * shared.keeps_beliefs + _ON_THE_FLY_BYTES * size * on_the_fly
+        needed = persons * hypotheses * rows * bytes_each
         checks.fits("the persons' beliefs and forecasts", needed, **named, grid_size=size)
-        cells = np.arange(n)
+        made = cls(shared, seed, np.tile(np.arange(n), (rows, 1)))
+        if catalogue:
+            made.situations = Situations(size, catalogue)
+            mixtures = made.situations.mixtures
+            if mixtures.priors:
+                needed = table_bytes(size, shared.timestep_limit, mixtures)
+                limit = {"grid_size": size, "timestep_limit": shared.timestep_limit}
+                checks.fits("the forecasts of starts that are arrays", needed, **limit)
+        if situation is not None:
+            made.situation = made.validated(rows, {"situation": situation}, "")["situation"]
         if drones_positions is not None:
-            cells = shared.drone_cells_of_rows(drones_positions, rows)
-        return cls(
-            shared,
-            DriftParameters(_by_person(persons), np.ascontiguousarray(vectors.T), constants),
-            np.broadcast_to(cells, (rows, n)).copy(),
-        )
+            made.drones = shared.drone_cells_of_rows(drones_positions, rows)
+        return made
 
     @property
     def num_rows(self) -> int:
         """The number of rows."""
         return len(self.drones)
 
-    def scenario_of(self, row: int) -> Scenario:
-        """The parameters of one row."""
+    @property
+    def forecasts(self) -> DriftParameters:
+        """The seed parameters on which the forecasts depend, without a copy."""
+        start, drift = self.seed["person_initial_position"], self.seed["vector"]
+        return DriftParameters(start, drift, self.seed["disperse_constant"])
+
+    def scenario_of(self, row: int, situation: int) -> Scenario:
+        """The parameters of one row in a situation."""
+        if self.situations is not None:
+            return self.scenario.replace(persons=self.situations.persons[situation])
         start, drift, constant = self.forecasts
         x, y = drift[:, row].tolist()
         return self.scenario.replace(
@@ -143,62 +202,58 @@ class BatchParameters:
             disperse_constant=float(constant[row]),
         )
 
-    def common_scenario(self) -> Scenario:
+    def common_scenario(self, situation: Ints) -> Scenario:
         """The scenario of all rows.
+
+        Args:
+            situation: the number of each row's situation: int64, (rows,).
 
         Raises:
             ValueError: the rows differ.
         """
-        start, drift, constant = self.forecasts
-        for name, values in (
-            ("vector", drift),
-            ("person_initial_position", start),
-            ("disperse_constant", constant),
-        ):
+        for name, values in {**self.seed, "situation": situation}.items():
             if (values != values[..., :1]).any():
                 raise ValueError(
                     f"there is no scenario of all searches, because they differ in {name}; "
                     "scenario_of(row) returns the scenario of one"
                 )
-        return self.scenario_of(0)
+        return self.scenario_of(0, int(situation[0]))
 
-    def to_dict(self) -> RowValues:
-        """Copies of all `ROW_PARAMETERS`, in the form that `SearchBatch.reset` accepts."""
-        start, drift, constant = self.forecasts
-        drones = np.stack(np.divmod(self.drones, self.scenario.grid_size)[::-1], axis=-1)
-        values = drift.T.copy(), start.transpose(2, 0, 1).copy(), constant.copy(), drones
-        return dict(zip(ROW_PARAMETERS, values, strict=True))
+    def to_dict(self, situation: Ints) -> RowValues:
+        """Copies of all `ROW_PARAMETERS`, in the form that `SearchBatch.reset` accepts.
+
+        Args:
+            situation: the number of each row's situation: int64, (rows,).
+        """
+        values = {name: np.moveaxis(value, -1, 0).copy() for name, value in self.seed.items()}
+        if self.situations is not None:
+            values["situation"] = situation.copy()
+        y, x = np.divmod(self.drones, self.scenario.grid_size)
+        return {**values, "drones_positions": np.stack([x, y], axis=-1)}
 
     def copy(self) -> BatchParameters:
-        """The same parameters in new arrays."""
-        start, drift, constant = self.forecasts
-        forecasts = DriftParameters(start.copy(), drift.copy(), constant.copy())
-        return replace(self, forecasts=forecasts, drones=self.drones.copy())
+        """The same parameters in new arrays; the catalogue is shared."""
+        seed = {name: value.copy() for name, value in self.seed.items()}
+        return replace(self, seed=seed, drones=self.drones.copy())
 
-    def changed(self, given: Mapping[str, Any]) -> BatchParameters:
-        """A copy with some of `ROW_PARAMETERS` changed in all rows.
-
-        Raises:
-            TypeError: a value is of the wrong type.
-            ValueError: a value is out of its limits.
-        """
+    def changed(self, values: RowValues) -> BatchParameters:
+        """A copy with valid values of some of `ROW_PARAMETERS` in all rows."""
         changed = self.copy()
-        values = self.validated(self.num_rows, given, "given")
         changed.assign_values(np.arange(self.num_rows), values)
         return changed
 
     def assign(self, rows: Ints, other: BatchParameters) -> None:
-        """Copy the parameters of some rows from another batch's."""
-        for mine, theirs in zip(self.forecasts, other.forecasts, strict=True):
-            mine[..., rows] = theirs[..., rows]
+        """Copy the parameters of some rows from another batch's, except for the situation."""
+        for name, value in self.seed.items():
+            value[..., rows] = other.seed[name][..., rows]
         self.drones[rows] = other.drones[rows]
 
     def assign_values(self, rows: Ints, values: RowValues) -> None:
-        """Set valid values in some rows."""
-        start, drift, constant = self.forecasts
-        arrays = dict(zip(ROW_PARAMETERS, (drift, start, constant, self.drones.T), strict=True))
+        """Set valid values in some rows, except for the situation."""
+        arrays = {**self.seed, "drones_positions": self.drones.T}
         for name, value in values.items():
-            arrays[name][..., rows] = value
+            if name != "situation":
+                arrays[name][..., rows] = value
 
     def drawn(self, sampler: Sampler | None, keys: Words) -> RowValues:
         """Draw and validate parameters for some episodes; nothing without a sampler.
@@ -213,7 +268,10 @@ class BatchParameters:
         """
         if sampler is None:
             return {}
-        values = sampler(RowGenerator(keys))
+        rng = RowGenerator(keys)
+        if self.situations is not None:
+            rng.random()  # draws the situation, see `BatchState.prepare`
+        values = sampler(rng)
         if not isinstance(values, Mapping):
             raise TypeError(f"sampler must return a mapping, got {values!r}")
         return self.validated(len(keys), values, "the mapping that sampler returns")
@@ -225,29 +283,47 @@ class BatchParameters:
             rows: how many.
             values: by name.
             name: the mapping's name in error messages.
+
+        Returns:
+            The values; the row is the last axis.
         """
         if not isinstance(values, Mapping):
             raise TypeError(f"{name} must be a mapping, got {values!r}")
-        unknown = [key for key in values if key not in ROW_PARAMETERS]
-        if unknown:
-            raise ValueError(
-                f"{name} must hold parameters that may differ between searches "
-                f"({', '.join(ROW_PARAMETERS)}), got {unknown[0]!r}"
-            )
-        scenario = self.scenario
+        known = ("situation",) if self.situations is not None else SEED_PARAMETERS
+        known = (*known, "drones_positions")
         valid: RowValues = {}
         for key, value in values.items():
-            if key == "vector":
-                valid[key] = checks.pairs(key, value, rows).T
-            elif key == "disperse_constant":
-                valid[key] = checks.reals(key, value, rows, 0)
-            elif key == "drones_positions":
-                valid[key] = scenario.drone_cells_of_rows(value, rows).T
-            else:
-                persons = len(scenario.person_initial_position)
-                cells = persons_of_rows(value, rows, scenario.grid_size, persons)
-                valid[key] = _by_person(cells)
+            if key in SEED_PARAMETERS and key not in known:
+                raise ValueError(
+                    f"{key} cannot be given together with persons or situations, got {value!r}; "
+                    "each Person has its own"
+                )
+            if key == "situation" and key not in known:
+                raise ValueError(
+                    f"situation must be given together with situations, got {value!r} without them"
+                )
+            if key not in known:
+                raise ValueError(
+                    f"{name} must hold parameters that may differ between searches "
+                    f"({', '.join(known)}), got {key!r}"
+                )
+            valid[key] = self._validated(key, value, rows)
         return valid
+
+    def _validated(self, name: str, value: Any, rows: int) -> NDArray[Any]:
+        scenario = self.scenario
+        if name == "vector":
+            return checks.pairs(name, value, rows).T
+        if name == "disperse_constant":
+            return checks.reals(name, value, rows, 0)
+        if name == "drones_positions":
+            return scenario.drone_cells_of_rows(value, rows).T
+        if name == "situation":
+            assert self.situations is not None
+            return checks.integers(name, value, rows, 0, len(self.situations) - 1)
+        persons = len(scenario.person_initial_position)
+        cells = persons_of_rows(value, rows, scenario.grid_size, persons)
+        return _by_person(cells)
 
 
 def _by_person(persons: Ints) -> Ints:

@@ -16,6 +16,8 @@ from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
 
 __all__ = ["SB3VecEnv"]
 
+_SUCCESS = "probability_of_success"
+
 
 class SB3VecEnv(VecEnv):
     """Adapts a vector environment to Stable-Baselines3.
@@ -27,7 +29,8 @@ class SB3VecEnv(VecEnv):
 
     When an episode ends, the next one begins in the same step. The sub-environment's info then
     holds "terminal_observation" and "TimeLimit.truncated", which is True if the environment
-    truncates without terminating (separate_flags=True). Other infos are empty; `env.batch`
+    truncates without terminating (separate_flags=True). Every info holds
+    "probability_of_success" if the environment's infos do. Other infos are empty; `env.batch`
     has the state. ``VecMonitor`` adds episode returns.
 
     `env_method("action_masks")` returns a mask for each sub-environment, as sb3-contrib's
@@ -71,10 +74,10 @@ class SB3VecEnv(VecEnv):
         if any(not _equal(options, self._options[0]) for options in self._options):
             raise ValueError("options must be the same for all sub-environments")
         # The base class's `seed` sets consecutive seeds; the first is enough.
-        observations, _ = self.env.reset(seed=self._seeds[0], options=self._options[0] or None)
+        observations, infos = self.env.reset(seed=self._seeds[0], options=self._options[0] or None)
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self.reset_infos: list[dict[str, Any]] = self._listed(infos)
         return self._kept(observations)
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -87,13 +90,23 @@ class SB3VecEnv(VecEnv):
             raise RuntimeError("step_wait: no actions have been given; call step_async() first")
         observations, rewards, terminated, truncated, infos = self.env.step(self._actions)
         dones = terminated | truncated
-        listed: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for index in dones.nonzero()[0].tolist():
+        listed = self._listed(infos)
+        ended = dones.nonzero()[0].tolist()
+        final = self._listed(infos["final_info"]) if ended else []
+        for index in ended:
             listed[index] = {
+                **final[index],
                 "terminal_observation": infos["final_obs"][index],
                 "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
             }
         return self._kept(observations), rewards.astype(np.float32), dones, listed
+
+    def _listed(self, infos: dict[str, Any]) -> list[dict[str, Any]]:
+        """An info for each sub-environment."""
+        success = infos.get(_SUCCESS)
+        if success is None:
+            return [{} for _ in range(self.num_envs)]
+        return [{_SUCCESS: value} for value in success.tolist()]
 
     def _kept(self, observations: Any) -> Any:
         """Observations that the next step does not overwrite: the caller keeps the last ones."""

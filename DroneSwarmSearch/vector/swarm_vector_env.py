@@ -44,6 +44,9 @@ class SwarmVectorEnv(SearchVectorEnv):
     - `ending`: why the last step ended the episode, the integer value of an `Ending`; 0 while
       the episode continues.
     - `step`: completed steps.
+    - `probability_of_success`: the cumulative probability of success (POS) of all searches so
+      far, the mean over persons. It is there with `bayesian_update`,
+      `RewardScheme.expected()` or the coverage mission.
 
     Args:
         num_envs: the number of swarms.
@@ -51,8 +54,8 @@ class SwarmVectorEnv(SearchVectorEnv):
             are single float32 arrays.
         top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
         write_matrices: False observes, in place of each matrix, its index in the table
-            `matrices` that all swarms share. Only for one person, without `bayesian_update`
-            and `sampler`, and with observation="dict".
+            `matrices` that all swarms share. Only for one person, without `bayesian_update`,
+            without a `sampler` of the drift, and with observation="dict".
         autoreset_mode: when an ended episode is followed by the next one: in the next step,
             in the same step (the final observation is in the infos, "final_obs"), or only
             in `reset` ("Disabled").
@@ -73,7 +76,16 @@ class SwarmVectorEnv(SearchVectorEnv):
         probability_of_detection: one number, or one for each person.
         bayesian_update: whether matrices are posteriors, or the drift forecast alone.
         reward_scheme: the figures of the reward table.
+        persons: the persons of every swarm if their start or drift is uncertain, see `Person`;
+            in place of `vector`, `person_initial_position`, `disperse_constant` and
+            `probability_of_detection`.
+        mission: "rescue" or "coverage".
         scenario: all parameters from `grid_size` on, in place of them.
+        situations: a catalogue in place of `persons`: a sequence of situations, each a
+            sequence of `Person`, the same number in each. Every episode draws one of them with
+            equal chances.
+        situation: the number of a situation, from 0, for every episode, in place of the draw;
+            or one for each swarm.
         drones_positions: the drones' cells at the start of every episode, shape (n_drones, 2)
             or (num_envs, n_drones, 2).
         sampler: draws new parameters for every episode, see `Sampler`.

@@ -10,15 +10,30 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch._internal.streams import DENOMINATOR
-from DroneSwarmSearch.drift.tables import tabulate
+from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
+from DroneSwarmSearch.drift.probability_matrix import matrices_of
+from DroneSwarmSearch.drift.tables import Axes, tabulate
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector.forecasts import DriftParameters, Forecasts, OnTheFlyForecasts
+from DroneSwarmSearch.vector.forecasts import (
+    DriftParameters,
+    Forecasts,
+    Mixtures,
+    OnTheFlyForecasts,
+)
 from DroneSwarmSearch.vector.threads import parts_of, run_in_parts
 
-__all__ = ["TABLE_BYTES", "TabulatedForecasts", "check_table", "choose_forecasts"]
+__all__ = [
+    "TABLE_BYTES",
+    "TabulatedForecasts",
+    "check_table",
+    "choose_forecasts",
+    "distinct",
+    "forecasts_of_situations",
+    "table_bytes",
+]
 
 TABLE_BYTES = 64 * 2**20
-"""The largest tables that a batch makes unless it is asked for them."""
+"""The largest tables that a batch makes unless it needs them or is asked for them."""
 
 _BLOCK_STEPS = 32
 
@@ -26,48 +41,56 @@ _BLOCK_STEPS = 32
 class TabulatedForecasts(Forecasts):
     """Tables of all forecasts, filled as far as the rows have come.
 
-    An entry of the tables is one step of one forecast. The pointers of a row are, for each
-    person, the number of its entry, then the offsets of the entry's values for x and for y.
+    An entry of the tables is one step of one forecast. Entries have the number of the
+    forecast times the steps in an episode, plus the step.
 
     Args:
         grid_size: cells along each side, N.
         steps: the last step of an episode.
-        parameters: one or more sets of the rows' parameters. A row may be assigned any
-            forecast in any of them.
+        mixtures: the forecasts, numbered in this order.
+        persons: the number of persons in each row.
+        seed_parameters: the forecasts as five numbers, if they have this form, see `distinct`.
     """
 
-    def __init__(self, grid_size: int, steps: int, *parameters: DriftParameters) -> None:
+    def __init__(
+        self,
+        grid_size: int,
+        steps: int,
+        mixtures: Mixtures,
+        persons: int,
+        seed_parameters: Floats | None = None,
+    ) -> None:
         self.grid_size = grid_size
         self._steps = steps
         self._cells = np.array(grid_size**2)  # 0-d: NumPy calculates faster than with an int
-        self._forecasts = _distinct(parameters)
-        count, persons = len(self._forecasts), len(parameters[0].start)
-        shape = (count, steps + 1, 2, grid_size)
-        self._probability = np.zeros(shape)
+        self._mixtures = mixtures
+        self._seed_parameters = seed_parameters
+        count, self.hypotheses = mixtures.weights.shape
+        shape = (count, steps + 1, self.hypotheses, 2, grid_size)
+        self._factors = np.zeros(shape)
         # Moves right and left in the order that `moves` returns: entries are the last axes.
-        self._moves = np.zeros((2, 2, grid_size, count, steps + 1))
+        self._moves = np.zeros((2, 2, self.hypotheses, grid_size, count, steps + 1))
         # Probabilities of +1, and of +1 or -1, times 2**53, rounded up: draws are integers.
         self._higher, self._either = (np.zeros(shape, np.int64) for _ in range(2))
         self._matrices = np.zeros((count, steps + 1, grid_size, grid_size), np.float32)
+        # The probability of each hypothesis and cell, if there are starts that are arrays.
+        self._joint: Floats | None = None
+        if mixtures.priors:
+            self._joint = np.zeros((count, steps + 1, self.hypotheses, grid_size, grid_size))
         self._public: Singles | None = None  # the copy that users get
         self._cdf: Floats | None = None
         self._filled = 0
         self._latest = 0  # an upper limit of the rows' steps
         self._make_views()
-        self.increments = np.array([1] * persons + [2 * grid_size] * 2 * persons)[:, None]
+        width = 2 * grid_size * self.hypotheses
+        self.increments = np.array([1] * persons + [width] * 2 * persons)[:, None]
         self._fill()
-
-    def bind(self, now: Ints, first: Ints) -> None:
-        persons = len(now) // 3
-        self._now, self._first = now, first
-        self.entries: Ints = now[:persons]
-        self._offsets: Ints = now[persons:].reshape(persons, 2, -1)
 
     def _make_views(self) -> None:
         self._flat_higher, self._flat_either = self._higher.reshape(-1), self._either.reshape(-1)
         self._by_entry = self._matrices.reshape(-1, self.grid_size, self.grid_size)
-        self._flat_moves = self._moves.reshape(2, 2, self.grid_size, -1)
-        self._flat_probability = self._probability.reshape(-1, 2, self.grid_size)
+        self._flat_moves = self._moves.reshape(*self._moves.shape[:4], -1)
+        self._flat_factors = self._factors.reshape(-1, *self._factors.shape[2:])
         self._flat_matrices = self._matrices.reshape(-1)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -105,19 +128,20 @@ class TabulatedForecasts(Forecasts):
             self._flat_either.take(index, mode="clip"),
         )
 
-    def assign(self, rows: Ints, parameters: DriftParameters) -> None:
-        entries = self._find(parameters, rows) * (self._steps + 1)
-        axes = 2 * self.grid_size * entries[:, None] + self.grid_size * np.arange(2)[:, None]
-        self._first[:, rows] = np.concatenate([entries, axes.reshape(-1, len(rows))])
-
-    def _find(self, parameters: DriftParameters, rows: Ints) -> Ints:
-        """The number of each person's forecast: (persons, rows)."""
-        if len(self._forecasts) == 1:
+    def numbers_of(self, rows: Ints, parameters: DriftParameters) -> Ints:
+        known = self._seed_parameters
+        assert known is not None
+        if len(known) == 1:
             return np.zeros((len(self.entries), len(rows)), np.int64)
-        wanted = _as_numbers(parameters, rows)
-        merged = np.concatenate([self._forecasts, wanted.reshape(-1, 5)])
+        wanted = parameters.as_numbers(rows)
+        merged = np.concatenate([known, wanted.reshape(-1, 5)])
         _, number = np.unique(merged, axis=0, return_inverse=True)
-        return number.reshape(-1)[len(self._forecasts) :].reshape(wanted.shape[:2])
+        return number.reshape(-1)[len(known) :].reshape(wanted.shape[:2])
+
+    def _pointers(self, rows: Ints, numbers: Ints, hypotheses: Ints) -> tuple[Ints, Ints]:
+        entries = numbers * (self._steps + 1)
+        offsets = 2 * self.grid_size * (entries * self.hypotheses + hypotheses)
+        return entries, offsets[:, None] + self.grid_size * np.arange(2)[:, None]
 
     def begin(self, rows: Ints) -> None:
         pass  # the pointers are all there is to set
@@ -152,13 +176,30 @@ class TabulatedForecasts(Forecasts):
 
         run_in_parts(write, parts_of(out), foreground)
 
-    def marginals(self, person: int | Ints, rows: Rows) -> tuple[Floats, Floats]:
-        both = self._flat_probability.take(self._entries_of(person, rows), 0, mode="clip")
-        return both[:, 0], both[:, 1]
+    def factors(self, person: int | Ints, rows: Rows) -> Floats:
+        factors: Floats = self._flat_factors.take(self._entries_of(person, rows), 0, mode="clip")
+        return factors
+
+    def joint(self, person: int, rows: Rows) -> Floats:
+        if self._joint is None:
+            return super().joint(person, rows)
+        return np.ascontiguousarray(np.moveaxis(self._joint_of(person, rows), 0, -1))
+
+    def joint_at(self, person: int, rows: Ints, cells: Ints) -> Floats:
+        if self._joint is None:
+            return super().joint_at(person, rows, cells)
+        joint = self._joint_of(person, rows).reshape(len(rows), self.hypotheses, -1)
+        return joint[np.arange(len(rows)), :, cells].T
+
+    def _joint_of(self, person: int, rows: Rows) -> Floats:
+        assert self._joint is not None
+        by_entry = self._joint.reshape(-1, *self._joint.shape[2:])
+        joint: Floats = by_entry.take(self._entries_of(person, rows), 0, mode="clip")
+        return joint
 
     def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
         entries = self.entries[person, rows]
-        (right, down), (left, up) = self._flat_moves.take(entries, 3, mode="clip")
+        (right, down), (left, up) = self._flat_moves.take(entries, 4, mode="clip")
         return right, left, down, up
 
     def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
@@ -181,34 +222,55 @@ class TabulatedForecasts(Forecasts):
 
     def _fill(self) -> None:
         """Fill the tables for the next block of steps."""
-        first = self._filled
+        first, mixtures = self._filled, self._mixtures
         count = min(_BLOCK_STEPS, self._steps + 1 - first)
-        start, drift, constant = np.split(self._forecasts, (2, 4), axis=1)
         tables = tabulate(
             self.grid_size,
-            start.reshape(-1),
-            drift.reshape(-1),
-            constant.repeat(2),
+            Axes(*(values.reshape(-1) for values in mixtures.axes)),
+            mixtures.starts(),
             first=first,
             count=count,
             cdf=self._cdf,
         )
         self._cdf = tables.cdf
         here = np.s_[:, first : first + count]
-        shape = (count, len(self._forecasts), 2, self.grid_size)
+        shape = (count, *mixtures.weights.shape, 2, self.grid_size)
         probability, right, left = (
             table.reshape(shape).swapaxes(0, 1)
             for table in (tables.probability, tables.right, tables.left)
         )
-        self._probability[here] = probability
+        factors = self._factors[here]
+        factors[...] = probability
+        factors[..., 1, :] *= mixtures.weights[:, None, :, None]
         self._higher[here] = np.ceil(right * DENOMINATOR)
         self._either[here] = np.ceil((right + left) * DENOMINATOR)
-        self._moves[..., first : first + count] = np.stack([right, left]).transpose(0, 3, 4, 1, 2)
-        x, y = np.moveaxis(probability.astype(np.float32), 2, 0)
-        np.multiply(y[..., :, None], x[..., None, :], out=self._matrices[here])
+        moves = np.stack([right, left]).transpose(0, 4, 3, 5, 1, 2)
+        self._moves[..., first : first + count] = moves
+        self._matrices[here] = matrices_of(factors)
+        if self._joint is not None:
+            self._fill_joint(self._joint, first, count)
         if self._public is not None:
             self._public[here] = self._matrices[here]
         self._filled = first + count
+
+    def _fill_joint(self, joint: Floats, first: int, count: int) -> None:
+        """Fill the table of hypotheses and cells, as `ProbabilityMatrix` does.
+
+        The hypotheses of a forecast with an array as start are all carried along by the moves.
+        """
+        mixtures = self._mixtures
+        here = np.s_[:, first : first + count]
+        x, y = np.moveaxis(self._factors[here], 3, 0)
+        np.multiply(y[..., :, None], x[..., None, :], out=joint[here])
+        if first == 0:
+            for (number, hypothesis), prior in mixtures.priors.items():
+                joint[number, 0, hypothesis] = mixtures.weights[number, hypothesis] * prior
+        for number in {number for number, _ in mixtures.priors}:
+            for step in range(max(first, 1), first + count):
+                (right, down), (left, up) = self._moves[..., number, step - 1]
+                joint[number, step] = after_drift(joint[number, step - 1], right, left, down, up)
+            matrices = over_hypotheses(joint[number, first : first + count].swapaxes(0, 1))
+            self._matrices[number, first : first + count] = matrices
 
 
 def choose_forecasts(
@@ -219,44 +281,64 @@ def choose_forecasts(
     Args:
         grid_size: cells along each side, N.
         steps: the last step of an episode.
-        parameters: see `TabulatedForecasts`; the rows' present ones come last.
+        parameters: one or more sets of the rows' seed parameters. A row may get any forecast in
+            any of them. The present ones come last.
         wants_table: tabulate however large the tables are.
     """
-    affordable = TABLE_BYTES // _forecast_bytes(grid_size, steps)
-    if wants_table or len(_distinct(parameters)) <= affordable:
-        return TabulatedForecasts(grid_size, steps, *parameters)
-    return OnTheFlyForecasts(grid_size, parameters[-1])
+    persons, _, rows = parameters[-1].start.shape
+    known = distinct(parameters)
+    mixtures = Mixtures.of_numbers(known)
+    if wants_table or table_bytes(grid_size, steps, mixtures) <= TABLE_BYTES:
+        return TabulatedForecasts(grid_size, steps, mixtures, persons, known)
+    mixtures = Mixtures.of_numbers(parameters[-1].as_numbers().reshape(-1, 5))
+    return OnTheFlyForecasts(grid_size, mixtures, persons, rows)
 
 
-def check_table(scenario: Scenario, parameters: DriftParameters) -> None:
-    """Raise a ValueError if tables of these forecasts do not fit in memory."""
+def forecasts_of_situations(
+    grid_size: int,
+    steps: int,
+    mixtures: Mixtures,
+    persons: int,
+    rows: int,
+    wants_table: bool = False,
+) -> Forecasts:
+    """`choose_forecasts` for a catalogue; starts that are arrays are always tabulated.
+
+    Args:
+        grid_size: cells along each side, N.
+        steps: the last step of an episode.
+        mixtures: the forecasts.
+        persons: the number of persons in each row.
+        rows: the number of rows.
+        wants_table: tabulate however large the tables are.
+    """
+    tabulates = wants_table or bool(mixtures.priors)
+    if tabulates or table_bytes(grid_size, steps, mixtures) <= TABLE_BYTES:
+        return TabulatedForecasts(grid_size, steps, mixtures, persons)
+    return OnTheFlyForecasts(grid_size, mixtures, persons, rows)
+
+
+def check_table(scenario: Scenario, mixtures: Mixtures) -> None:
+    """Raise a ValueError if tables of some forecasts do not fit in memory."""
     size, steps = scenario.grid_size, scenario.timestep_limit
-    forecasts = len(_distinct([parameters]))
     checks.fits(
-        f"the table of matrices for {forecasts} different forecasts",
-        _forecast_bytes(size, steps) * forecasts,
+        f"the table of matrices for {len(mixtures.weights)} different forecasts",
+        table_bytes(size, steps, mixtures),
         grid_size=size,
         timestep_limit=steps,
     )
 
 
-def _forecast_bytes(grid_size: int, steps: int) -> int:
-    """The memory of one forecast's tables."""
-    return (4 * grid_size**2 + 5 * 8 * 2 * grid_size) * (steps + 1)
+def table_bytes(grid_size: int, steps: int, mixtures: Mixtures) -> int:
+    """The memory of tables of some forecasts."""
+    hypotheses = mixtures.weights.shape[1]
+    joint = 8 * grid_size**2 if mixtures.priors else 0
+    entry = 4 * grid_size**2 + hypotheses * (5 * 8 * 2 * grid_size + joint)
+    count: int = entry * (steps + 1) * len(mixtures.weights)
+    return count
 
 
-def _as_numbers(parameters: DriftParameters, rows: Rows = slice(None)) -> Floats:
-    """Each person's forecast as five numbers: shape (persons, rows, 5)."""
-    start = parameters.start[..., rows]
-    persons, _, count = start.shape
-    forecasts = np.empty((persons, count, 5))
-    forecasts[..., :2] = start.swapaxes(1, 2)
-    forecasts[..., 2:4] = parameters.drift[:, rows].T
-    forecasts[..., 4] = parameters.disperse_constant[rows]
-    return forecasts
-
-
-def _distinct(parameters: Sequence[DriftParameters]) -> Floats:
-    """All forecasts without repetitions: shape (forecasts, 5)."""
-    forecasts = np.concatenate([_as_numbers(each).reshape(-1, 5) for each in parameters])
+def distinct(parameters: Sequence[DriftParameters]) -> Floats:
+    """All forecasts of seed parameters without repetitions, as numbers: (forecasts, 5)."""
+    forecasts = np.concatenate([each.as_numbers().reshape(-1, 5) for each in parameters])
     return np.unique(forecasts, axis=0)

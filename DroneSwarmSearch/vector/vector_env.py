@@ -161,12 +161,14 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _infos(self) -> Infos:
         """The infos of all sub-environments, without masks."""
         batch, each = self.batch, self._each
-        infos = {
+        infos: Infos = {
             "Found": batch.found,
             "persons_found": ~batch.missing,
             "ending": batch.endings,
             "step": batch.steps,
         }
+        if (success := batch.probability_of_success) is not None:
+            infos["probability_of_success"] = success
         if self._joint:
             return infos
         return {name: values.repeat(each, axis=0) for name, values in infos.items()}
@@ -188,9 +190,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 all swarms without a seed. The first swarm's seed also seeds `np_random`.
             options: may hold "reset_mask", bool, shape (num_envs,), the sub-environments to
                 reset (all or none of a swarm); "vector", which also applies to later
-                episodes; and "person_initial_position", "disperse_constant" and
+                episodes; and "person_initial_position", "disperse_constant", "situation" and
                 "drones_positions" for this episode only. Each has one value for all swarms,
-                or one for each.
+                or one for each. "situation" is for environments with `persons` or
+                `situations`, which have none of the first three.
 
         Returns:
             The observations of all sub-environments, and the infos of those that were reset.
