@@ -213,9 +213,9 @@ def wreck() -> Entry:
     persons = [
         leeway.person(
             object_class,
-            start=(12, 27),
+            start=(10, 24),
             position_sd=500,
-            wind=wind_from(240, 15 * KNOT),
+            wind=wind_from(270, 15 * KNOT),
             current=current_towards(20, 0.5 * KNOT),
             adrift=30 * MINUTES,
             scale=scale,
