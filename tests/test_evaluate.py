@@ -527,6 +527,7 @@ def test_an_episode_succeeds_when_the_last_person_is_found():
         Ending.COLLISION: 0,
         Ending.LEFT_GRID: 0,
         Ending.TIME_LIMIT: 2,
+        Ending.COVERED: 0,
     }
     assert got.mean_return.value == 1.5
     assert got.mean_return.low <= 1.5 <= got.mean_return.high
