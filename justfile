@@ -50,6 +50,10 @@ figures:
     python docs/make_figures.py
     python docs/make_pictures.py
 
+# write the file of the evaluation suite, from the searches in metres and seconds
+suite:
+    python docs/make_suite.py
+
 # regenerate the golden traces; review the diff
 golden *options:
     python tests/golden/regenerate.py {{ options }}

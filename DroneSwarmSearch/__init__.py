@@ -4,16 +4,21 @@ from importlib import import_module
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = [
     "Action",
+    "Drift",
     "DroneSwarmSearch",
     "Ending",
+    "Person",
     "ResetNeeded",
     "RewardScheme",
+    "Scale",
     "Scenario",
     "__version__",
     "parallel_env",
@@ -22,11 +27,14 @@ __all__ = [
 __version__ = "1.0.0"
 
 _SUBMODULES = (
+    "detection",
     "drift",
     "drone_swarm_search_v0",
     "evaluation",
+    "leeway",
     "planning",
     "policies",
+    "priors",
     "rendering",
     "training",
     "vector",

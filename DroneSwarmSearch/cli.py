@@ -37,7 +37,7 @@ seed, all policies use common random numbers.
 EVALUATE_EXAMPLES = """\
 examples:
   python -m DroneSwarmSearch evaluate --list
-  python -m DroneSwarmSearch evaluate greedy-posterior classic open-sea --bound
+  python -m DroneSwarmSearch evaluate greedy-posterior classic man-overboard --bound
   python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
   python -m DroneSwarmSearch evaluate my_network.py:policy classic --posterior
   python -m DroneSwarmSearch evaluate my_network.py:policy classic --view drone --observation flat
@@ -78,7 +78,7 @@ the time limit and within each earlier step.
 
 BOUND_EXAMPLES = """\
 examples:
-  python -m DroneSwarmSearch bound pond lagoon
+  python -m DroneSwarmSearch bound pond harbour
   python -m DroneSwarmSearch bound all --workers 2 --json > bounds.json
 """
 

@@ -198,7 +198,7 @@ class DroneSwarmSearch(SearchSpaces):
 
         Three drones search 15 x 15 cells for 60 steps. No drone starts in the person's cell,
         and drones that act at random hardly ever find the person. `GreedyPolicy` finds the
-        person in 67% of the episodes, and in 74% with `bayesian_update=True`.
+        person in 86% of the episodes, and in 94% with `bayesian_update=True`.
 
         Args:
             changes: constructor arguments that replace those of the example.
@@ -206,9 +206,9 @@ class DroneSwarmSearch(SearchSpaces):
         example: dict[str, Any] = {
             "grid_size": 15,
             "n_drones": 3,
-            "vector": (0.15, 0.1),
-            "person_initial_position": (6, 6),
-            "disperse_constant": 3,
+            "vector": (0.08, 0.05),
+            "person_initial_position": (5, 5),
+            "disperse_constant": 0.6,
             "timestep_limit": 60,
         }
         return cls(**{**example, **changes})

@@ -164,8 +164,10 @@ class RewardScheme:
             abs(self.search_unlikely),
             abs(self.find) + abs(self.find_early),
         )
-        timeout = abs(self.timeout) + usual * timestep_limit
-        return max(timeout, abs(self.leave_grid), abs(self.collision))
+        crash = max(abs(self.leave_grid), abs(self.collision))
+        if self.expected_finds:
+            return max(abs(self.step), abs(self.find), crash)
+        return max(abs(self.timeout) + usual * timestep_limit, crash)
 
     @classmethod
     def sparse(cls) -> RewardScheme:

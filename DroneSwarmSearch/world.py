@@ -64,7 +64,10 @@ class WorldState:
         self._shows_posteriors = scenario.bayesian_update
         self._pays_expectation = scenario.reward_scheme.expected_finds
         self.is_rescue = scenario.mission == "rescue"
-        self._known_starts = [forecast.known_start for forecast in self._forecasts]
+        known_starts = [forecast.known_start for forecast in self._forecasts]
+        self._start_paths = [[cell or 0] for cell in known_starts]
+        self._starts_known = None not in known_starts
+        self._hypotheses = [0] * len(self._forecasts)  # that each person follows
         self._block_steps = min(forecast.block_steps for forecast in self._forecasts)
         self.persons = tuple(range(len(self._forecasts)))
         self._start_forecast = self._shared_forecast(self.persons)
@@ -86,7 +89,11 @@ class WorldState:
         self.step = 0
         self.missing = self.persons
         self.finds: dict[int, tuple[int, int]] = {}
-        self._begin_paths()
+        self._paths = self._start_paths  # each person's cells over some steps
+        self._paths_first = 0  # the first of these steps
+        if not self._starts_known:
+            self._paths = self._start_paths.copy()
+            self._draw_starts()
         self.success = None if self._posteriors is None else 0.0
         self.is_covered = False
         self._hidden_posteriors: Posteriors | None = None  # from the first search on
@@ -147,16 +154,13 @@ class WorldState:
 
     # The persons.
 
-    def _begin_paths(self) -> None:
-        """Put all persons at step 0."""
-        self._hypotheses = [0] * len(self.persons)  # that each person follows
-        self._paths = []  # each person's cells over some steps
-        self._paths_first = 0  # the first of these steps
-        for person, cell in enumerate(self._known_starts):
-            if cell is None:
-                draw = self._streams.start.row(self._episode, 0, len(self.persons))[person]
-                self._hypotheses[person], cell = start(self._forecasts[person], draw)
-            self._paths.append([cell])
+    def _draw_starts(self) -> None:
+        """Draw the hypothesis and the cell at step 0 of every person where they are uncertain."""
+        draws = self._streams.start.draw(self._episode, len(self.persons))
+        for person, (forecast, draw) in enumerate(zip(self._forecasts, draws, strict=True)):
+            if forecast.known_start is None:
+                self._hypotheses[person], cell = start(forecast, draw)
+                self._paths[person] = [cell]
 
     def person_cell(self, person: int) -> int:
         """A person's present cell, y * N + x."""

@@ -214,10 +214,29 @@ class CommandHelp(Directive):
         return [nodes.literal_block(output, output, language="text")]
 
 
+class LeewayClasses(Directive):
+    """A table of the object classes, with their leeway in a wind of 10 m/s."""
+
+    def run(self) -> list[nodes.Node]:
+        lines = [".. csv-table::", "   :header: Key, Object, Downwind, Crosswind", ""]
+        for kind in DroneSwarmSearch.leeway.CLASSES.values():
+            at_10 = kind.speeds(10)
+            cells = (
+                f"``{kind.name}``",
+                kind.description,
+                f"{at_10.downwind:.2f} ± {at_10.downwind_sd:.2f}",
+                f"{at_10.right:+.2f} or {at_10.left:+.2f} ± {at_10.right_sd:.2f}",
+            )
+            lines.append("   " + ", ".join(f'"{cell}"' for cell in cells))
+        self.state_machine.insert_input(lines, "leeway-classes")
+        return []
+
+
 def setup(app: Sphinx) -> None:
     """Register the extensions above."""
     app.add_html_math_renderer("mathml", (inline_mathml, None), (block_mathml, None))
     app.add_transform(BothThemes)
     app.add_directive("command-help", CommandHelp)
+    app.add_directive("leeway-classes", LeewayClasses)
     app.connect("autodoc-process-docstring", read_docstring)
     app.connect("missing-reference", find_in_package)

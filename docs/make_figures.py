@@ -41,10 +41,11 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch
+from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
-from DroneSwarmSearch.drift.tables import gaussian_cdf
+from DroneSwarmSearch.drift.tables import Axes as DriftAxes
+from DroneSwarmSearch.drift.tables import distribution
 from DroneSwarmSearch.policies import GreedyPolicy
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
@@ -204,20 +205,24 @@ def marginal_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
 
 def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
     """Return the Gaussian's distribution function G of the column at a step, shape (N,)."""
-    size, start, drift, constant = forecast.parameters
-    values = (np.array(float(value)) for value in (start[0], drift[0], constant, step))
-    return gaussian_cdf(size, *values)
+    axes = DriftAxes.of(forecast.person.drifts)
+    return distribution(forecast.grid_size, axes, np.array(float(step)))[:, 0]
+
+
+def known(start: tuple[int, int], vector: tuple[float, float], constant: float = 10) -> Drift:
+    """Return the drift that the parameters of the 2023 package describe."""
+    return Drift(start, vector=vector, diffusion=dispersion_rate(constant))
 
 
 @figure("gaussian")
 def gaussian(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the matrix at several steps, with the path of its centre."""
-    forecast = ProbabilityMatrix(40, (8, 10), (0.5, 0.25), 10)
+    (x, y), (u, v) = (8, 10), (0.5, 0.25)
+    forecast = ProbabilityMatrix(40, known((x, y), (u, v)))
     chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
     for axes, step in zip(panels.flat, (2, 12, 36, 70), strict=True):
         heat_map(axes, forecast.exact(step), theme)
-        (x, y), (u, v) = forecast.parameters[1:3]
         end = min(x + u * step, 39.0), min(y + v * step, 39.0)
         if step > 2:
             arrow = {"arrowstyle": "-|>", "color": theme.track, "linewidth": 1.5, "shrinkB": 0}
@@ -241,7 +246,7 @@ def gaussian(theme: Theme, sampling: Sampling) -> Figure:
 @figure("clip")
 def clip(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the Gaussian, the reachable band and the clipped forecast."""
-    forecast = ProbabilityMatrix(40, (12, 12), (0.6, 0.0), 10)
+    forecast = ProbabilityMatrix(40, known((12, 12), (0.6, 0.0)))
     chart = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     panels = chart.subplots(2, 2)
     edges = np.arange(-0.5, 40)
@@ -282,7 +287,7 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
     chart.legend(handles, labels, loc="outside upper left", ncols=3, columnspacing=1.4)
     axes = panels[1, 1]
     for drift in (0.5, 0.8, 0.9, 1.0):
-        long = ProbabilityMatrix(200, (10, 10), (drift, 0.0), 10)
+        long = ProbabilityMatrix(200, known((10, 10), (drift, 0.0)))
         steps = np.arange(1, 61)
         distance = [
             np.abs(np.diff(marginal_cdf(long, t) - target_cdf(long, t), prepend=0.0)).sum() / 2
@@ -305,14 +310,8 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
 @cache
 def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
     """Return a forecast, and the columns of persons that follow it, shape (steps + 1, count)."""
-    forecast = ProbabilityMatrix(40, (12, 20), (0.3, 0.0), 10)
-    envs = SwarmVectorEnv(
-        count,
-        grid_size=40,
-        vector=forecast.parameters[2],
-        person_initial_position=forecast.parameters[1],
-        disperse_constant=10,
-    )
+    forecast = ProbabilityMatrix(40, known((12, 20), (0.3, 0.0)))
+    envs = SwarmVectorEnv(count, grid_size=40, persons=[forecast.person])
     envs.reset(seed=4)
     columns = []
     for _ in range(41):
@@ -333,7 +332,7 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
     forecast_axes.stairs(probability, edges, fill=True, color=theme.series[0], alpha=0.75)
     forecast_axes.set_ylabel("probability")
     forecast_axes.set_title(f"distribution of the person at step {at}")
-    right, left, _, _ = forecast.moves(at)
+    (right,), (left,), _, _ = forecast.moves(at)
     shown = probability > 1e-4
     bottom = np.zeros(40)
     moves_of = {"left": (left, 1), "stay": (1 - left - right, None), "right": (right, 0)}
@@ -378,6 +377,85 @@ def person(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
+Moves = tuple[Floats, Floats]
+"""The probabilities of moves right and left from each column, shape (N,)."""
+
+
+def moves_of_forecast(forecast: ProbabilityMatrix, step: int) -> Moves:
+    """Return the moves of the person's only hypothesis along x."""
+    (right,), (left,), _, _ = forecast.moves(step)
+    return right, left
+
+
+def moves_with_a_quarter(forecast: ProbabilityMatrix, step: int) -> Moves:
+    """Return moves with the same forecasts but an exchange of a quarter of what stays."""
+    before, after = marginal_cdf(forecast, step), marginal_cdf(forecast, step + 1)
+    probability = np.diff(before, prepend=0.0)
+    net = before - after
+    net[-1] = 0.0
+    right, left = np.maximum(net, 0.0), np.append(0.0, np.maximum(-net, 0.0)[:-1])
+    stay = probability - right - left
+    exchange = np.minimum(stay[:-1], stay[1:]) / 4
+    right[:-1] += exchange
+    left[1:] += exchange
+    occupied = np.where(probability > 0, probability, 1.0)
+    return right / occupied, left / occupied
+
+
+def one_step(mass: Floats, moves: Moves) -> Floats:
+    """Return a distribution of the column one step later."""
+    right, left = moves
+    after = mass * (1 - right - left)
+    after[1:] += (mass * right)[:-1]
+    after[:-1] += (mass * left)[1:]
+    return after
+
+
+EXCHANGES: dict[str, tuple[Callable[[ProbabilityMatrix, int], Moves], int]] = {
+    "a quarter of what stays": (moves_with_a_quarter, 1),
+    "half the diffusion": (moves_of_forecast, 0),
+}
+"""Two exchanges with the same forecasts, and the colours of their lines."""
+
+
+@figure("memory")
+def memory(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw how long a person remembers a position, with two exchanges."""
+    rate = dispersion_rate(1)
+    forecast = ProbabilityMatrix(81, known((40, 40), (0.0, 0.0), 1))
+    columns = np.arange(81.0)
+    chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    covariance, variance = chart.subplots(1, 2)
+    covariance.axhline(1.0, color=theme.ink, linewidth=2.5, alpha=0.35)
+    ahead = np.arange(41)
+    variance.plot(ahead, rate * ahead, color=theme.ink, linewidth=2.5, alpha=0.35)
+    for name, (moves, series) in EXCHANGES.items():
+        colour = theme.series[series]
+        # The columns at step 20, and the joint moment with the column at later steps.
+        weighted = forecast.marginals(20)[0] * (columns - 40)
+        moments = [weighted @ columns]
+        known_cell = np.zeros(81)
+        known_cell[40] = 1.0
+        variances = [0.0]
+        for step in range(20, 60):
+            weighted = one_step(weighted, moves(forecast, step))
+            moments.append(weighted @ columns)
+            known_cell = one_step(known_cell, moves(forecast, step + 20))
+            variances.append(known_cell @ (columns - 40) ** 2)
+        covariance.plot(20 + ahead, np.array(moments) / (20 * rate), color=colour, label=name)
+        variance.plot(ahead, variances, color=colour)
+    covariance.set(xlim=(20, 60), ylim=(0, 1.15), xlabel="later step")
+    covariance.set_title("covariance with x at step 20")
+    variance.set(xlim=(0, 40), ylim=(0, None), xlabel="steps later")
+    variance.set_title("variance after a known cell")
+    for axes in (covariance, variance):
+        axes.grid()
+    covariance.plot([], [], color=theme.ink, linewidth=2.5, alpha=0.35, label="Brownian motion")
+    handles, labels = covariance.get_legend_handles_labels()
+    chart.legend(handles, labels, loc="outside upper left", ncols=3, columnspacing=1.2)
+    return chart
+
+
 class Miss(NamedTuple):
     """An episode in which nobody is found.
 
@@ -418,7 +496,7 @@ def miss(detection: float) -> Miss:
         observations, _ = env.reset(seed=seed, drones_positions=START_CELLS)
         policy.reset()
         forecast = env.scenario.forecasts()[0]
-        belief, chosen, kept = forecast.exact(0), [], []
+        belief, chosen, kept = forecast.joint(0), [], []
         positions, matrices = [env.frame().drones], [env.frame().matrix]
         for step in range(SCENE["timestep_limit"]):
             actions = policy(observations)

@@ -28,7 +28,7 @@ MOVES = {
 }
 
 
-# The default, the sparse one, and one whose sums are not exact in binary.
+# The default, the sparse one, one whose sums are not exact in binary, and expected finds.
 SCHEMES = [
     RewardScheme(),
     RewardScheme.sparse(),
@@ -36,6 +36,7 @@ SCHEMES = [
         step=0.1, search=3.7, search_threshold=0.25, search_unlikely=-0.3, find=5.5,
         find_early=7.7, timeout=11.3, leave_grid=13.9, collision=17.1,
     ),
+    RewardScheme.expected(3.3),
 ]  # fmt: skip
 
 # Events of an episode; tests with random actions assert that each occurs.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
+import hypothesis.strategies as st
 import numpy as np
 from helpers import inside, target_of
 
 from DroneSwarmSearch import Action, Scenario
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning import best_success
@@ -49,6 +50,33 @@ def small_search(
     )
 
 
+@st.composite
+def uncertain_persons(draw: st.DrawFn, size: int) -> Person:
+    """A person with one to three hypotheses: known cells, uncertain ones, adrift, arrays."""
+    drifts = []
+    for _ in range(draw(st.integers(1, 3))):
+        speed = st.sampled_from([0.0, 0.3, -0.5, 1.0, -2.5])
+        kind = draw(st.sampled_from(["cell", "uncertain", "adrift", "array"]))
+        start: Any = draw(st.integers(0, size - 1)), draw(st.integers(0, size - 1))
+        more: dict[str, Any] = {}
+        if kind == "uncertain":
+            more = {"start_sd": (0.7, 0.0), "vector_sd": 0.1}
+        elif kind == "adrift":
+            more = {"adrift": 3, "vector_sd": (0.2, 0.0)}
+        elif kind == "array":
+            start = np.eye(size)
+        drifts.append(
+            Drift(
+                start,
+                vector=(draw(speed), draw(speed)),
+                diffusion=draw(st.sampled_from([0.0, 0.06, 0.44, 2 / 3])),
+                weight=draw(st.sampled_from([1.0, 2.5])),
+                **more,
+            )
+        )
+    return Person(drifts, draw(st.sampled_from([1.0, 0.6, 0.3, 0.0])))
+
+
 SMALL = [
     small_search(5, [(0, 0)], (2, 2), (0, 0), 10, 10, 1.0),
     small_search(5, [(0, 0)], (3, 2), (0.3, -0.2), 2, 10, 0.6),
@@ -60,6 +88,56 @@ SMALL = [
     small_search(5, [(4, 0), (0, 4)], (2, 2), (0.5, 0.5), 20, 6, 0.3),
     small_search(3, [(0, 0), (1, 0)], (1, 1), (0, 0), 10, 6, 0.6),
     small_search(4, [(3, 0), (3, 1)], (0, 1), (0.6, 0.3), 3, 6, 1.0),
+    search(  # left and right of the wind, from one cell
+        [(0, 0)],
+        grid_size=5,
+        timestep_limit=10,
+        persons=Person(
+            [
+                Drift((2, 1), vector=(-0.3, 0.4), vector_sd=0.2, diffusion=0.1, weight=2),
+                Drift((2, 1), vector=(0.4, 0.3), vector_sd=0.1, diffusion=0.3),
+            ],
+            0.7,
+        ),
+    ),
+    search(  # two last known positions
+        [(2, 4)],
+        grid_size=5,
+        timestep_limit=10,
+        persons=Person([Drift((0, 1), diffusion=0.1), Drift((4, 2), vector=(0, 0.1), weight=1.5)]),
+    ),
+    search(  # an uncertain start, some steps adrift
+        [(3, 3)],
+        grid_size=4,
+        timestep_limit=8,
+        persons=Person(
+            Drift(
+                (0.6, 1.2),
+                start_sd=(0.6, 0.4),
+                vector=(0.2, 0.1),
+                vector_sd=0.05,
+                diffusion=0.1,
+                adrift=3,
+            ),
+            0.8,
+        ),
+    ),
+    search(  # an array beside a known cell
+        [(0, 0), (3, 3)],
+        grid_size=4,
+        timestep_limit=5,
+        persons=Person(
+            [
+                Drift(
+                    [[0, 0, 0, 3], [0, 0, 2, 0], [1, 0, 0, 0], [0, 0, 0, 0]],
+                    vector=(-0.1, 0.3),
+                    diffusion=0.2,
+                ),
+                Drift((2, 2), vector=(0.7, -0.5), diffusion=0.05, weight=0.5),
+            ],
+            0.6,
+        ),
+    ),
 ]
 """Searches for one person that branch and bound solves at once."""
 
@@ -88,7 +166,7 @@ def targets_of(of: NamedSearch, tracker: BeliefTracker | None = None) -> list[Ta
         Target(
             MarkovChain(forecast_of(of, person)),
             of.scenario.detections[person],
-            tracker.belief(person),
+            tracker.joint(person),
         )
         for person in tracker.missing
     ]
@@ -149,24 +227,46 @@ def found_in_each_step(
         detection: the probability of detection.
         schedule: the cells searched in each step, y * N + x.
     """
-    found = [0.0] * len(schedule)
-
-    def follow(step: int, x: int, y: int, probability: float) -> None:
-        if step == len(schedule):
-            return
-        left = probability
-        for cell in schedule[step]:
-            if cell == y * forecast.grid_size + x:
-                left *= 1 - detection
-        found[step] += probability - left
-        right, left_x, down, up = forecast.moves(step)
-        for dx, along_x in ((1, right[x]), (-1, left_x[x]), (0, 1 - right[x] - left_x[x])):
-            for dy, along_y in ((1, down[y]), (-1, up[y]), (0, 1 - down[y] - up[y])):
-                if left * along_x * along_y > 0:
-                    follow(step + 1, x + dx, y + dy, left * along_x * along_y)
-
-    follow(0, *forecast.parameters[1], 1.0)
+    cells, left = all_trajectories(forecast, len(schedule))
+    found = []
+    for step, searched in enumerate(schedule):
+        after = left
+        for cell in searched:
+            after = np.where(cells[:, step] == cell, (1 - detection) * after, after)
+        found.append(float((left - after).sum()))
+        left = after
     return found
+
+
+@lru_cache(maxsize=4)
+def all_trajectories(forecast: ProbabilityMatrix, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Every trajectory of every hypothesis, one by one.
+
+    Returns:
+        The person's cell, y * N + x, in each step, shape (K, steps); and the probability of
+        each trajectory, shape (K,).
+    """
+    size = forecast.grid_size
+    moves = [forecast.moves(step) for step in range(steps)]
+    paths, probabilities = [], []
+
+    def follow(hypothesis: int, path: tuple[int, ...], probability: float) -> None:
+        if len(path) == steps:
+            paths.append(path)
+            probabilities.append(probability)
+            return
+        y, x = divmod(path[-1], size)
+        right, left, down, up = (chances[hypothesis] for chances in moves[len(path) - 1])
+        for dx, along_x in ((1, right[x]), (-1, left[x]), (0, 1 - right[x] - left[x])):
+            for dy, along_y in ((1, down[y]), (-1, up[y]), (0, 1 - down[y] - up[y])):
+                if along_x * along_y > 0:
+                    ahead = path[-1] + dy * size + dx
+                    follow(hypothesis, (*path, ahead), probability * along_x * along_y)
+
+    joint = forecast.joint(0).reshape(-1, size**2)
+    for hypothesis, cell in np.argwhere(joint).tolist():
+        follow(hypothesis, (cell,), joint[hypothesis, cell])
+    return np.array(paths), np.array(probabilities)
 
 
 def schedule_of(paths: Sequence[Path]) -> list[list[int]]:

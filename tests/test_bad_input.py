@@ -21,7 +21,7 @@ from DroneSwarmSearch import (
     ResetNeeded,
     RewardScheme,
 )
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
@@ -203,7 +203,7 @@ def make_env(**changes: Any) -> DroneSwarmSearch:
         "person_initial_position": [(3, 3), (5, 2)],
         "probability_of_detection": [0.3, 0.6],
         "bayesian_update": True,
-        "timestep_limit": 25,
+        "timestep_limit": 15,
     }
     return DroneSwarmSearch(**{**parameters, **changes})
 
@@ -519,7 +519,7 @@ def test_huge_grids_are_rejected(make, grid_size):
 
 
 def forecast_of(grid_size):
-    return ProbabilityMatrix(grid_size, (0, 0), (0, 0), 1)
+    return ProbabilityMatrix(grid_size, Drift((0, 0)))
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from helpers import HUNT, SPREAD, careful_actions, planned_actions
 from hypothesis import given, settings
+from small_searches import uncertain_persons
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
@@ -21,18 +22,25 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 def searches(draw: st.DrawFn, most_persons: int) -> dict[str, Any]:
     size = draw(st.integers(2, 8))
     cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+    common = {
+        "grid_size": size,
+        "n_drones": draw(st.integers(1, 3)),
+        "timestep_limit": draw(st.integers(1, 40)),
+        "bayesian_update": draw(st.booleans()),
+    }
+    if draw(st.booleans()):
+        uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=most_persons)
+        mission = st.sampled_from(["rescue", "rescue", "coverage"])
+        return {**common, "persons": draw(uncertain), "mission": draw(mission)}
     persons = draw(st.lists(cells, min_size=1, max_size=most_persons))
     detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
     drift = st.sampled_from([0.0, 0.3, -0.5, 1.0])
     return {
-        "grid_size": size,
-        "n_drones": draw(st.integers(1, 3)),
+        **common,
         "vector": (draw(drift), draw(drift)),
         "person_initial_position": persons,
         "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
-        "timestep_limit": draw(st.integers(1, 40)),
         "probability_of_detection": draw(detection | st.tuples(*[detection for _ in persons])),
-        "bayesian_update": draw(st.booleans()),
     }
 
 
@@ -212,3 +220,33 @@ def test_returned_arrays_are_copies() -> None:
             array[...] = 7.0
         assert np.array_equal(beliefs_of(tracker), before)
         tracker.update([(1, 0), (4, 4)], [Action.SEARCH, Action.IDLE])
+
+
+def test_follows_the_persons_given_to_reset() -> None:
+    env = DroneSwarmSearch(9, n_drones=2, person_initial_position=(8, 8), bayesian_update=True)
+    drifts = [Drift((2, 2), diffusion=0.1), Drift((5, 5), start_sd=0.5, vector=(0.1, 0.1))]
+    person = Person(drifts, probability_of_detection=0.3)
+    rng = random.Random(0)
+    observations, _ = env.reset(0, options={"persons": person})
+    tracker = BeliefTracker(env.scenario)
+    while env.agents:
+        assert np.array_equal(tracker.matrix(), env.frame().matrix)
+        actions = careful_actions(rng, observations, 9)
+        tracker.update(cells_of(observations), actions.values())
+        observations, *_ = env.step(actions)
+    assert tracker.step > 20
+    env.reset()
+    assert env.scenario.persons is None, "they are for one episode"
+
+
+def test_of_hypotheses_is_joint() -> None:
+    """Searches around one last position raise the weight of the other one, by Bayes' rule."""
+    person = Person([Drift((1, 1), weight=7), Drift((7, 7), weight=3)], 0.6)
+    tracker = BeliefTracker(DroneSwarmSearch(9, persons=person).scenario)
+    tracker.update([(1, 1)], [Action.SEARCH])
+    joint = tracker.joint(0)
+    assert joint.shape == (2, 9, 9)
+    expected = np.array([0.7 * 0.4, 0.3]) / (0.7 * 0.4 + 0.3)
+    np.testing.assert_allclose(joint.sum(axis=(1, 2)), expected)
+    np.testing.assert_allclose(tracker.belief(0), joint.sum(axis=0))
+    np.testing.assert_allclose(tracker.success, 0.6 * joint.sum(axis=0))

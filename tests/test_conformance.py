@@ -23,8 +23,10 @@ from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 import DroneSwarmSearch.env as env_module
 from DroneSwarmSearch import (
     Action,
+    Drift,
     DroneSwarmSearch,
     Ending,
+    Person,
     ResetNeeded,
     RewardScheme,
     drone_swarm_search_v0,
@@ -43,6 +45,10 @@ with warnings.catch_warnings():
         seed_test,
     )
 
+UNCERTAIN = [
+    Person([Drift((3, 3), start_sd=1, vector=(0.2, 0.1)), Drift((5, 4), diffusion=0.2)], 0.7),
+    Person(Drift(np.eye(7), vector_sd=0.05, diffusion=0.1)),
+]
 PARAMETERS: dict[str, dict[str, Any]] = {
     "defaults": {},
     "smallest grid, full": {"grid_size": 2, "n_drones": 4},
@@ -63,6 +69,9 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "no dispersion": {"disperse_constant": 0, "vector": (0.3, 1)},
     "gale": {"vector": (1e300, -1e300), "grid_size": 9, "person_initial_position": (4, 4)},
     "sparse": {"n_drones": 3, "reward_scheme": RewardScheme.sparse()},
+    "uncertain persons": {"n_drones": 2, "persons": UNCERTAIN, "bayesian_update": True},
+    "expected": {"persons": UNCERTAIN, "reward_scheme": RewardScheme.expected()},
+    "coverage": {"n_drones": 3, "persons": UNCERTAIN, "mission": "coverage"},
 }
 
 each_parameters = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)

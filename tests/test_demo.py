@@ -8,13 +8,14 @@ import runpy
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import DroneSwarmSearch, demo
+from DroneSwarmSearch import DroneSwarmSearch, Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.film import SUFFIXES
@@ -32,6 +33,8 @@ SHORT = ["--grid-size", "9", "--timestep-limit", "8"]
 """Options of an episode of 8 steps without a find."""
 FOUND = ["--grid-size", "9"]
 """Options of an episode with a find, for the default seed."""
+INCIDENT = ["--object-class", "PIW-1", "--wind", "240", "20", "--timestep-limit", "12"]
+"""Options of a short search for a person in the water."""
 
 
 def run(*command: str, display: str) -> subprocess.CompletedProcess[str]:
@@ -159,6 +162,8 @@ class TestText:
             timestep_limit=10,
             vector=(0.5, -0.25),
             ending=Ending.TIME_LIMIT,
+            hypotheses=((1 / 18,) * 18,),
+            probability_of_success=0.5,
         )
         columns, rows = terminal
         lines = fitted(frame, columns, rows)
@@ -216,7 +221,9 @@ class TestOptions:
             *("--manual", "--drones", "--grid-size", "--persons", "--vector", "--record"),
             *("--disperse-constant", "--timestep-limit", "--probability-of-detection"),
             *("--seed", "--fps", "--grid", "--no-grid", "--gradient", "--no-gradient"),
-            *("--prior", "--text", "--policy", "--palette"),
+            *("--prior", "--text", "--policy", "--palette", "--mission", "--object-class"),
+            *("--wind", "--current", "--position-sd", "--adrift", "--diffusivity"),
+            *("--cell", "--drone-speed"),
         ):
             assert re.search(rf"^ +.*{option}\b(?!-).*\S", text, re.MULTILINE), option
 
@@ -252,6 +259,48 @@ class TestOptions:
     ) -> None:
         line = refusal(capsys, "--text", option, *values)
         assert f"error: argument {option}: {problem}" in line
+
+    @pytest.mark.parametrize(
+        ("option", "values", "problem"),
+        [
+            ("--object-class", ["PIW"], "must be a key of leeway.CLASSES, got 'PIW'; the nearest"),
+            ("--wind", ["240"], "expected 2 arguments"),
+            ("--wind", ["240", "-1"], "must be degrees and knots: speed must be a finite number"),
+            ("--current", ["nan", "1"], "must be degrees and knots: direction must be a finite"),
+            ("--position-sd", ["-1"], "must be a finite number of at least 0, got -1.0"),
+            ("--adrift", ["-1"], "must be a finite number of at least 0, got -1.0"),
+            ("--diffusivity", ["9e9"], "must be at most 433 m"),
+            ("--cell", ["0"], "must be a finite number above 0, got 0.0"),
+            ("--drone-speed", ["-3"], "must be a finite number above 0, got -3.0"),
+            ("--grid-size", ["1"], "must be an integer of at least 2, got 1"),
+            ("--persons", ["0"], "must be an integer of at least 1, got 0"),
+            ("--vector", ["1", "0"], "not allowed with --object-class"),
+            ("--disperse-constant", ["1"], "not allowed with --object-class"),
+        ],
+    )
+    def test_bad_values_of_an_incident(
+        self, capsys: pytest.CaptureFixture[str], option: str, values: list[str], problem: str
+    ) -> None:
+        line = refusal(capsys, "--text", *INCIDENT, option, *values)
+        assert f"error: argument {option}: {problem}" in line
+
+    @pytest.mark.parametrize(
+        "option",
+        [
+            *(["--wind", "240", "20"], ["--current", "60", "1"], ["--position-sd", "5"]),
+            *(["--adrift", "60"], ["--diffusivity", "1"], ["--cell", "50"]),
+            ["--drone-speed", "5"],
+        ],
+    )
+    def test_an_incident_needs_an_object(
+        self, capsys: pytest.CaptureFixture[str], option: list[str]
+    ) -> None:
+        line = refusal(capsys, "--text", *option)
+        assert line.endswith(f"error: argument {option[0]}: needs --object-class")
+
+    def test_an_incident_needs_a_wind(self, capsys: pytest.CaptureFixture[str]) -> None:
+        line = refusal(capsys, "--text", "--object-class", "PIW-1")
+        assert line.endswith("error: argument --object-class: needs --wind FROM KNOTS")
 
     @pytest.mark.parametrize("other", [["--text"], ["--record", "film.gif"]])
     def test_manual_needs_the_window(
@@ -297,11 +346,136 @@ class TestOptions:
 
     def test_more_drones_than_border_cells(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", "--grid-size", "4", "--drones", "16"]) == 0
-        assert "persons found  1 of 1" in capsys.readouterr().out
+        assert figures(capsys.readouterr().out)["persons found"] == "1 of 1"
 
     def test_several_persons_without_posterior(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", "--prior", "--persons", "3", *SHORT]) == 0
         assert figures(capsys.readouterr().out)["persons found"].endswith(" of 3")
+
+
+class TestIncident:
+    def frames(self, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> list[Frame]:
+        """The frames of an incident."""
+        shown: list[Frame] = []
+        monkeypatch.setattr(demo.terminal, "show", lambda frames, fps: shown.extend(frames))
+        assert demo.main(["--text", *INCIDENT, *arguments]) == 0
+        return shown
+
+    def test_it_prints_the_hypotheses_the_result_and_the_scale(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert demo.main(["--text", *INCIDENT, "--adrift", "600", "--seed", "1"]) == 0
+        captured = capsys.readouterr()
+        assert captured.err == ""
+        assert captured.out.splitlines()[1] == "hypotheses: 50% 50%"
+        summary = figures(captured.out)
+        assert summary["persons found"] == "0 of 1"
+        assert re.fullmatch(r"\d+\.\d% \(probability of success\)", summary["POS"])
+        assert summary["scale"] == (
+            "20 x 20 cells of 130 m are 2.6 km x 2.6 km; 12 steps of 13 s are 2.6 min"
+        )
+
+    def test_it_is_the_drift_of_the_leeway_model(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        arguments = ["--current", "60", "0.5", "--position-sd", "300", "--adrift", "3600"]
+        arguments += ["--diffusivity", "8", "--cell", "100", "--drone-speed", "5", "--prior"]
+        last = self.frames(monkeypatch, *arguments)[-1]
+        person = leeway.person(
+            "PIW-1",
+            start=(0, 0),
+            position_sd=300,
+            wind=leeway.wind_from(240, 20 * leeway.KNOT),
+            current=leeway.current_towards(60, 0.5 * leeway.KNOT),
+            diffusivity=8,
+            adrift=3600,
+            scale=Scale(100, 20),
+        )
+        vector = np.mean([drift.vector for drift in person.drifts], axis=0)
+        assert last.vector == pytest.approx(vector)
+        columns = last.matrix.sum(axis=0, dtype=float)
+        at = np.arange(last.grid_size)
+        mean = columns @ at
+        spreads = [np.hypot(drift.start_sd[0], 192 * drift.vector_sd[0]) for drift in person.drifts]
+        apart = 192 * abs(person.drifts[0].vector[0] - person.drifts[1].vector[0]) / 2
+        variance = np.mean(np.square(spreads)) + apart**2 + 192 * person.drifts[0].diffusion
+        assert columns @ (at - mean) ** 2 == pytest.approx(variance, rel=0.1)
+
+    @pytest.mark.parametrize(
+        ("wind", "current", "signs"),
+        [
+            (("270", "20"), ("0", "0"), (1, 0)),
+            (("0", "20"), ("0", "0"), (0, 1)),
+            (("0", "0"), ("90", "1"), (1, 0)),
+            (("0", "0"), ("0", "1"), (0, -1)),
+        ],
+    )
+    def test_wind_comes_from_and_current_flows_to_a_direction(
+        self,
+        wind: tuple[str, str],
+        current: tuple[str, str],
+        signs: tuple[int, int],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        shown = self.frames(monkeypatch, "--wind", *wind, "--current", *current)
+        assert tuple(np.sign(np.round(shown[0].vector, 3))) == signs
+
+    @pytest.mark.parametrize("adrift", ["0", "1800", "7200"])
+    def test_the_grid_is_around_the_forecast(
+        self, adrift: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = self.frames(monkeypatch, "--adrift", adrift, "--prior", "--seed", "1")
+        assert capsys.readouterr().err == ""
+        assert (shown[0].grid_size > 20) == (adrift == "7200")
+        matrix = shown[6].matrix.astype(float)
+        at = np.arange(len(matrix))
+        centre = len(matrix) // 2
+        assert abs(matrix.sum(axis=0) @ at - centre) < 1
+        assert abs(matrix.sum(axis=1) @ at - centre) < 1
+
+    def test_a_small_grid_causes_a_warning(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = self.frames(monkeypatch, "--adrift", "7200", "--grid-size", "15")
+        assert shown[0].grid_size == 15
+        assert re.fullmatch(
+            r"warning: [\d.]+% of a person's forecast lies beyond the grid of 15 x 15 cells at "
+            r"step \d+: take a larger grid, or larger cells\n",
+            capsys.readouterr().err,
+        )
+
+    def test_several_persons_in_a_known_cell(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        first = self.frames(monkeypatch, "--persons", "3")[0]
+        assert len(first.hypotheses) == 3
+        assert len(set(first.persons)) == 1
+        assert first.matrix.max() == 1.0
+
+    def test_the_coverage_mission(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        arguments = ["--mission", "coverage", "--position-sd", "200", "--timestep-limit", "40"]
+        assert demo.main(["--text", *INCIDENT, *arguments]) == 0
+        summary = figures(capsys.readouterr().out)
+        last = (shown := self.frames(monkeypatch, *arguments))[-1]
+        assert last.persons == ()
+        success = f"{last.probability_of_success:.1%}"
+        assert summary["POS"] == f"{success} (probability of success)"
+        assert summary["outcome"].startswith(f"Probability of success {success} (the time limit")
+        assert "persons found" not in summary
+        searched = [cell for frame in shown for cell in compress(frame.drones, frame.searching)]
+        cells, searches = len(set(searched)), len(searched)
+        line = f"{cells} of 400; {searches - cells} of {searches} searches repeated"
+        assert summary["cells searched"] == line
+
+    def test_a_coverage_mission_that_completes(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["--text", "--mission", "coverage", "--disperse-constant", "0"]) == 0
+        outcome = figures(capsys.readouterr().out)["outcome"]
+        assert re.fullmatch(
+            r"The area was covered in \d+ moves \(less than 1% was left to find\)", outcome
+        )
+
+    @pytest.mark.parametrize("policy", ["greedy-posterior", "parallel-sweep", "planner"])
+    def test_other_policies(self, policy: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["--text", *INCIDENT, "--position-sd", "200", "--policy", policy]) == 0
+        assert "POS" in figures(capsys.readouterr().out)
 
 
 @pytest.mark.usefixtures("dummy_video")
@@ -428,6 +602,13 @@ class TestFilm:
                 durations.append(gif.info["duration"])
             assert durations == [100] * 8 + [2100]
         assert film.stat().st_size < 150_000
+
+    def test_an_incident(self, tmp_path: Path) -> None:
+        image = pytest.importorskip("PIL.Image")
+        film = tmp_path / "incident.gif"
+        assert demo.main(["--record", str(film), *INCIDENT, "--seed", "1"]) == 0
+        with image.open(film) as gif:
+            assert gif.n_frames == 13
 
     def test_mp4(self, tmp_path: Path) -> None:
         imageio = pytest.importorskip("imageio.v2")

@@ -129,9 +129,9 @@ def test_different_seeds_differ(parameters):
 @each_parameters
 def test_episodes_without_a_seed_differ_and_can_be_repeated(parameters):
     env, twin = make_env(parameters), make_env(parameters)
-    paths = [path(env, seed=7), *(path(env) for _ in range(99))]
-    assert len(set(paths)) >= 90
-    assert [path(twin, seed=7), *(path(twin) for _ in range(99))] == paths
+    paths = [path(env, seed=7), *(path(env) for _ in range(49))]
+    assert len(set(paths)) >= 45
+    assert [path(twin, seed=7), *(path(twin) for _ in range(49))] == paths
 
 
 def test_unseeded_environments_differ():
@@ -143,7 +143,7 @@ def test_unseeded_environments_differ():
 def test_two_environments_stay_equal_over_many_episodes(parameters):
     env, twin = make_env(parameters), make_env(parameters)
     assert play(env, seed=11) == play(twin, seed=11)
-    for episode in range(15):
+    for episode in range(8):
         assert play(env, episode) == play(twin, episode)
 
 
@@ -216,26 +216,26 @@ def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[
 )
 def test_drift_does_not_depend_on_actions(name):
     env = make_env(PARAMETERS[name])
-    longest = paths_under(env, idle, episodes=40)
+    longest = paths_under(env, idle, episodes=20)
     assert all(len(cells) == 61 for cells in longest)
     shorter = 0
     for policy in POLICIES[1:]:
-        for cells, expected in zip(paths_under(env, policy, episodes=40), longest, strict=True):
+        for cells, expected in zip(paths_under(env, policy, episodes=20), longest, strict=True):
             for here, there in zip(cells, expected, strict=False):
                 assert all(a in (None, b) for a, b in zip(here, there, strict=True))
             shorter += len(cells) < len(expected)
-    assert shorter > 40  # drones crashed or found a person early
+    assert shorter > 20  # drones crashed or found a person early
 
 
 @each_parameters
-@pytest.mark.parametrize("watched_every", [1, 2, 5, 11, 37])
+@pytest.mark.parametrize("watched_every", [1, 2, 11])
 def test_reading_the_persons_cells_does_not_change_the_drift(parameters, watched_every):
     """The persons' cells may be read in every step, in some, or only at the end."""
 
     def episodes(watched_every: int) -> list[Any]:
         env = make_env(parameters)
         log = []
-        for episode in range(4):
+        for episode in range(3):
             rng = random.Random(episode)
             observations, _ = env.reset(seed=8 if episode == 0 else None)
             for step in itertools.count(1):
@@ -302,7 +302,7 @@ def reloaded(env: DroneSwarmSearch) -> DroneSwarmSearch:
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
-@pytest.mark.parametrize("steps", [0, 1, 7, 8, 9, 20, 33])
+@pytest.mark.parametrize("steps", [0, 1, 8, 33])
 @pytest.mark.parametrize("name", ["defaults", "unreliable", "posterior", "everything", "long"])
 def test_copies_during_an_episode_continue_identically(name, steps, copied):
     env = make_env(PARAMETERS[name])

@@ -9,6 +9,7 @@ import io
 import itertools
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -19,7 +20,7 @@ from typing import NamedTuple
 import pytest
 from trainer_examples import QUIET_RAY
 
-from DroneSwarmSearch import training
+from DroneSwarmSearch import cli, training
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -45,8 +46,8 @@ QUICK_COMMANDS = ("bound", "evaluate", "play", "record")
 
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
 
-EPISODES = 50
-"""Commands play at most this many episodes, in every search."""
+MOST = {"--episodes": 50, "--searches": 2}
+"""Commands play at most this many episodes, in at most this many sampled searches."""
 
 OUTPUT = {
     "basic_env.py": "return",
@@ -135,8 +136,7 @@ def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPa
         printed = run_python(["-c", block.text], tmp_path, 5 * TIMEOUT)
     else:
         monkeypatch.chdir(tmp_path)
-        monkeypatch.delenv("DISPLAY", raising=False)
-        monkeypatch.setenv("MPLBACKEND", "Agg")
+        hide_the_display(monkeypatch)
         printed = run_block(block)
     assert printed.strip()
     if block.output is not None:
@@ -254,7 +254,8 @@ def command_params(slow: bool) -> list[object]:
 @functools.cache
 def help_text(*start: str) -> str:
     """Return the help of a script or a sub-command."""
-    return run_python([*start, "--help"], ROOT)
+    with pytest.MonkeyPatch.context() as patch:
+        return run_here([*start, "--help"], ROOT, patch)
 
 
 @pytest.mark.parametrize("command", command_params(slow=True))
@@ -272,20 +273,25 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
     assert [option for option in options if not re.search(rf"{option}\b", known)] == []
 
 
+@pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", command_params(slow=False))
-def test_command(command: Command, tmp_path: Path) -> None:
+def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
     arguments = list(command.arguments)
     if command.needs_ray:
         skip_without("ray")
-    elif "--episodes" in arguments:
-        place = arguments.index("--episodes") + 1
-        arguments[place] = str(min(int(arguments[place]), EPISODES))
     elif command.script == "basic_env.py":
         arguments += ["--timestep-limit", "20"]
+    for option, most in MOST.items():
+        if option in arguments:
+            place = arguments.index(option) + 1
+            arguments[place] = str(min(int(arguments[place]), most))
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "basic_env.py", tmp_path)
-    printed = run_python(arguments, tmp_path)
+    if command.needs_ray or "--workers" in arguments:
+        printed = run_python(arguments, tmp_path)
+    else:
+        printed = run_here(arguments, tmp_path, monkeypatch)
     assert printed.strip()
     assert OUTPUT.get(command.script, "") in printed
     for option, argument in itertools.pairwise(arguments):
@@ -313,8 +319,43 @@ def test_command(command: Command, tmp_path: Path) -> None:
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )
-def test_scripts_without_a_command_on_a_page(script: list[str], shown: str) -> None:
-    assert shown in run_python(script, ROOT)
+def test_scripts_without_a_command_on_a_page(
+    script: list[str], shown: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert shown in run_here(script, ROOT, monkeypatch)
+
+
+def run_here(arguments: list[str], folder: Path, patch: pytest.MonkeyPatch) -> str:
+    """Do what `python` does with some arguments, in this process; return the output.
+
+    Starting a process costs more than most of the commands.
+    """
+    hide_the_display(patch)
+    patch.chdir(folder)
+    code: object = 0
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        try:
+            if arguments[0] == "-m":
+                assert arguments[1] == "DroneSwarmSearch"
+                code = cli.main(arguments[2:])
+            else:
+                patch.setattr(sys, "argv", arguments)
+                patch.syspath_prepend(str((folder / arguments[0]).parent))
+                runpy.run_path(str(folder / arguments[0]), run_name="__main__")
+        except SystemExit as stop:
+            code = stop.code
+    assert not code
+    return output.getvalue()
+
+
+def hide_the_display(patch: pytest.MonkeyPatch) -> None:
+    """Let drawings go to files only."""
+    patch.delenv("DISPLAY", raising=False)
+    patch.setenv("MPLBACKEND", "Agg")
+    if sys.platform in ("darwin", "win32"):  # they always have a display
+        patch.setenv("SDL_VIDEODRIVER", "none_such")
+    else:
+        patch.delenv("SDL_VIDEODRIVER", raising=False)
 
 
 def run_python(arguments: list[str], folder: Path, timeout: float = TIMEOUT) -> str:

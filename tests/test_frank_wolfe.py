@@ -10,7 +10,7 @@ import pytest
 from small_searches import forecast_of, paths_of, search, success_of
 
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.bound import drone_paths
 from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
@@ -49,7 +49,7 @@ class TestObjectives:
 
     def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
         return MarkovChainObjective(
-            MarkovChain(self.FORECAST), self.FORECAST.exact(0), rate, effort.reshape(-1)
+            MarkovChain(self.FORECAST), self.FORECAST.joint(0), rate, effort.reshape(-1)
         )
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
@@ -162,7 +162,7 @@ def free_effort(amount: float) -> Oracle:
 
 def stationary(size: int) -> MarkovChain:
     """The chain of a stationary person."""
-    return MarkovChain(ProbabilityMatrix(size, (0, 0), (0.0, 0.0), 0.0))
+    return MarkovChain(ProbabilityMatrix(size, Drift((0, 0))))
 
 
 class TestFreeEffort:
@@ -171,7 +171,7 @@ class TestFreeEffort:
     def test_over_three_cells(self) -> None:
         """Charnes and Cooper (Management Science 5:44, 1958): the optimum is in closed form."""
         rates, prior = np.array([9.0, 3.0, 6.0]), np.array([2.0, 4.0, 2.0]) / 8
-        first, rate = np.append(prior, 0.0).reshape(2, 2), np.append(rates, 1.0).reshape(2, 2)
+        first, rate = np.append(prior, 0.0).reshape(1, 2, 2), np.append(rates, 1.0).reshape(2, 2)
         effort = np.zeros(4)
         objective = MarkovChainObjective(stationary(2), first, rate, effort)
         reached = frank_wolfe(objective, free_effort(0.2), gap=0.0, iterations=1500)
@@ -197,7 +197,7 @@ class TestFreeEffort:
     def searched(cls, tau: float, steps: int = 1) -> tuple[Solution, Floats]:
         """The optimum reached and its effort; tau is H² t = W v t / (pi sigma²)."""
         effort = np.zeros(steps * cls.SIDE**2)
-        objective = MarkovChainObjective(stationary(cls.SIDE), cls.normal(), 1.0, effort)
+        objective = MarkovChainObjective(stationary(cls.SIDE), cls.normal()[None], 1.0, effort)
         amount = tau * math.pi * cls.SIGMA**2 / steps
         reached = frank_wolfe(objective, free_effort(amount), gap=0.003, iterations=2500)
         return reached, effort.reshape(steps, cls.SIDE, cls.SIDE).sum(axis=0)

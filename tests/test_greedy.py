@@ -161,7 +161,7 @@ def test_never_collides_nor_leaves_the_grid(
     env = make_env(size, drones, bayesian_update=bayesian_update, **changes)
     policy = kind(env.scenario)
     cells = [(i % size, i // size) for i in range(size**2)]
-    for seed in range(8):
+    for seed in range(4):
         np.random.default_rng(seed).shuffle(cells)
         policy.reset()
         play(env, policy, seed, cells[:drones])
@@ -196,7 +196,7 @@ def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() 
 
 
 class TestSuccess:
-    EPISODES = 60
+    EPISODES = 40
 
     def rate(self, make: Callable[[Any], Any], episodes: int = EPISODES, **changes: Any) -> float:
         env = make_env(**changes)
@@ -223,7 +223,7 @@ class TestSuccess:
     def test_the_tracked_posterior_does_not_need_the_posterior_matrix(
         self, bayesian_update: bool
     ) -> None:
-        rate = self.rate(PosteriorGreedyPolicy, episodes=30, bayesian_update=bayesian_update)
+        rate = self.rate(PosteriorGreedyPolicy, episodes=20, bayesian_update=bayesian_update)
         assert rate >= 0.8
 
     def test_is_better_than_the_random_policy(self) -> None:
@@ -254,9 +254,10 @@ def test_posterior_greedy_ignores_unlikely_cells() -> None:
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 def test_does_not_hover(bayesian_update: bool) -> None:
-    """One drone searches a wide area without success."""
+    """One drone searches a wide area; nobody is found."""
     env = make_env(
         drones=1,
+        mission="coverage",
         bayesian_update=bayesian_update,
         probability_of_detection=1.0,
         person_initial_position=(10, 10),
@@ -265,7 +266,7 @@ def test_does_not_hover(bayesian_update: bool) -> None:
         timestep_limit=200,
     )
     policy = GreedyPolicy(env.scenario)
-    observations, _ = env.reset(31)
+    observations, _ = env.reset(0)
     searched: list[tuple[int, int]] = []
     while env.agents:
         actions = policy(observations)

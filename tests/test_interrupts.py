@@ -105,7 +105,7 @@ def test_an_interrupted_step_of_an_environment(parameters: Any, actions: list[in
     next_episode = play(copy.deepcopy(env))
     expected = play(DroneSwarmSearch(**parameters), seed=8)
     asked = 0
-    for left in interruptions(lambda: copy.deepcopy(env), lambda env: env.step(acted), stride=29):
+    for left in interruptions(lambda: copy.deepcopy(env), lambda env: env.step(acted), stride=43):
         if not left.agents:
             with pytest.raises(ResetNeeded, match="interrupted"):
                 left.step(acted)
@@ -125,7 +125,7 @@ def test_an_interrupted_reset_of_an_environment() -> None:
     expected = play(DroneSwarmSearch(**parameters), seed=8, vector=(0.1, 0.1))
     asked = 0
     for left in interruptions(
-        lambda: copy.deepcopy(env), lambda env: env.reset(seed=2, vector=(-0.1, 0.4)), stride=37
+        lambda: copy.deepcopy(env), lambda env: env.reset(seed=2, vector=(-0.1, 0.4)), stride=71
     ):
         asked += not left.agents
         left = copy.deepcopy(left)
@@ -187,7 +187,7 @@ def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
     possible = [seen(copy.deepcopy(batch)), seen(after)]
     asked = 0
     for left in interruptions(
-        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS), stride=53
+        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS), stride=97
     ):
         try:
             left.step(np.full((ROWS, 2), Action.IDLE))
@@ -228,7 +228,7 @@ def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
             lambda batch, rows=rows, count=count: batch.reset(
                 range(count), rows, {"disperse_constant": 3}
             ),
-            stride=127,
+            stride=211,
         ):
             left.reset(range(20, 20 + ROWS), given=given)
             assert seen(left) == expected
@@ -262,7 +262,7 @@ def test_an_interrupted_step_of_a_view(
     crash = np.full(made().action_space.shape, Action.RIGHT)
     crash.reshape(3, 2)[0] = Action.RIGHT, Action.IDLE
     expected = log(made())
-    for left in interruptions(made, lambda env: env.step(crash), stride=37):
+    for left in interruptions(made, lambda env: env.step(crash), stride=71):
         if left.batch.ended.any() and mode != "NextStep":
             with pytest.raises(ResetNeeded):
                 left.step(np.full(left.action_space.shape, Action.IDLE))

@@ -10,8 +10,9 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from small_searches import uncertain_persons
 
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift
 from DroneSwarmSearch.drift.markov_chain import MarkovChain, transition_matrices
 
@@ -19,18 +20,16 @@ from DroneSwarmSearch.drift.markov_chain import MarkovChain, transition_matrices
 @st.composite
 def forecasts(draw: st.DrawFn) -> ProbabilityMatrix:
     size = draw(st.integers(2, 7))
-    cell = st.integers(0, size - 1)
-    drift = st.sampled_from([0.0, 0.3, -0.5, 1.0, -2.5])
-    return ProbabilityMatrix(
-        size,
-        (draw(cell), draw(cell)),
-        (draw(drift), draw(drift)),
-        draw(st.sampled_from([0.0, 0.5, 10.0, 1000.0])),
-    )
+    return ProbabilityMatrix(size, draw(uncertain_persons(size)))
+
+
+def one_hypothesis(size: int, cell: tuple[int, int], vector: tuple[float, float]) -> Any:
+    return ProbabilityMatrix(size, Drift(cell, vector=vector, diffusion=0.33))
 
 
 def random_grid(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarray:
-    return np.random.default_rng(seed).random((*axes, forecast.grid_size, forecast.grid_size))
+    shape = (*axes, len(forecast.weights), forecast.grid_size, forecast.grid_size)
+    return np.random.default_rng(seed).random(shape)
 
 
 @settings(deadline=None, max_examples=50, derandomize=True)
@@ -46,7 +45,7 @@ def test_forward_is_the_drift_of_a_belief(
         assert after.sum() == pytest.approx(mass.sum(), rel=1e-12)
         assert (after >= 0).all()
         np.testing.assert_allclose(
-            chain.forward(forecast.exact(step), step), forecast.exact(step + 1), atol=1e-13
+            chain.forward(forecast.joint(step), step), forecast.joint(step + 1), atol=1e-13
         )
 
 
@@ -63,21 +62,22 @@ def test_backward_is_the_adjoint_of_forward(
 
 
 def test_backward_in_a_corner_is_the_mean_over_the_moves_there() -> None:
-    forecast = ProbabilityMatrix(4, (0, 3), (0.4, 0.1), 10)
-    right, left, down, up = forecast.moves(2)
+    forecast = one_hypothesis(4, (0, 3), (0.4, 0.1))
+    right, left, down, up = (chances[0] for chances in forecast.moves(2))
     value = random_grid(forecast, 3)
     expected = 0.0
     for dx, along_x in ((0, 1 - right[0] - left[0]), (1, right[0])):
         for dy, along_y in ((0, 1 - down[3] - up[3]), (-1, up[3])):
-            expected += along_x * along_y * value[3 + dy, dx]
-    assert MarkovChain(forecast).backward(value, 2)[3, 0] == pytest.approx(expected, rel=1e-12)
+            expected += along_x * along_y * value[0, 3 + dy, dx]
+    before = MarkovChain(forecast).backward(value, 2)
+    assert before[0, 3, 0] == pytest.approx(expected, rel=1e-12)
     assert 0.0 < right[0] < 1.0
     assert 0.0 < up[3] < 1.0
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
 def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate: Any) -> None:
-    forecast = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
+    forecast = one_hypothesis(6, (2, 3), (0.3, -0.2))
     mass = random_grid(forecast, 4)
     chain, other = MarkovChain(forecast), MarkovChain(forecast)
     after = {step: chain.forward(mass, step) for step in (3, 33, 70, 71)}
@@ -87,7 +87,7 @@ def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate: Any) -> None
 
 
 def test_leading_axes_are_batch_axes() -> None:
-    forecast = ProbabilityMatrix(5, (2, 3), (0.3, -0.2), 5)
+    forecast = one_hypothesis(5, (2, 3), (0.3, -0.2))
     chain, batch = MarkovChain(forecast), random_grid(forecast, 5, 2, 3)
     for direction in (chain.forward, chain.backward):
         together = direction(batch, 1)
@@ -96,9 +96,9 @@ def test_leading_axes_are_batch_axes() -> None:
 
 
 def test_transition_matrices_are_stochastic_and_tridiagonal() -> None:
-    forecast = ProbabilityMatrix(6, (2, 3), (0.3, -0.2), 5)
+    forecast = one_hypothesis(6, (2, 3), (0.3, -0.2))
     right, left, *_ = (
-        np.array(chances) for chances in zip(*map(forecast.moves, range(4)), strict=True)
+        np.array(chances)[:, 0] for chances in zip(*map(forecast.moves, range(4)), strict=True)
     )
     matrices = transition_matrices(right, left)
     np.testing.assert_allclose(matrices.sum(axis=2), 1.0, rtol=1e-12)

@@ -25,7 +25,7 @@ from helpers import tables_of
 
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, Ending, RewardScheme
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
 
 GUIDES = Path(__file__).parents[1] / "docs" / "guides"
@@ -295,7 +295,8 @@ def test_names_imported_in_the_guides_exist(page):
 
 def spreads(constant: float, drift: float, steps: list[int]) -> list[tuple[float, float]]:
     """Return the drift of the mean from cell 20 of 61, and the standard deviation, at each step."""
-    forecast = ProbabilityMatrix(61, (20, 20), (drift, 0), constant)
+    diffusion = dispersion_rate(constant)
+    forecast = ProbabilityMatrix(61, Drift((20, 20), vector=(drift, 0), diffusion=diffusion))
     cells, result = np.arange(61), []
     for step in steps:
         columns, _ = forecast.marginals(step)

@@ -18,6 +18,7 @@ from small_searches import (
     search,
     success_of,
     targets_of,
+    uncertain_persons,
 )
 
 from DroneSwarmSearch import Action
@@ -62,19 +63,9 @@ def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path]
     size = draw(st.integers(2, 4))
     cells = [(x, y) for y in range(size) for x in range(size)]
     drones = draw(st.permutations(cells))[: draw(st.integers(1, 3))]
-    persons = draw(st.lists(st.sampled_from(cells), min_size=1, max_size=2))
-    detection = st.sampled_from([1.0, 0.6, 0.3, 0.0])
-    drift = st.sampled_from([0.0, 0.3, -0.5, 1.5])
     steps = draw(st.integers(1, most_steps))
-    of = search(
-        drones,
-        grid_size=size,
-        person_initial_position=persons,
-        vector=(draw(drift), draw(drift)),
-        disperse_constant=draw(st.sampled_from([0.0, 1.0, 30.0])),
-        probability_of_detection=tuple(draw(detection) for _ in persons),
-        timestep_limit=steps,
-    )
+    persons = draw(st.lists(uncertain_persons(size), min_size=1, max_size=2))
+    of = search(drones, grid_size=size, persons=persons, timestep_limit=steps)
     worth = 1.0 + draw(st.sampled_from([0.0, 0.1, 2.0])) * np.linspace(1, 0, steps)
     return of, random_paths(of, steps, draw(st.integers(0, 2**32))), worth
 
@@ -112,7 +103,7 @@ def test_a_plan_may_start_at_a_later_step() -> None:
     assert whole[:3].sum() > 0.0
     assert late[3:].sum() > 0.0
     (target,) = targets_of(of)
-    target.belief = forecast_of(of).exact(3)
+    target.belief = forecast_of(of).joint(3)
     rest = [Path(path.cells[3:], path.searches[3:]) for path in paths]
     assert Plan([target], np.ones(3), 3, rest).value() == pytest.approx(late.sum(), rel=1e-12)
 
@@ -298,15 +289,11 @@ def tiny(draw: st.DrawFn) -> NamedSearch:
     """A search with few enough plans to try them all."""
     size, n_drones, steps = draw(st.sampled_from([(3, 1, 4), (2, 1, 4), (2, 2, 3)]))
     cells = [(x, y) for y in range(size) for x in range(size)]
-    drift = st.sampled_from([0.0, 0.3, -0.6, 1.0])
     return search(
         draw(st.permutations(cells))[:n_drones],
         grid_size=size,
-        person_initial_position=draw(st.sampled_from(cells)),
-        vector=(draw(drift), draw(drift)),
-        disperse_constant=draw(st.sampled_from([0.0, 2.0, 30.0])),
+        persons=draw(uncertain_persons(size)),
         timestep_limit=steps,
-        probability_of_detection=draw(st.sampled_from([1.0, 0.4])),
     )
 
 

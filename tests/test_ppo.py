@@ -253,7 +253,7 @@ class TestDefaultWeights:
     def test_beat_greedy_on_the_matrix_on_searches_outside_training(self) -> None:
         rng = np.random.default_rng(20)  # training had neither this grid size nor three drones
         ppo, greedy = [], []
-        for number in range(12):
+        for number in range(8):
             drawn = scenario(
                 grid_size=25,
                 n_drones=3,

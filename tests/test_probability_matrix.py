@@ -17,47 +17,63 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift import ProbabilityMatrix, tables
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, dispersion_rate, tables
 from DroneSwarmSearch.drift import probability_matrix as module
-from DroneSwarmSearch.drift.tables import dispersion_rate
 
-DRIFTS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
-CONSTANTS = [0, 0.5, 3, 10, 100, 1e308]
+VECTORS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
+DIFFUSIONS = [0, 0.06, 0.25, 2 / 3]
+UNCERTAINTIES: list[dict] = [
+    {},
+    {"start_sd": 1.5},
+    {"vector_sd": (0.1, 0.0)},
+    {"start_sd": (0.4, 0.0), "adrift": 3},
+    {"start": (-3.25, 14.5), "start_sd": 2, "vector_sd": 0.02, "adrift": 10},
+]
 
 
-def plain_cdfs(size: int, start: int, drift: float, constant: float, steps: int) -> np.ndarray:
+def plain_cdfs(size: int, drift: Drift, axis: int, steps: int) -> np.ndarray:
     """F_0 ... F_steps of one axis, cell by cell."""
-    rate = (2 / 3) * constant / (constant + 5) if constant < 1e300 else 2 / 3
-    rows = [[1.0 if x >= start else 0.0 for x in range(size)]]
-    for t in range(1, steps + 1):
-        mean = min(max(start + drift * t, 0), size - 1)
-        deviation = math.sqrt(rate * t)
+    start, start_sd, velocity, velocity_sd, diffusion, adrift = drift.axes[axis]
+    rows: list[list[float]] = []
+    for t in range(steps + 1):
+        tau = adrift + t
+        mean = min(max(start + velocity * tau, 0), size - 1)
+        deviation = math.sqrt(start_sd**2 + diffusion * tau + (velocity_sd * tau) ** 2)
 
         def phi(edge: float, mean: float = mean, deviation: float = deviation) -> float:
             if deviation == 0:
-                return 1.0 if edge + 0.5 > round(mean) else 0.0
+                return 1.0 if edge - 0.5 >= math.floor(mean + 0.5) else 0.0
             return 0.5 * (1 + math.erf((edge - mean) / (deviation * math.sqrt(2))))
 
-        before, row = rows[-1], []
-        for x in range(size):
-            total = phi(size - 0.5) - phi(-0.5)
-            target = (phi(x + 0.5) - phi(-0.5)) / total if deviation else phi(x)
-            low = before[x - 1] if x > 0 else 0.0
-            high = before[x + 1] if x < size - 1 else 1.0
-            row.append(min(max(target, low), high))
+        total = phi(size - 0.5) - phi(-0.5) if deviation else 1.0
+        below = phi(-0.5) if deviation else 0.0
+        row = [(phi(x + 0.5) - below) / total for x in range(size)]
+        if rows:
+            before = [0.0, *rows[-1], 1.0]
+            row = [min(max(row[x], before[x]), before[x + 2]) for x in range(size)]
         rows.append(row)
     return np.array(rows)
 
 
-@pytest.mark.parametrize("drift", DRIFTS)
-@pytest.mark.parametrize("constant", CONSTANTS)
-def test_forecast_is_the_clipped_gaussian(drift: tuple[float, float], constant: float) -> None:
-    size, start, steps = 11, (4, 9), 70
-    forecast = ProbabilityMatrix(size, start, drift, constant)
-    columns, rows = (
-        np.diff(plain_cdfs(size, start[axis], drift[axis], constant, steps), prepend=0.0)
-        for axis in (0, 1)
-    )
+def separable_drifts() -> list[Drift]:
+    """All vectors and diffusions with a known start, and all kinds of uncertainty."""
+    known = [
+        Drift((4, 9), vector=vector, diffusion=diffusion)
+        for vector in VECTORS
+        for diffusion in DIFFUSIONS
+    ]
+    uncertain = [
+        Drift(**{"start": (4, 9), "vector": (0.3, -0.2), "diffusion": 0.1, **values})
+        for values in UNCERTAINTIES
+    ]
+    return known + uncertain
+
+
+@pytest.mark.parametrize("drift", separable_drifts())
+def test_forecast_is_the_clipped_gaussian(drift: Drift) -> None:
+    size, steps = 11, 70
+    forecast = ProbabilityMatrix(size, drift)
+    columns, rows = (np.diff(plain_cdfs(size, drift, axis, steps), prepend=0.0) for axis in (0, 1))
     for t in range(steps + 1):
         x, y = forecast.marginals(t)
         np.testing.assert_allclose(x, columns[t], atol=1e-12)
@@ -65,34 +81,90 @@ def test_forecast_is_the_clipped_gaussian(drift: tuple[float, float], constant: 
         np.testing.assert_allclose(forecast.at(t), np.outer(rows[t], columns[t]), atol=1e-7)
 
 
-@pytest.mark.parametrize("drift", DRIFTS)
-@pytest.mark.parametrize("constant", CONSTANTS)
-def test_moves_map_each_forecast_to_the_next(drift: tuple[float, float], constant: float) -> None:
-    forecast = ProbabilityMatrix(11, (4, 9), drift, constant)
+def prior(size: int, seed: int = 0) -> np.ndarray:
+    """A map with empty cells."""
+    numbers = np.random.default_rng(seed).random((size, size))
+    return np.where(numbers > 0.7, numbers, 0.0)
+
+
+MIXTURE = Person(
+    [
+        Drift((2, 3), start_sd=1, vector=(0.2, 0.1), vector_sd=0.05, diffusion=0.1, weight=3),
+        Drift((8, 8), vector=(-0.4, 0), diffusion=0.4),
+        Drift(prior(11), vector=(0.1, -0.3), vector_sd=0.02, diffusion=0.2, weight=0.5),
+    ]
+)
+PERSONS = [*map(Person, separable_drifts()), MIXTURE, Person(MIXTURE.drifts[2])]
+
+
+@pytest.mark.parametrize("person", PERSONS)
+def test_moves_map_each_forecast_to_the_next(person: Person) -> None:
+    forecast = ProbabilityMatrix(11, person)
+    cells = np.arange(11)
     for t in range(100):
         right, left, down, up = forecast.moves(t)
-        for axis, (higher, lower) in enumerate(((right, left), (down, up))):
-            now, after = forecast.marginals(t)[axis], forecast.marginals(t + 1)[axis]
-            stay = 1 - higher - lower
-            assert min(higher.min(), lower.min(), stay.min()) >= -1e-12
-            moved = now * stay
-            moved[1:] += (now * higher)[:-1]
-            moved[:-1] += (now * lower)[1:]
-            np.testing.assert_allclose(moved, after, atol=1e-14)
-            assert higher[-1] == 0.0 == lower[0]
+        moved = np.zeros((len(person.drifts), 11, 11))
+        for h, joint in enumerate(forecast.joint(t)):
+            along = []
+            for higher, lower in ((right[h], left[h]), (down[h], up[h])):
+                stay = 1 - higher - lower
+                assert min(higher.min(), lower.min(), stay.min()) >= -1e-12
+                assert higher[-1] == 0.0 == lower[0]
+                matrix = np.zeros((11, 11))
+                matrix[cells, cells] = stay
+                matrix[cells[:-1], cells[1:]] = higher[:-1]
+                matrix[cells[1:], cells[:-1]] = lower[1:]
+                along.append(matrix)
+            moved[h] = along[1].T @ joint @ along[0]
+        np.testing.assert_allclose(moved, forecast.joint(t + 1), atol=1e-13)
+        assert forecast.exact(t).sum() == pytest.approx(1)
+
+
+def test_a_mixture_is_the_weighted_mean_of_its_hypotheses() -> None:
+    forecast = ProbabilityMatrix(11, MIXTURE)
+    parts = [ProbabilityMatrix(11, drift) for drift in MIXTURE.drifts]
+    for t in (0, 1, 40, 90):
+        expected = sum(w * p.exact(t) for w, p in zip(MIXTURE.weights, parts, strict=True))
+        np.testing.assert_allclose(forecast.exact(t), expected, atol=1e-13)
+        np.testing.assert_allclose(forecast.at(t), expected, atol=1e-6)
+        x, y = forecast.marginals(t)
+        np.testing.assert_allclose(x, expected.sum(axis=0), atol=1e-13)
+        np.testing.assert_allclose(y, expected.sum(axis=1), atol=1e-13)
+
+
+def test_a_start_given_as_an_array() -> None:
+    """An array with one cell equals the cell; separate cells equal a mixture of cells."""
+    values: dict = {"vector": (0.2, -0.1), "vector_sd": 0.03, "diffusion": 0.2}
+    one = np.zeros((11, 11))
+    one[9, 4] = 7.0
+    as_array, as_cell = (ProbabilityMatrix(11, Drift(start, **values)) for start in (one, (4, 9)))
+    for t in range(60):
+        np.testing.assert_allclose(as_array.exact(t), as_cell.exact(t), atol=1e-12)
+    two = np.zeros((41, 41))
+    two[10, 10], two[30, 30] = 3.0, 1.0
+    still: dict = {"diffusion": 0.2}
+    mixture = Person([Drift((10, 10), weight=3, **still), Drift((30, 30), weight=1, **still)])
+    as_array, as_mixture = (
+        ProbabilityMatrix(41, person) for person in (Drift(two, **still), mixture)
+    )
+    np.testing.assert_array_equal(as_array.exact(0), two / 4)
+    for t in range(60):
+        distance = np.abs(as_array.exact(t) - as_mixture.exact(t)).sum() / 2
+        assert distance < 0.01
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
 @given(
     size=st.integers(2, 30),
     place=st.tuples(st.floats(0, 0.999), st.floats(0, 0.999)),
-    drift=st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2),
+    vector=st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2),
     constant=st.floats(0, 1e308),
     t=st.integers(0, 90),
 )
-def test_matrix_properties(size: int, place: tuple, drift: tuple, constant: float, t: int) -> None:
+def test_matrix_properties(size: int, place: tuple, vector: tuple, constant: float, t: int) -> None:
     start = int(place[0] * size), int(place[1] * size)
-    matrix = ProbabilityMatrix(size, start, drift, constant).at(t)
+    drift = Drift(start, vector=vector, diffusion=dispersion_rate(constant))
+    matrix = ProbabilityMatrix(size, drift).at(t)
     assert matrix.dtype == np.float32 and matrix.shape == (size, size)
     assert matrix.min() >= 0
     assert matrix.sum(dtype=np.float64) == pytest.approx(1, abs=1e-6)
@@ -107,14 +179,82 @@ def moments(probability: np.ndarray) -> tuple[float, float]:
 
 
 def test_oracles() -> None:
-    x, _ = ProbabilityMatrix(40, (20, 20), (0, 0), 10).marginals(40)
+    x, _ = ProbabilityMatrix(40, Drift((20, 20), diffusion=dispersion_rate(10))).marginals(40)
     assert moments(x) == pytest.approx((20.00, 4.22), abs=0.01)
-    x, _ = ProbabilityMatrix(40, (20, 20), (0.5, 0), 3).marginals(20)
+    drift = Drift((20, 20), vector=(0.5, 0), diffusion=dispersion_rate(3))
+    x, _ = ProbabilityMatrix(40, drift).marginals(20)
     assert moments(x) == pytest.approx((30.00, 2.25), abs=0.01)
+    drift = Drift(
+        (30, 30), start_sd=2, vector=(0.1, 0), vector_sd=(0.05, 0), diffusion=0.1, adrift=20
+    )
+    for t in (0, 10, 60):
+        x, y = ProbabilityMatrix(81, drift).marginals(t)
+        tau = 20 + t
+        sd = math.sqrt(4 + 0.1 * tau + (0.05 * tau) ** 2 + 1 / 12)
+        assert moments(x) == pytest.approx((30 + 0.1 * tau, sd), abs=0.01)
+        assert moments(y) == pytest.approx((30, math.sqrt(4 + 0.1 * tau + 1 / 12)), abs=0.01)
+
+
+def covariance(drift: Drift, first: int, last: int, size: int = 81) -> float:
+    """Of a person's x at two steps, by the moves along x."""
+    forecast = ProbabilityMatrix(size, drift)
+    cells = np.arange(size)
+    later = cells.astype(float)  # the expected x at the last step, given x at the first
+    for t in reversed(range(first, last)):
+        (right,), (left,), _, _ = forecast.moves(t)
+        later = (
+            (1 - right - left) * later
+            + right * np.append(later[1:], 0.0)
+            + left * np.append(0.0, later[:-1])
+        )
+    x, _ = forecast.marginals(first)
+    return float(x @ (cells * later) - (x @ cells) * (x @ later))
+
+
+@pytest.mark.parametrize(
+    ("diffusion", "velocity", "uncertainty", "low", "high"),
+    [
+        (1 / 9, 0.0, {}, 0.95, 1.05),
+        (1 / 9, 0.1, {}, 0.95, 1.12),
+        (0.25, 0.0, {}, 0.97, 1.05),
+        (0.25, 0.1, {}, 0.95, 1.12),
+        (0.25, 0.5, {}, 0.95, 1.05),
+        (0.444, 0.1, {}, 0.95, 1.1),
+        (0.444, 0.3, {}, 0.95, 1.1),
+        (0.05, 0.1, {"vector_sd": (0.05, 0), "start_sd": 2}, 0.9, 1.1),
+        (0.25, 0.0, {"vector_sd": (0.1, 0)}, 0.9, 1.1),
+        # The lattice is the limit: steps of whole cells vary more than this diffusion.
+        (0.015, 0.05, {}, 0.4, 0.6),
+    ],
+)
+def test_a_person_remembers_as_a_brownian_motion_does(
+    diffusion: float, velocity: float, uncertainty: dict, low: float, high: float
+) -> None:
+    drift = Drift((40, 40), vector=(velocity, 0), diffusion=diffusion, **uncertainty)
+    (start_sd, _), (velocity_sd, _) = drift.start_sd, drift.vector_sd  # type: ignore[misc]
+    expected = start_sd**2 + 20 * diffusion + 20 * 60 * velocity_sd**2
+    assert low < covariance(drift, 20, 60) / expected < high
+
+
+@pytest.mark.parametrize("constant", [0.5, 1, 3, 10, 100])
+def test_variance_after_a_known_cell_grows_by_the_diffusion(constant: float) -> None:
+    rate = dispersion_rate(constant)
+    forecast = ProbabilityMatrix(121, Drift((60, 60), diffusion=rate))
+    belief = np.zeros(121)
+    belief[60] = 1.0
+    cells = np.arange(121)
+    for t in range(40, 80):
+        (right,), (left,), _, _ = forecast.moves(t)
+        stay = belief * (1 - right - left)
+        stay[1:] += (belief * right)[:-1]
+        stay[:-1] += (belief * left)[1:]
+        belief = stay
+        variance = belief @ (cells - 60) ** 2
+        assert variance == pytest.approx(rate * (t - 39), rel=0.03)
 
 
 def test_drift_is_limited_to_one_cell_per_step() -> None:
-    fast = ProbabilityMatrix(40, (3, 20), (9.0, 0), 10)
+    fast = ProbabilityMatrix(40, Drift((3, 20), vector=(9.0, 0), diffusion=4 / 9))
     for t in range(1, 25):
         assert moments(fast.marginals(t)[0])[0] == pytest.approx(3 + t, abs=0.01)
 
@@ -128,9 +268,8 @@ def test_probabilities_are_not_negative_for_any_rounding_of_erf(
         return erf(z) + noise.uniform(-1e-9, 1e-9, z.shape)
 
     monkeypatch.setattr(tables, "erf", rounded)
-    of = {"start": np.array([4, 9]), "drift": np.array([0.3, -0.8])}
-    constant, steps = np.array(5.0), np.arange(1.0, 41.0)[:, None]
-    cdf = tables.gaussian_cdf(30, **of, disperse_constant=constant, step=steps)
+    axes = tables.Axes.of([Drift((4, 9), vector=(0.3, -0.8), diffusion=1 / 3)])
+    cdf = tables.distribution(30, axes, np.arange(1.0, 41.0)[:, None])
     assert np.diff(cdf, axis=0).min() == 0.0
 
 
@@ -140,15 +279,19 @@ def test_dispersion_rate_grows_to_two_thirds() -> None:
     assert rates[3] == pytest.approx(4 / 9) and rates[-1] == pytest.approx(2 / 3)
 
 
-def test_steps_can_be_read_in_any_order() -> None:
-    one, other = (ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5) for _ in range(2))
+SOME_DRIFT = Drift((4, 4), vector=(0.1, 0.2), diffusion=1 / 3)
+
+
+@pytest.mark.parametrize("person", [SOME_DRIFT, Drift(prior(9), vector=(0.2, 0), diffusion=0.1)])
+def test_steps_can_be_read_in_any_order(person: Drift) -> None:
+    one, other = (ProbabilityMatrix(9, person) for _ in range(2))
     expected = [one.at(t).copy() for t in range(100)]
     for t in (99, 0, 33, 32, 31, 64, 98, 1):
         np.testing.assert_array_equal(other.at(t), expected[t])
 
 
 def test_matrices_are_new_arrays() -> None:
-    forecast = ProbabilityMatrix(9, (4, 4), (0.1, 0.2), 5)
+    forecast = ProbabilityMatrix(9, SOME_DRIFT)
     expected = forecast.at(7)
     for array in (forecast.at(7), forecast.exact(7), *forecast.marginals(7), *forecast.moves(7)):
         array[...] = 5.0
@@ -162,13 +305,13 @@ def test_memory_is_bounded_over_thousands_of_steps() -> None:
     """Cached tables of all forecasts together stay within a limit."""
     tracemalloc.start()
     try:
-        forecast = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
+        forecast = ProbabilityMatrix(64, SOME_DRIFT)
         for t in range(4000):  # 62 MiB of matrices
             forecast.at(t)
-        again = ProbabilityMatrix(64, (4, 4), (0.1, 0.2), 5)
+        again = ProbabilityMatrix(64, SOME_DRIFT)
         assert forecast.block(3) is again.block(3), "the earliest are kept"
         for start in range(10):
-            other = ProbabilityMatrix(64, (start, 4), (0.1, 0.2), 5)
+            other = ProbabilityMatrix(64, Drift((start, 4), vector=(0.1, 0.2), diffusion=0.3))
             for t in range(100):
                 other.at(t)
         assert tracemalloc.get_traced_memory()[1] < 64 * 2**20
@@ -177,31 +320,27 @@ def test_memory_is_bounded_over_thousands_of_steps() -> None:
 
 
 def test_blocks_of_huge_grids_are_small() -> None:
-    assert ProbabilityMatrix(1500, (0, 0), (0, 0), 1).block_steps == 1
-    assert ProbabilityMatrix(300, (0, 0), (0, 0), 1).block_steps == 8
-    assert ProbabilityMatrix(50, (0, 0), (0, 0), 1).block_steps == 32
+    for size, steps in ((1500, 1), (300, 8), (50, 32)):
+        assert ProbabilityMatrix(size, Drift((0, 0))).block_steps == steps
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "error", "message"),
     [
-        ((1, (0, 0), (0, 0), 1), "grid_size must be an integer of at least 2, got 1"),
-        ((5, (9, 9), (0, 0), 1), r"start must be a cell .* got \(9, 9\)"),
-        ((5, (1, 1), (0, math.nan), 1), r"vector\[1\] must be a finite number, got nan"),
-        (
-            (5, (1, 1), (0, 0), -5),
-            "disperse_constant must be a finite number of at least 0, got -5",
-        ),
+        ((1, Drift((0, 0))), ValueError, "grid_size must be an integer of at least 2, got 1"),
+        ((5, Drift((9, 9))), ValueError, r"start.* 0 to 4 .* got .*9, 9"),
+        ((5, Drift(np.ones((4, 4)))), ValueError, r"shape \(5, 5\), got .*\(4, 4\)"),
+        ((5, (1, 1)), TypeError, r"person must be a Person or a Drift, got \(1, 1\)"),
     ],
 )
-def test_bad_arguments(arguments: tuple, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+def test_bad_arguments(arguments: tuple, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
         ProbabilityMatrix(*arguments)
 
 
 def test_steps_before_the_first() -> None:
     with pytest.raises(ValueError, match="step must be an integer of at least 0, got -1"):
-        ProbabilityMatrix(5, (1, 1), (0, 0), 1).at(-1)
+        ProbabilityMatrix(5, Drift((1, 1))).at(-1)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
@@ -222,8 +361,8 @@ def test_a_process_can_be_forked_while_another_thread_makes_tables() -> None:
     child = os.fork()
     if child == 0:  # pragma: no cover (in another process)
         signal.alarm(30)  # ends a child that hangs
-        ProbabilityMatrix(8, (3, 2), (0.123, 0.456), 5).at(40)
+        ProbabilityMatrix(8, Drift((3, 2), vector=(0.123, 0.456))).at(40)
         os._exit(0)
     thread.join()
     assert os.waitpid(child, 0)[1] == 0
-    ProbabilityMatrix(8, (3, 2), (0.321, 0.456), 5).at(40)
+    ProbabilityMatrix(8, Drift((3, 2), vector=(0.321, 0.456))).at(40)

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 
 Cell = tuple[int, int]
 
@@ -67,8 +67,10 @@ class Belief:
     """The belief about one person, a dict of cells, by the forecast and Bayes' rule."""
 
     def __init__(self, grid_size: int, start: Cell, vector: Any, constant: float) -> None:
-        self.forecast = ProbabilityMatrix(grid_size, start, tuple(vector), constant)
+        drift = Drift(start, vector=vector, diffusion=dispersion_rate(constant))
+        self.forecast = ProbabilityMatrix(grid_size, drift)
         self.mass = {start: 1.0}
+        self.kept = 1.0  # the probability that no search so far finds the person
 
     def unsuccessful_searches(self, cells: list[Cell], detection: float) -> None:
         after = dict(self.mass)
@@ -76,10 +78,12 @@ class Belief:
             if cell in after:
                 after[cell] *= 1 - detection
         kept = sum(after.values())
-        self.mass = {cell: chance / kept for cell, chance in after.items()}
+        self.kept *= kept
+        if kept > 0:
+            self.mass = {cell: chance / kept for cell, chance in after.items()}
 
     def drift(self, step: int) -> None:
-        right, left, down, up = self.forecast.moves(step)
+        right, left, down, up = (moves[0] for moves in self.forecast.moves(step))
         after: Counter[Cell] = Counter()
         for (x, y), chance in self.mass.items():
             for dx, along_x in ((1, right[x]), (-1, left[x]), (0, 1 - right[x] - left[x])):
@@ -169,11 +173,19 @@ class Model:
             for cell, target, gone in zip(before, targets, left, strict=True)
         ]
         for k, belief in enumerate(self.beliefs):
-            if self.parameters["bayesian_update"] and k in self.missing:
+            if self.parameters["bayesian_update"]:
                 belief.unsuccessful_searches(searched, self.pod[k])
             belief.drift(self.t)
         self.t += 1
         return rewards
+
+    def info(self) -> dict[str, Any]:
+        """Return each drone's info."""
+        info: dict[str, Any] = {"Found": len(self.missing) < len(self.beliefs)}
+        if self.parameters["bayesian_update"]:
+            kept = sum(belief.kept for belief in self.beliefs) / len(self.beliefs)
+            info["probability_of_success"] = pytest.approx(1 - kept, abs=1e-9)
+        return info
 
     def matrix(self) -> np.ndarray:
         """Return the mean belief over the missing persons, or over all if none is missing."""
@@ -258,7 +270,8 @@ def check_step(model: Model, env: DroneSwarmSearch, result: Any, expected: list[
     assert env.agents == ([] if ended else model.names)
     found = len(model.missing) < len(frame.persons)
     assert infos["Found"] is found
-    assert infos == {name: {"Found": found} for name in model.names}
+    assert infos == dict.fromkeys(model.names, model.info())
+    assert infos.get("probability_of_success") == model.info().get("probability_of_success")
     assert list(observations) == model.names
     for name, cell in zip(model.names, model.drones, strict=True):
         assert observations[name]["observation"][0] == cell
@@ -277,7 +290,7 @@ def check_episode(episode: Episode) -> set[str]:
     model = Model(episode)
     rng = random.Random(episode.seed)
     assert env.agents == model.names
-    assert infos == {name: {"Found": False} for name in model.names}
+    assert infos == dict.fromkeys(model.names, model.info())
     assert list(env.frame().drones) == model.drones
     persons = env.frame().persons
     assert persons == tuple(episode.parameters["person_initial_position"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -27,6 +28,9 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
     "DroneSwarmSearch.drift",
+    "DroneSwarmSearch.leeway",
+    "DroneSwarmSearch.priors",
+    "DroneSwarmSearch.detection",
     "DroneSwarmSearch.vector",
     SB3,
     "DroneSwarmSearch.wrappers",
@@ -129,6 +133,7 @@ def check_docstring(text: str | None, function: Any, name: str) -> None:
         assert len(names) <= MAX_UNDESCRIBED_ARGUMENTS, name
 
 
+@functools.cache
 def documented_constants() -> set[str]:
     """The constants of the package with a string below their definition."""
     names: set[str] = set()

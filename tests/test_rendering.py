@@ -18,10 +18,17 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
+from DroneSwarmSearch.rendering.labels import outcome_in_brief, percent, signed, tick_stride
 from DroneSwarmSearch.rendering.painter import GAP, Painter
-from DroneSwarmSearch.rendering.palette import FOUND, NOT_FOUND, PALETTES
+from DroneSwarmSearch.rendering.palette import (
+    FOUND,
+    NOT_FOUND,
+    PALETTES,
+    PROGRESS,
+    PROGRESS_LIGHT,
+)
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
+from DroneSwarmSearch.rendering.side_by_side import SideBySide
 from DroneSwarmSearch.rendering.text import RAMP, render_text
 from DroneSwarmSearch.rendering.window import KEYS_KEPT, Window
 from DroneSwarmSearch.rules import Ending
@@ -118,10 +125,33 @@ class TestLabels:
     ) -> None:
         assert tick_stride(room, pitch) == stride
 
+    @pytest.mark.parametrize(
+        ("ending", "outcome", "brief"),
+        [
+            (None, "", ""),
+            (Ending.COVERED, "The area was covered in 3 moves", "covered in 3 steps"),
+            (Ending.TIME_LIMIT, "Probability of success 83.4%", "not covered in 3 steps"),
+            (Ending.COLLISION, "Probability of success 83.4%", "drones collided in step 3"),
+        ],
+    )
+    def test_outcomes_of_the_coverage_mission(
+        self, ending: Ending | None, outcome: str, brief: str
+    ) -> None:
+        frame = make_frame(2, persons=(), ending=ending)
+        frame = replace(frame, probability_of_success=0.834)
+        assert frame.outcome == outcome
+        assert outcome_in_brief(frame) == brief
+
     def test_numbers(self) -> None:
         assert percent(0.123456) == "12.3%"
         assert percent(0.0) == "0%"
         assert signed(-0.5) == "-0.50"
+        assert [signed(value) for value in (0.0, 0.05, 0.1, 0.096)] == [
+            *("+0.00", "+0.05", "+0.10", "+0.10")
+        ]
+        assert [signed(value) for value in (0.0596, -0.0098, 1.2e-5)] == [
+            *("+0.060", "-0.0098", "+1.2e-05")
+        ]
         assert signed(12345.0) == "+1.23e+04"
 
 
@@ -165,6 +195,46 @@ class TestText:
         frame = make_frame(2, found=(0,), ending=Ending.FOUND)
         line = render_text(frame).split("\n")[1]
         assert line == f"The target was found in 3 moves ({Ending.FOUND.description})"
+
+    def test_what_is_known_of_uncertain_persons(self) -> None:
+        frame = replace(make_frame(2), probability_of_success=0.1234)
+        assert render_text(frame).split("\n")[0].endswith(" | persons found 0/1 | POS 12.3%")
+        eighteen = (0.235, *(0.045,) * 17)
+        for hypotheses, line in (
+            (((0.62, 0.38),), "hypotheses: 62% 38%"),
+            ((eighteen,), "hypotheses: 18, the likeliest 24%"),
+            (
+                ((1.0,), (0.5, 0.5), eighteen),
+                "hypotheses: person 1 50% 50% | person 2 18, the likeliest 24%",
+            ),
+            (
+                ((0.5, 0.5),) * 9,
+                "hypotheses: "
+                + " | ".join(f"person {person} 50% 50%" for person in range(4))
+                + " | 5 more persons",
+            ),
+        ):
+            persons = ((1, 1),) * len(hypotheses)
+            found_by = (None,) * len(hypotheses)
+            uncertain = replace(frame, hypotheses=hypotheses, persons=persons, found_by=found_by)
+            assert render_text(uncertain).split("\n")[1] == line
+        certain = replace(frame, hypotheses=((1.0,),))
+        assert render_text(certain) == render_text(frame)
+
+    def test_hypotheses_about_found_persons_are_left_out(self) -> None:
+        frame = make_frame(3, persons=((1, 1), (2, 2)), found=(0,))
+        both = replace(frame, hypotheses=((0.9, 0.1), (0.6, 0.4)))
+        assert render_text(both).split("\n")[1] == "hypotheses: person 1 60% 40%"
+        done = replace(both, found_by=(0, 0))
+        line = "hypotheses: person 0 90% 10% | person 1 60% 40%"
+        assert render_text(done).split("\n")[1] == line
+
+    def test_the_coverage_mission_has_no_persons(self) -> None:
+        frame = replace(make_frame(2, persons=()), probability_of_success=0.834)
+        line = "step 3/10 | drift x +0.50, y -0.25 cells/step | POS 83.4%"
+        lines = render_text(frame).split("\n")
+        assert lines[0] == line
+        assert "person" not in lines[-1]
 
     def test_the_width_stays_when_a_drone_starts_to_search(self) -> None:
         idle = make_frame(4, drones=((0, 0), (3, 3)))
@@ -462,6 +532,9 @@ class TestPanel:
             {"found_by": (0,)},
             {"drones": ((0, 0), (0, 0)), "searching": (False, False)},
             {"matrix": np.full((7, 7), 1 / 49, dtype=np.float32)},
+            {"probability_of_success": 0.2},
+            {"hypotheses": ((0.7, 0.3),)},
+            {"persons": (), "found_by": (), "probability_of_success": 0.2},
         ],
     )
     def test_it_shows_the_state(self, change: dict[str, object]) -> None:
@@ -470,6 +543,74 @@ class TestPanel:
         before = draw(frame)[:, left:]
         after = draw(replace(frame, **change))[:, left:]  # type: ignore[arg-type]
         assert (before != after).any()
+
+    @pytest.mark.parametrize("persons", [((1, 1),), ()])
+    def test_the_probability_of_success_and_the_weights_of_hypotheses(
+        self, persons: tuple[tuple[int, int], ...]
+    ) -> None:
+        frame = replace(
+            make_frame(persons=persons), probability_of_success=0.2, hypotheses=((0.7, 0.3),)
+        )
+        left = panel_left(7)
+        looks = [
+            draw(other)[:, left:]
+            for other in (
+                frame,
+                replace(frame, probability_of_success=0.3),
+                replace(frame, hypotheses=((0.6, 0.4),)),
+                replace(frame, hypotheses=((0.6, 0.3, 0.1),)),
+            )
+        ]
+        for number, look in enumerate(looks):
+            assert all((look != other).any() for other in looks[:number])
+
+    def test_one_hypothesis_without_a_posterior_changes_nothing(self) -> None:
+        frame = make_frame(persons=((1, 1), (2, 2)))
+        assert (draw(replace(frame, hypotheses=((1.0,), (1.0,)))) == draw(frame)).all()
+
+    def test_the_parts_of_a_bar_are_as_wide_as_the_hypotheses_are_likely(self) -> None:
+        frame = replace(make_frame(), hypotheses=((0.25, 0.75),))
+        bar = draw(frame)[TOP + 520 + 22, panel_left(7) : panel_left(7) + 232]
+        assert (bar == PROGRESS).all(axis=1).mean() == pytest.approx(0.25, abs=0.02)
+        assert (bar == PROGRESS_LIGHT).all(axis=1).mean() == pytest.approx(0.75, abs=0.02)
+
+    def test_only_the_hypotheses_about_missing_persons_are_shown(self) -> None:
+        frame = make_frame(persons=((1, 1), (2, 2)), found=(0,))
+        first, second, third = (
+            draw(replace(frame, hypotheses=hypotheses))
+            for hypotheses in (
+                ((0.7, 0.3), (0.5, 0.5)),
+                ((0.2, 0.8), (0.5, 0.5)),
+                ((0.7, 0.3), (0.4, 0.6)),
+            )
+        )
+        assert (first == second).all()
+        assert (first != third).any()
+
+    @pytest.mark.parametrize("grid_size", [7, 50, 100, 481])
+    @pytest.mark.parametrize("success", [None, 0.5])
+    def test_many_persons_with_many_hypotheses_fit(
+        self, grid_size: int, success: float | None
+    ) -> None:
+        hypotheses = tuple((1 / count,) * count for count in (18, 1, 400, 2, 18, 3))
+        frame = replace(
+            make_frame(grid_size, drones=((1, 1),) * 40, persons=((1, 1),) * 6),
+            probability_of_success=success,
+        )
+        picture = draw(replace(frame, hypotheses=hypotheses))
+        assert picture.shape == draw(frame).shape
+        assert (
+            picture[:, panel_left(grid_size) :] != draw(frame)[:, panel_left(grid_size) :]
+        ).any()
+        paper = picture[-1, -1]
+        assert (picture[-20:, panel_left(grid_size) :] == paper).all()
+        assert (picture[:, -20:] == paper).all()
+
+    def test_a_painter_follows_a_change_of_the_persons(self) -> None:
+        painter = Painter(7)
+        for hypotheses in (((1.0,),), ((0.5, 0.5),), ((1.0,),)):
+            frame = replace(make_frame(), hypotheses=hypotheses)
+            assert (painter.pixels(frame) == Painter(7).pixels(frame)).all()
 
     def test_the_legend_of_hundreds_of_drones_fits_the_picture(self) -> None:
         few = tuple((n % 20, n // 20) for n in range(30))
@@ -509,12 +650,18 @@ class TestEndScreens:
     def test_the_banner_and_the_frame_are_green_for_found_and_red_for_not_found(
         self, grid_size: int, ending: Ending, palette: str
     ) -> None:
-        picture = draw(bare(make_frame(grid_size, ending=ending)), palette=palette)
-        colour = FOUND if ending is Ending.FOUND else NOT_FOUND
+        picture = draw(make_frame(grid_size, ending=ending), palette=palette)
+        colour = FOUND if ending in (Ending.FOUND, Ending.COVERED) else NOT_FOUND
         assert 0.04 < (map_of(picture, grid_size) == colour).all(axis=2).mean() < 0.5
         side = SearchMap(grid_size).side
         assert (picture[TOP - 3, LEFT : LEFT + side] == colour).all()
         assert (picture[TOP : TOP + side, LEFT + side + 2] == colour).all()
+
+    def test_the_time_limit_of_the_coverage_mission_is_no_failure(self) -> None:
+        frame = make_frame(persons=(), ending=Ending.TIME_LIMIT)
+        board = map_of(draw(replace(frame, probability_of_success=0.8)), 7)
+        assert (board == PROGRESS).all(axis=2).mean() > 0.04
+        assert not (board == NOT_FOUND).all(axis=2).any()
 
     @pytest.mark.parametrize("grid_size", SIZES)
     @pytest.mark.parametrize("ending", list(Ending))
@@ -548,6 +695,41 @@ class TestEndScreens:
             frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_LIMIT)
             changed = draw(frame) != draw(replace(frame, searching=(True,)))
             assert cell_of(changed, 20, 10, row).any(axis=2).mean() > 0.3
+
+
+class TestSideBySide:
+    def test_it_shows_the_hypotheses_and_the_probability_of_success(self) -> None:
+        frame = make_frame(persons=((1, 1),) * 5)
+        looks = []
+        for success, hypotheses in (
+            (None, ()),
+            (0.2, ()),
+            (0.2, ((1.0,),) * 5),
+            (0.2, ((0.7, 0.3), *((1.0,),) * 4)),
+            (0.2, ((0.6, 0.4), *((1.0,),) * 4)),
+            (0.2, ((0.5, 0.5),) * 5),
+        ):
+            posterior = replace(frame, probability_of_success=success, hypotheses=hypotheses)
+            looks.append(SideBySide(7, "a title").pixels(frame, posterior))
+        height, width, _ = looks[0].shape
+        assert [look.shape[0] - height for look in looks[:3]] == [0] * 3
+        assert len({look.shape for look in looks[3:]}) == 1
+        assert looks[3].shape[0] > height
+        assert all(side % 2 == 0 for look in looks for side in look.shape[:2])
+        assert (looks[0] != looks[1]).any()
+        assert (looks[1] == looks[2]).all()
+        assert (looks[3][:height] == looks[2]).mean() > 0.99
+        assert (looks[3] != looks[4]).any()
+        assert (looks[5] == looks[5][0, 0])[height:, width - 20 :].all()
+
+    def test_the_coverage_mission(self) -> None:
+        running = replace(make_frame(persons=()), probability_of_success=0.995)
+        looks = [
+            SideBySide(7, "a title").pixels(frame, frame)
+            for frame in (running, replace(running, ending=Ending.COVERED))
+        ]
+        assert not (looks[0] == FOUND).all(axis=2).any()
+        assert (looks[1] == FOUND).all(axis=2).mean() > 0.005
 
 
 class TestPainter:

@@ -119,10 +119,30 @@ def test_sparse_rewards_only_the_finder() -> None:
         assert (got, math.copysign(1, got)) == (points, 1), happened  # and never -0.0
 
 
-def test_the_reward_of_an_unsuccessful_search_matches_the_table() -> None:
+def test_expected_pays_the_added_probability_of_success() -> None:
+    expected = RewardScheme.expected(find=8.0)
+    for happened, points in (
+        ({"searched": True, "probability": 0.25}, 2.0),
+        ({"searched": True, "probability": 0.25, "found": True}, 2.0),
+        ({"searched": True, "probability": 0.25, "time_limit_reached": True}, 2.0),
+        ({"searched": True, "probability": 0.0}, 0.0),
+        ({"probability": 0.25}, 0.0),
+        ({"time_limit_reached": True, "return_so_far": 5.0}, 0.0),
+        ({"searched": True, "probability": 0.25, "left_grid": True}, 0.0),
+        ({"searched": True, "probability": 0.25, "collided": True}, 0.0),
+    ):
+        got = reward(expected, **{**NOTHING, **happened})
+        assert (got, math.copysign(1, got)) == (points, 1), happened
+    assert RewardScheme.expected().find == 1.0
+    with pytest.raises(TypeError, match=r"RewardScheme\.expected_finds must be True or False"):
+        RewardScheme(expected_finds=1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("scheme", [RewardScheme(), RewardScheme.expected(3)])
+def test_the_reward_of_an_unsuccessful_search_matches_the_table(scheme: RewardScheme) -> None:
     for probability in (0.0, 0.01, 0.0101, 1.0):
-        line = reward(RewardScheme(), **{**NOTHING, "searched": True, "probability": probability})
-        assert unsuccessful_search_reward(RewardScheme(), probability) == line
+        line = reward(scheme, **{**NOTHING, "searched": True, "probability": probability})
+        assert unsuccessful_search_reward(scheme, probability) == line
 
 
 def test_reward_scheme_is_frozen_and_limited_to_floats() -> None:
@@ -134,27 +154,27 @@ def test_reward_scheme_is_frozen_and_limited_to_floats() -> None:
 
 
 @pytest.mark.parametrize(
-    ("all_found", "collided", "left", "time_limit_reached", "expected"),
+    ("happened", "expected"),
     [
-        (False, False, False, False, None),
-        (True, False, False, False, Ending.FOUND),
-        (True, True, True, True, Ending.FOUND),
-        (False, True, False, False, Ending.COLLISION),
-        (False, True, True, True, Ending.COLLISION),
-        (False, False, True, True, Ending.LEFT_GRID),
-        (False, False, False, True, Ending.TIME_LIMIT),
+        ((False, False, False, False, False), None),
+        ((True, False, False, False, False), Ending.FOUND),
+        ((True, True, True, True, True), Ending.FOUND),
+        ((False, True, False, False, False), Ending.COVERED),
+        ((False, True, True, True, True), Ending.COVERED),
+        ((False, False, True, False, False), Ending.COLLISION),
+        ((False, False, True, True, True), Ending.COLLISION),
+        ((False, False, False, True, True), Ending.LEFT_GRID),
+        ((False, False, False, False, True), Ending.TIME_LIMIT),
     ],
 )
-def test_endings(
-    all_found: bool, collided: bool, left: bool, time_limit_reached: bool, expected: Ending | None
-) -> None:
-    assert ending(all_found, collided, left, time_limit_reached) is expected
+def test_endings(happened: tuple[bool, ...], expected: Ending | None) -> None:
+    assert ending(*happened) is expected
 
 
 FLAGS = list(itertools.product((False, True), repeat=6))
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other"])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other", "expected"])
 @pytest.mark.parametrize("limit", [1, 3, 100])
 def test_rewards_of_a_batch_equal_those_of_each_drone(scheme: RewardScheme, limit: int) -> None:
     """Every combination of events, and figures around each threshold, to the last bit."""
@@ -189,9 +209,9 @@ def test_rewards_of_a_batch_equal_those_of_each_drone(scheme: RewardScheme, limi
 
 
 def test_endings_of_a_batch_equal_those_of_each_search() -> None:
-    cases = list(itertools.product((False, True), repeat=4))
+    cases = list(itertools.product((False, True), repeat=5))
     flags = [np.array(column).nonzero()[0] for column in zip(*cases, strict=True)]
-    names = ("all_found", "any_collided", "any_left_grid", "time_limit_reached")
+    names = ("all_found", "covered", "any_collided", "any_left_grid", "time_limit_reached")
     codes = endings(len(cases), **dict(zip(names, flags, strict=True)))
     assert codes.dtype == np.int8
     assert codes.tolist() == [ending(*case) or 0 for case in cases]

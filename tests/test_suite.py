@@ -4,34 +4,38 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from itertools import pairwise
+from pathlib import Path
 
+import numpy as np
 import pytest
+from helpers import module_at
 
-from DroneSwarmSearch import RewardScheme
+from DroneSwarmSearch import Drift, Person, RewardScheme, Scale
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, search
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import SearchBatch
 
 FINGERPRINTS = {
-    "pond": "6a6ad0222c82d5da22bde2a334e6ad261614318da9e5fbf2e2eeb7fd73b29777",
-    "lagoon": "dee1d5a88a3f7bae787f471852f929054b0ee156751ef7cab1e5c8db400890be",
-    "classic": "39f3e4d7ede4d588ce7c4e6d4db839070377f8831e7a380739a1c40dce14b72f",
-    "open-sea": "1656df0816e5667d40ae59993a750828eaf803c8bc8ad688a612755b7ec1d5e1",
-    "channel": "eb3089eacb25c1b29493fc245ccb1b919b03d92954d36290d43cce71625b8925",
-    "gale": "a6a19d4ce7bd7737eb1a715bcac11342d9d2f76c3fef7eaf61ba5bb65d8c246d",
-    "harbour": "98ae8aa28431a362de89045830ee1e41de1c6b7e1738e5f16102ff78c8db9a11",
-    "fog": "2e43031e0615dde3bdd4c23d3ab74a7e88d608a4b1c95fb2f8cef3129caec9c3",
-    "night": "a4e6e18bcca26980fd621ee0cad4de397581333575d62fadda12b888998031ad",
-    "two-rafts": "9f52d03063dabe6c33f9eb34d210a4bd84e8bcfac0125b3a882a1c1a963647ef",
-    "wreck": "6979f95b4dd6d651b17a8e06379b9afffb46ef6e0a750d6b79a9569f50e9c6ec",
-    "fleet": "52100d1830b7034acc059951537b57159558714f1f6200b925647b5cee0058f2",
-    "long-watch": "817b2fa103f6c0a62483e8a70604d8b8bd0d17e0631380d8060e3bd2f8c6a0f9",
+    "pond": "6077208585e88eb8331daf8208a9f9a6e0f6220e24baf2bea54410069e9af03b",
+    "dsse-2024": "16fafce4ce2ed78f9a4ec9f0ecaed22aac7a023d4eee46e3c288380b31fd9236",
+    "classic": "407a5e20f24762eb157041712926fa97005d537f5f81f18492400ba8c358f688",
+    "harbour": "633215706d98da389a66750484876b2bcbea5ab1660c284e05c24f3b63281481",
+    "fog": "d6578375c42c727ec70849a8da73fdd4d7e99ddef6378a2a69b65bb1385b35af",
+    "man-overboard": "b6b6153b150487b0ffa6558c5c83ac5131ecbebee3a42338bf8ac5b939d05240",
+    "gale": "e9c88283b059e7d6ebf5511e951f6565f3a45fd6234f795a0f55926c03b3ed21",
+    "channel": "74406a3b6f5a7f22ea87bbe539374cba29e34e023614c20aadeb1e0e30c34334",
+    "two-positions": "0301d4992be0fdaf05ac62f68657ecadaa35a3863c59f58b9a1d0de7e975da72",
+    "wreck": "77bd7cafddd9eae722a729acfed384aac1d257e684c1cfdb53e8b3f128000ce5",
+    "night": "e70739bad001496757cb9e747f49c89d51d7f31e6c6773a2807667d6b7307bec",
+    "overdue": "77589ef1ada09d4def073346084119bfa712cf4d6a012e4d08870dce8470aa11",
+    "fleet": "469e91d0d04ae9296a6ef1d9dfeba9e6ca4df1b2afb4facbffe74d4d3f4f2bcc",
 }
 """If these change, results are no longer comparable: make a new version of the suite."""
 
-LEFT_TO_RIGHT = {"pond", "lagoon", "open-sea", "channel", "harbour", "wreck"}
+maker = module_at(Path(__file__).parents[1] / "docs" / "make_suite.py")
+
+AT_SEA = [name for name, each in SUITE.items() if each.scale is not None]
 
 
 def scenario(**changes: object) -> Scenario:
@@ -57,31 +61,59 @@ def test_the_suite_never_changes():
     assert list(SUITE) == list(FINGERPRINTS)  # tables keep their order
 
 
+def test_the_file_is_what_its_script_writes():
+    assert maker.FILE.read_text("utf-8") == maker.text()
+    assert maker.FILE.stat().st_size < 200_000
+
+
 def test_every_parameter_changes_the_fingerprint():
-    usual = search("two-rafts")
+    usual = search("harbour")
     changed = [
         dataclasses.replace(usual, scenario=dataclasses.replace(usual.scenario, **change))
         for change in (
             {"grid_size": 26},
-            {"vector": (0.1, 0.0500001)},
-            {"person_initial_position": ((8, 8), (16, 16))},
+            {"vector": (-0.2, 0.1000001)},
+            {"person_initial_position": ((1, 17),)},
+            {"person_initial_position": ((1, 18), (1, 18))},
             {"disperse_constant": 4.5},
-            {"timestep_limit": 151},
+            {"timestep_limit": 101},
             {"probability_of_detection": 0.99},
             {"bayesian_update": True},
             {"reward_scheme": RewardScheme(step=2)},
+            {"mission": "coverage"},
         )
     ]
-    changed.append(dataclasses.replace(usual, drones=((12, 0), (24, 12), (12, 24), (0, 11))))
+    changed.append(dataclasses.replace(usual, drones=((0, 0), (0, 1))))
     words = {each.fingerprint for each in [usual, *changed]}
-    assert len(words) == 10
-    assert dataclasses.replace(usual, name="other", reason="other").fingerprint in words
+    assert len(words) == 12
+    for change in ({"name": "other"}, {"reason": "other"}, {"scale": Scale(100, 10)}):
+        assert dataclasses.replace(usual, **change).fingerprint == usual.fingerprint
+
+
+def test_what_is_uncertain_changes_the_fingerprint():
+    def fingerprint(probability_of_detection: float = 1.0, **changes: object) -> str:
+        first = Drift((1.5, 2), **{"start_sd": 1, "vector": (0.1, 0), "adrift": 2, **changes})
+        person = Person([first, Drift(np.eye(5))], probability_of_detection)
+        return NamedSearch("mine", "Mine.", Scenario(5, persons=person)).fingerprint
+
+    changes = [
+        {"probability_of_detection": 0.5},
+        {"start_sd": 2},
+        {"vector": (0.1, 0.1)},
+        {"vector_sd": 0.1},
+        {"diffusion": 0.1},
+        {"adrift": 3},
+        {"weight": 2},
+    ]
+    words = {fingerprint(), *(fingerprint(**change) for change in changes)}
+    assert len(words) == 8
+    assert fingerprint() in words
 
 
 @pytest.mark.parametrize("name", list(SUITE))
 def test_every_search_can_be_played_and_has_a_reason(name):
     each = search(name)
-    assert re.fullmatch("[a-z]+(-[a-z]+)*", name)
+    assert re.fullmatch("[a-z]+(-[a-z0-9]+)*", name)
     assert each.name == name
     assert each.reason.endswith(".")
     assert not each.scenario.bayesian_update
@@ -91,21 +123,89 @@ def test_every_search_can_be_played_and_has_a_reason(name):
     assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
 
 
-def test_drones_start_in_their_cells():
-    for name, each in SUITE.items():
-        n, last = each.scenario.n_drones, each.scenario.grid_size - 1
-        if name in LEFT_TO_RIGHT:
-            assert each.drones == tuple((x, 0) for x in range(n))
-        elif name == "fleet":
-            rows = [y for x, y in each.drones if x == 0]
-            gaps = [below - above for above, below in pairwise(rows)]
-            assert len(rows) == 16
-            assert {*gaps} == {3, 4}
-            assert rows[0] + rows[-1] == last
-        else:
-            half = each.scenario.grid_size // 2
-            assert {*each.drones} <= {(half, 0), (last, half), (half, last), (0, half)}
-            assert len(each.drones) == n
+@pytest.mark.parametrize("name", AT_SEA)
+def test_searches_at_sea_have_plausible_sizes(name):
+    scenario, scale = search(name).scenario, search(name).scale
+    assert 100 <= scale.metres_per_cell <= 400
+    assert 10 <= scale.metres_per_cell / scale.seconds_per_step <= 25
+    assert 0.5 <= scale.seconds(scenario.timestep_limit) / 3600 <= 2
+    assert scenario.timestep_limit <= 400 and scenario.grid_size <= 60
+    for person in scenario.persons:
+        for drift in person.drifts:
+            assert not drift.starts_in_known_cell
+            speed = np.hypot(*scale.velocity(drift.vector))
+            assert 0.05 < speed < 1.0
+            assert 1 < scale.diffusivity(drift.diffusion) <= 10
+
+
+def test_the_suite_has_what_real_searches_have():
+    assert len(AT_SEA) >= 6
+    persons = [person for name in AT_SEA for person in search(name).scenario.persons]
+    drifts = [drift for person in persons for drift in person.drifts]
+    assert any(len(search(name).scenario.persons) > 1 for name in AT_SEA)
+    assert any(len(person.drifts) > 2 for person in persons)
+    assert any(person.probability_of_detection < 0.3 for person in persons)
+    assert any(drift.prior is not None for drift in drifts)
+    hours = [
+        drift.adrift * search(name).scale.seconds_per_step / 3600
+        for name in AT_SEA
+        for drift in search(name).scenario.persons[0].drifts
+    ]
+    assert max(hours) == 6
+
+
+@pytest.mark.parametrize("name", [name for name in SUITE if name not in ("pond", "harbour")])
+def test_the_grid_holds_the_forecast(name):
+    """The pond and the harbour have shores."""
+    scenario = search(name).scenario
+    steps = range(0, scenario.timestep_limit + 1, 10)
+    assert max(scenario.mass_beyond_grid(step) for step in steps) < 0.02
+
+
+def test_the_published_baseline_has_its_published_parameters():
+    each = search("dsse-2024")
+    assert each.drones == ((20, 0), (39, 20), (20, 39), (0, 20))
+    scenario = each.scenario
+    assert (scenario.grid_size, scenario.n_drones, scenario.timestep_limit) == (40, 4, 100)
+    assert scenario.person_initial_position == ((20, 20),)
+    assert (scenario.vector, scenario.disperse_constant) == ((0.083, 0.08), 0.65)
+
+
+def test_an_outline_of_known_starts_and_drifts():
+    assert search("fog").outline == (
+        "20 x 20 cells; 4 drones; 1 person; drift (0.04, 0.02); disperse constant 1; "
+        "probability of detection 0.4; 100 steps"
+    )
+
+
+def test_an_outline_of_uncertain_starts_and_drifts():
+    square = np.zeros((9, 9))
+    square[3:6, 3:6] = 1  # each coordinate is 3, 4 or 5: a variance of 2/3
+    # Two hypotheses at (2, 4) and (6, 4): a variance of 4 + 0 between them, 1 within them.
+    two = [
+        Drift((2, 4), start_sd=1, vector=(0.3, 0), vector_sd=0.05),
+        Drift((6, 4), start_sd=1, vector=(0.3, 0), vector_sd=0.05),
+    ]
+    scenario = Scenario(9, 2, timestep_limit=60, persons=[Person(two, 0.5), Person(Drift(square))])
+    named = NamedSearch("mine", "Mine.", scenario)
+    assert named.outline == (
+        "9 x 9 cells; 2 drones; 2 persons with 1 to 2 hypotheses each; position sd 0.82 to 1.7 "
+        "cells; drift 0 to 0.3 cells per step; drift sd 0 to 0.05 cells per step; probability of "
+        "detection 0.5, 1; 60 steps"
+    )
+    at_sea = dataclasses.replace(
+        named, scenario=scenario.replace(persons=Person(two)), scale=Scale(100, 10)
+    )
+    assert at_sea.outline == (
+        "9 x 9 cells of 100 m; 2 drones; 1 person with 2 hypotheses; position sd 170 m; drift "
+        "3 m/s; drift sd 0.5 m/s; probability of detection 1; 60 steps of 10 s (10 minutes)"
+    )
+
+
+def test_an_outline_of_steps_adrift():
+    drift = Drift((2, 4), start_sd=1, vector=(0.3, 0.4), vector_sd=0.1, diffusion=0.25, adrift=20)
+    outline = NamedSearch("mine", "Mine.", Scenario(20, persons=Person(drift))).outline
+    assert "position sd 3.2 cells; drift 0.5 cells per step" in outline  # 1 + 5 + 4 = 10
 
 
 def test_reasons_are_all_different():
@@ -114,9 +214,9 @@ def test_reasons_are_all_different():
 
 def test_an_unknown_name_suggests_similar_names():
     with pytest.raises(
-        ValueError, match=r"pond, .*got 'lagun'; did you mean lagoon.*evaluate --list"
+        ValueError, match=r"pond, .*got 'harbor'; did you mean harbour.*evaluate --list"
     ):
-        search("lagun")
+        search("harbor")
     with pytest.raises(ValueError, match="got 'Classic'; did you mean classic"):
         search("Classic")
     with pytest.raises(ValueError, match="got 'xyzzy' "):
@@ -165,3 +265,5 @@ def test_drones_that_do_not_fit_are_refused(drones, message):
 def test_a_search_needs_a_scenario():
     with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
         NamedSearch("mine", "Mine.", None)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"scale must be a Scale or None, got \(100, 10\)"):
+        NamedSearch("mine", "Mine.", scenario(), scale=(100, 10))  # type: ignore[arg-type]

@@ -50,6 +50,19 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return now
 
 
+@pytest.fixture
+def plots() -> None:
+    """Plot learning curves, as most tests do not."""
+    pytest.importorskip("matplotlib")
+
+
+@pytest.fixture(autouse=True)
+def quick_runs(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skip plots, each of which takes longer than the rest of a test."""
+    if "plots" not in request.fixturenames:
+        monkeypatch.setattr(Curve, "draw", lambda *_: None)
+
+
 def test_the_task_can_be_pickled_and_played() -> None:
     task = pickle.loads(pickle.dumps(training.TRAINING_TASK))
     assert task == training.TRAINING_TASK
@@ -190,9 +203,9 @@ def test_the_moving_mean_covers_a_twentieth_and_skips_unknown_values() -> None:
     assert moving_mean(np.zeros(0)).shape == (0,)
 
 
+@pytest.mark.usefixtures("plots")
 def test_the_curve_is_plotted(tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
-    pytest.importorskip("matplotlib")
 
     def plotted(name: str, *found: float) -> np.ndarray:
         with training.Run(options(tmp_path / name), "Trial") as run:
@@ -206,6 +219,7 @@ def test_the_curve_is_plotted(tmp_path: Path) -> None:
     assert one.shape == other.shape and (one != other).any()
 
 
+@pytest.mark.usefixtures("plots")
 def test_without_matplotlib_the_run_reports_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -405,13 +419,11 @@ def exit_code(function: Callable[..., object], *arguments: Any, **named: Any) ->
 )
 def test_after_ctrl_c_a_run_resumes_from_its_last_checkpoint(
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     point: str,
     checkpoint: int | None,
     logged: int,
 ) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
     folder = tmp_path / "run"
     assert exit_code(train, folder, interrupt_at=point) == 130
     (message,) = (
@@ -437,9 +449,8 @@ def test_after_ctrl_c_a_run_resumes_from_its_last_checkpoint(
     assert [row["steps"] for row in rows(folder)] == (steps[1:] if point == "saved 10" else steps)
 
 
+@pytest.mark.usefixtures("plots")
 def test_ctrl_c_plots_the_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib")
-
     def interrupted() -> None:
         with training.Run(options(tmp_path), "Trial") as run:
             save(run, 1234)
@@ -521,10 +532,8 @@ def test_other_errors_are_raised(tmp_path: Path) -> None:
 def test_progress_shows_the_latest_values_and_the_time_left(
     tmp_path: Path,
     clock: list[float],
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
     with training.Run(options(tmp_path), "Trial") as run:
         save(run, 2500)
         clock[0] += 40

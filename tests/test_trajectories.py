@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_searches import all_trajectories
 
-from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.planning.trajectories import (
     chernoff_bound,
     enumerate_trajectories,
@@ -67,7 +68,7 @@ class TestChernoff:
 
 
 class TestTrajectories:
-    FORECAST = ProbabilityMatrix(5, (1, 3), (0.4, -0.2), 8)
+    FORECAST = ProbabilityMatrix(5, Drift((1, 3), vector=(0.4, -0.2), diffusion=0.41))
 
     def test_enumerated_ones_are_distributed_as_the_forecast(self) -> None:
         trajectories = enumerate_trajectories(self.FORECAST, 5)
@@ -83,7 +84,7 @@ class TestTrajectories:
         for step in range(4):
             (y, x), (v, u) = (np.divmod(trajectories.cells[t], 5) for t in (step, step + 1))
             for here, there, up, down in ((x, u, 0, 1), (y, v, 2, 3)):
-                higher, lower = (self.FORECAST.moves(step)[axis][here] for axis in (up, down))
+                higher, lower = (self.FORECAST.moves(step)[axis][0, here] for axis in (up, down))
                 assert (abs(there - here) <= 1).all()
                 product *= np.select(
                     [there > here, there < here], [higher, lower], 1 - higher - lower
@@ -105,10 +106,43 @@ class TestTrajectories:
         assert max(abs(np.diff(x, axis=0)).max(), abs(np.diff(y, axis=0)).max()) == 1
         # From one cell in one step, the moves are those of the chain.
         here = trajectories.cells[5] == 13
-        right, left, *_ = (chance[3] for chance in self.FORECAST.moves(5))
+        right, left, *_ = (chance[0, 3] for chance in self.FORECAST.moves(5))
         for move, chance in ((1, right), (-1, left)):
             rate = float(np.mean(x[6, here] - x[5, here] == move))
             assert abs(rate - chance) < 4 * math.sqrt(chance * (1 - chance) / here.sum())
+
+    MIXTURES = (
+        [Drift((0, 1), diffusion=0.2), Drift((4, 2), vector=(-0.5, 0.3), diffusion=0.1, weight=3)],
+        [Drift(np.diag([3.0, 0, 0, 1, 0]), diffusion=0.3), Drift((2, 2), vector=(0, 0.2))],
+        [Drift((1.5, 2), start_sd=(0.7, 0.0), vector=(0.2, 0), vector_sd=0.1)],
+        [Drift((1, 2), vector=(0.2, 0.1), diffusion=0.02, adrift=4), Drift((3, 3), weight=0.2)],
+    )
+
+    @pytest.mark.parametrize("drifts", MIXTURES)
+    def test_every_one_starts_with_a_hypothesis_and_a_cell(self, drifts: list[Drift]) -> None:
+        forecast, steps = ProbabilityMatrix(5, Person(drifts)), 4
+        trajectories = enumerate_trajectories(forecast, steps)
+        assert trajectories is not None
+        by_hand: dict[tuple[int, ...], float] = {}
+        for path, probability in zip(*all_trajectories(forecast, steps), strict=True):
+            by_hand[tuple(path)] = by_hand.get(tuple(path), 0.0) + probability
+        enumerated: dict[tuple[int, ...], float] = {}
+        for path, probability in zip(trajectories.cells.T, trajectories.probabilities, strict=True):
+            enumerated[tuple(path)] = enumerated.get(tuple(path), 0.0) + probability
+        assert enumerated == pytest.approx(by_hand, rel=1e-9, abs=1e-15)
+        # Pairs of cells, at the first step and at the last, show the memory of the sample.
+        count = 40_000
+        first, *_, last = sample_trajectories(forecast, steps, count).cells
+        rates = np.bincount(first * 25 + last, minlength=625) / count
+        pairs = np.zeros(625)
+        for path, probability in by_hand.items():
+            pairs[path[0] * 25 + path[-1]] += probability
+        error = np.sqrt(pairs * (1 - pairs) / count)
+        assert (abs(rates - pairs) <= 4.5 * error + 1 / count).all()
+
+    def test_too_many_are_not_enumerated(self) -> None:
+        forecast = ProbabilityMatrix(300, Drift(np.ones((300, 300)), diffusion=0.1))
+        assert enumerate_trajectories(forecast, 1) is None
 
     def test_until_returns_the_first_steps(self) -> None:
         trajectories = enumerate_trajectories(self.FORECAST, 5)

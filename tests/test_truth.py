@@ -8,7 +8,7 @@ import pytest
 from DroneSwarmSearch import DroneSwarmSearch
 
 IDLE, SEARCH = 5, 4
-EPISODES = 2000
+EPISODES = 1200
 
 
 def distance(counts: np.ndarray, matrix: np.ndarray) -> tuple[float, float]:

@@ -20,7 +20,7 @@ BAD_ACTIONS: list[tuple[Any, type[Exception], str]] = [
     ([[0.0], [1.0]], TypeError, "actions must be integers from 0 to 5, got float64"),
     ([[True], [False]], TypeError, "actions must be integers from 0 to 5, got bool"),
     ([["0"], ["1"]], TypeError, "actions must be integers from 0 to 5, got <U1"),
-    ([[None], [1]], TypeError, "actions must be integers from 0 to 5, got object"),
+    ([[None], [1]], TypeError, r"actions must be integers from 0 to 5, got \[\[None\], \[1\]\]"),
     (None, TypeError, "actions must be integers from 0 to 5"),
     ([[0], [10**30]], TypeError, "actions must be integers from 0 to 5"),
     ([0, 1], ValueError, r"actions must have the shape \(2, 1\).*got \(2,\)"),

@@ -422,7 +422,7 @@ def test_other_drones_are_not_added_twice(inner: Wrap) -> None:
 # Rewards and flags.
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=["usual", "sparse", "fractions"])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=["usual", "sparse", "fractions", "expected"])
 @settings(max_examples=15, deadline=None)
 @given(
     case=st.sampled_from(CASES),

@@ -111,7 +111,7 @@ def checked_actions(actions: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
 
     Args:
         actions: integers from 0 to 5.
-        shape: the required shape, (rows, n_drones).
+        shape: the required shape: (rows, n_drones), or (rows * n_drones,).
         dtype: an integer type for the result.
 
     Raises:
@@ -124,18 +124,19 @@ def checked_actions(actions: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
     except ValueError:  # rows that differ in length
         raise ValueError(f"{what}, got {actions!r}") from None
     if given.dtype.kind not in "iu":
-        raise TypeError(f"actions must be integers from 0 to 5, got {given.dtype}")
+        got = f"{given.dtype} of shape {given.shape}" if given.dtype.kind != "O" else repr(actions)
+        raise TypeError(f"actions must be integers from 0 to 5, got {got[:200]}")
     if given.shape != shape:
         raise ValueError(f"{what}, got {given.shape}")
     # As unsigned integers, negative numbers are large.
     whole = np.ascontiguousarray(given, np.int64)
     unsigned = whole.reshape(-1).view(np.uint64)
     if np.maximum.reduce(unsigned) >= _ACTIONS:
-        row, drone = divmod(int((unsigned >= _ACTIONS).argmax()), shape[1])
-        raise ValueError(
-            f"actions must be integers from 0 to 5, got {given[row, drone]} "
-            f"for drone {drone} of search {row}"
-        )
+        place = int((unsigned >= _ACTIONS).argmax())
+        row, drone = divmod(place, shape[-1])
+        where = f"drone {drone} of search {row}" if len(shape) > 1 else f"sub-environment {place}"
+        wrong = given.reshape(-1)[place]
+        raise ValueError(f"actions must be integers from 0 to 5, got {wrong} for {where}")
     return whole.astype(dtype)
 
 

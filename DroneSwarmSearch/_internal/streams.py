@@ -74,7 +74,7 @@ def stream_keys(seed: int | None) -> Words:
         seed: an integer >= 0; None uses entropy from the operating system.
     """
     state = np.random.SeedSequence(seed).generate_state(5, np.uint64)
-    keys: Words = np.delete(state, _POLICY)  # type: ignore[arg-type]
+    keys: Words = np.delete(state, _POLICY)
     return keys
 
 

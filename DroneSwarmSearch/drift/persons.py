@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,20 +20,25 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.erf import erf
 
-__all__ = ["AxisDrift", "Drift", "Person"]
+__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
 Floats = NDArray[np.float64]
 
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
 
-_MAX_STEPS = 2**53
+_LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""
 
 _LARGE = 1e300
 """Stands for larger numbers, so that differences of two of them stay finite."""
 
 _ROUNDING = 1e-12
+
+_MASS_BEYOND = 0.01
+"""The share of a forecast beyond the grid above which the map is not to be trusted."""
+
+_SAMPLED_STEPS = 33
 
 
 class AxisDrift(NamedTuple):
@@ -73,7 +79,9 @@ class Drift:
             numbers, also outside the grid, along an axis where `start_sd` is positive, or
             along both if `adrift` is; or an array of shape (grid_size, grid_size), indexed
             [y, x], at least 0, with a positive sum: the probability of each cell up to a
-            factor. The array is kept as a read-only float64 copy that sums to 1.
+            factor. The array is kept as a read-only float64 copy that sums to 1. With an
+            array, the spread by `vector_sd` is an approximation that can be coarse, because
+            it is computed along one axis at a time: prefer several drifts with `start_sd`.
         start_sd: standard deviation of the start, in cells: a number, or a pair (x, y).
             Kept as a pair. 0 for an array.
         vector: mean drift in cells per step, (x, y); y grows downward.
@@ -100,7 +108,7 @@ class Drift:
 
     def __post_init__(self) -> None:
         start_sd = _deviations("start_sd", self.start_sd)
-        adrift = checks.integer("adrift", self.adrift, 0, _MAX_STEPS)
+        adrift = checks.integer("adrift", self.adrift, 0, _LARGEST_EXACT)
         start = _start(self.start, start_sd, adrift)
         if isinstance(start, np.ndarray):
             _require_zero("start_sd", max(start_sd), self.start_sd)
@@ -206,8 +214,8 @@ class Drift:
             TypeError: an argument is not an integer.
             ValueError: an argument is out of its limits, or the start does not fit.
         """
-        size = checks.integer("grid_size", grid_size, 2)
-        step = checks.integer("step", step, 0, _MAX_STEPS)
+        size = checks.integer("grid_size", grid_size, 2, _LARGEST_EXACT)
+        step = checks.integer("step", step, 0, _LARGEST_EXACT)
         self.check_grid(size)
         if self.prior is None:
             within = [_within(size, np.array([axis.start]), axis, step)[0] for axis in self.axes]
@@ -323,6 +331,35 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
+
+
+def warn_of_mass_beyond(
+    persons: Sequence[Person], grid_size: int, timestep_limit: int, stacklevel: int
+) -> None:
+    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit.
+
+    Args:
+        persons: the persons; the worst one counts.
+        grid_size: cells along each side.
+        timestep_limit: steps in an episode.
+        stacklevel: the warning's stack level, counted from the caller.
+
+    Raises:
+        TypeError: a size is not an integer.
+        ValueError: a size is out of its limits, or a start does not fit on the grid.
+    """
+    last = checks.integer("timestep_limit", timestep_limit, 1, _LARGEST_EXACT)
+    # A forecast comes and goes smoothly, so a few steps are enough.
+    steps = {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
+    beyond, step = max(
+        (person.mass_beyond(grid_size, step), -step) for person in persons for step in steps
+    )
+    if beyond > _MASS_BEYOND:
+        warnings.warn(
+            f"{beyond:.1%} of a person's forecast lies beyond the grid of {grid_size} x "
+            f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
+            stacklevel=stacklevel + 1,
+        )
 
 
 def _start(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Collection, Sequence
+from operator import add
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.belief import Floats, mean_over_missing, over_hypotheses
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix, belief_shape
 
 __all__ = ["Posteriors"]
 
@@ -37,10 +38,13 @@ class _Posterior:
         self._make_views()
 
     def _make_views(self) -> None:
-        hypotheses, size, _ = shape = self.belief.shape
+        hypotheses, size, _ = self.belief.shape
         flat = self.belief.reshape(-1)
+        shape = belief_shape(hypotheses, size)
+        self._shaped = self.belief.reshape(shape)
+        self._only = self.belief[0] if hypotheses == 1 else None
         self._rows = self.belief.reshape(-1, size)
-        self._cells = flat.data
+        self._cells: Any = flat.data
         self._offsets = range(0, hypotheses * size**2, size**2)
         # The probabilities of staying, moving up and moving down, first along x, then along y.
         self._along_x, self._along_y = np.empty((2, 3, *shape))
@@ -78,7 +82,7 @@ class _Posterior:
             cells[cell] = value * missed
         total = np.add.accumulate(np.add.reduce(self._rows, 0)).item(-1)
         if total > 0.0:
-            np.multiply(self.belief, 1.0 / total, self.belief)
+            np.multiply(self._shaped, 1.0 / total, self._shaped)
             self.kept *= total
         else:  # the searches contradict the belief, which stays
             for cell, value in before.items():
@@ -88,7 +92,7 @@ class _Posterior:
     def drift(self, step: int) -> None:
         """Let the belief drift from a step to the next, see `belief.drift`."""
         along_x, along_y = self.forecast.block(step).flows_at(step)
-        np.multiply(self.belief, along_x, self._along_x)
+        np.multiply(self._shaped, along_x, self._along_x)
         for terms in self._add_x:
             np.add(*terms)
         np.multiply(self._after_x, along_y, self._along_y)
@@ -96,15 +100,18 @@ class _Posterior:
         np.add(*self._finish_y)
         self._last_row[...] = self._last_stay
 
-    def probability(self, cell: int) -> float:
-        """The belief about a cell, over all hypotheses."""
+    def over_hypotheses(self) -> Floats:
+        """The probability of each cell, for reading only: float64, shape (N, N)."""
+        return self._only if self._only is not None else over_hypotheses(self.belief)
+
+    def probabilities(self, searched: Collection[int]) -> list[float]:
+        """The belief about some cells, over all hypotheses."""
         cells = self._cells
-        if len(self._offsets) == 1:
-            return cells[cell]  # type: ignore[no-any-return]
-        total = 0.0
-        for offset in self._offsets:
-            total += cells[cell + offset]
-        return total
+        totals = [cells[cell] for cell in searched]
+        if self._only is None:
+            for offset in self._offsets[1:]:
+                totals = [*map(add, totals, [cells[cell + offset] for cell in searched])]
+        return totals
 
 
 class Posteriors:
@@ -141,6 +148,8 @@ class Posteriors:
 
     def probability_of_success(self) -> float:
         """The cumulative probability of success (POS): the mean over all persons."""
+        if len(self._posteriors) == 1:
+            return 1.0 - self._posteriors[0].kept
         return 1.0 - mean_over_missing([each.kept for each in self._posteriors], ())
 
     def weights(self) -> tuple[tuple[float, ...], ...]:
@@ -153,21 +162,22 @@ class Posteriors:
         Args:
             missing: see `mean_over_missing`.
         """
-        beliefs: list[Floats] = [over_hypotheses(each.belief) for each in self._posteriors]
+        beliefs = [each.over_hypotheses() for each in self._posteriors]
         return mean_over_missing(beliefs, missing).astype(np.float32)
 
     def probabilities(self, searched: Collection[int], missing: Collection[int]) -> list[float]:
         """What `matrix` holds for some cells, y * N + x."""
-        means = [
-            mean_over_missing([each.probability(cell) for each in self._posteriors], missing)
-            for cell in searched
-        ]
+        first, *others = self._posteriors
+        means = first.probabilities(searched)
+        if others:
+            by_person = means, *(each.probabilities(searched) for each in others)
+            means = [mean_over_missing(cell, missing) for cell in zip(*by_person, strict=True)]
         return array("f", means).tolist()  # rounded to single precision
 
     def added_success(self, searched: Collection[int]) -> list[float]:
         """The probability of success that a search of each of some cells adds, before `search`."""
-        factors = [(each, each.kept * each.detection) for each in self._posteriors]
-        return [
-            mean_over_missing([factor * each.probability(cell) for each, factor in factors], ())
-            for cell in searched
-        ]
+        by_person = []
+        for each in self._posteriors:
+            factor = each.kept * each.detection
+            by_person.append([factor * chance for chance in each.probabilities(searched)])
+        return [mean_over_missing(cell, ()) for cell in zip(*by_person, strict=True)]

@@ -24,7 +24,7 @@ from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import Axes, Floats, Steps, tabulate
 
-__all__ = ["ProbabilityMatrix", "matrices_of"]
+__all__ = ["ProbabilityMatrix", "belief_shape", "matrices_of"]
 
 _Key = tuple[Hashable, ...]  # the parameters of a forecast
 
@@ -111,20 +111,30 @@ class Block(NamedTuple):
 
         Returns:
             The probabilities to stay, to move right and to move left, given hypothesis and
-            cell: float64, (3, M, N, N), or (3, M, 1, N) on large grids; and to stay, to move
-            down and to move up, likewise (3, M, N, N) or (3, M, N, 1).
+            cell; and to stay, to move down and to move up. Float64; the first axis is the
+            move, and the others broadcast with a belief of `belief_shape`.
         """
         flows = self.flows[step - self.first]
         if flows is None:
             right, left, down, up = self.moves_at(step)
             along_x = np.stack([1.0 - right - left, right, left])[:, :, None, :]
             along_y = np.stack([1.0 - down - up, down, up])[:, :, :, None]
-            _, hypotheses, _, size = along_x.shape
-            if size <= _EXPANDED_SIZE:  # NumPy broadcasts short rows slowly
-                shape = (3, hypotheses, size, size)
-                along_x, along_y = (np.broadcast_to(a, shape).copy() for a in (along_x, along_y))
+            hypotheses, size = right.shape
+            shape = belief_shape(hypotheses, size)
+            if len(shape) == 1:
+                full = (3, hypotheses, size, size)
+                along_x, along_y = (
+                    np.broadcast_to(moves, full).reshape(3, -1) for moves in (along_x, along_y)
+                )
             flows = self.flows[step - self.first] = along_x, along_y
         return flows
+
+
+def belief_shape(hypotheses: int, size: int) -> tuple[int, ...]:
+    """The shape in which a belief drifts fastest: flat on small grids, else (M, N, N)."""
+    # NumPy broadcasts short rows slowly.
+    whole = (hypotheses, size, size)
+    return (hypotheses * size**2,) if size <= _EXPANDED_SIZE else whole
 
 
 class BlockCache:
@@ -202,7 +212,7 @@ class ProbabilityMatrix:
     def __init__(self, grid_size: int, person: Person | Drift) -> None:
         size = checks.integer("grid_size", grid_size, 2)
         if isinstance(person, Drift):
-            person = Person(person)
+            person = Person((person,))
         if not isinstance(person, Person):
             raise TypeError(f"person must be a Person or a Drift, got {person!r}")
         person.check_grid(size)

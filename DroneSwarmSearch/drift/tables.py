@@ -51,6 +51,10 @@ Number = TypeVar("Number", float, Array)
 Starts = Sequence[Floats | None] | None
 
 
+_ROUNDING = 1 / 60
+"""The variance per step by rounding to cells: 1/12 at each end of some ten steps, after which a
+drone may be back."""
+
 _LARGE_SD = 1e12
 """Stands for larger standard deviations, whose squares could overflow."""
 
@@ -179,13 +183,15 @@ def exchange_rate(diffusion: Array, shift: Array) -> Floats:
 
     The net flow of a spreading Gaussian carries everybody away from its mean; an exchange of
     half the diffusion balances that, and leaves a Brownian motion. A person who drifts d cells
-    per step in whole cells has the variance d (1 - d) anyway, which is taken off.
+    per step in whole cells has the variance d (1 - d) anyway, which is taken off, except for
+    what rounding to cells adds to a position at sea, too.
 
     Args:
         diffusion: variance gained per step, in cells².
-        shift: see `Axes.shift`; broadcasts with the diffusion.
+        shift: d, see `Axes.shift`; broadcasts with the diffusion.
     """
-    rate: Floats = np.maximum(diffusion - shift * (1.0 - shift), 0.0) * 0.5
+    excess = diffusion + _ROUNDING - shift * (1.0 - shift)
+    rate: Floats = np.clip(excess, 0.0, diffusion) * 0.5
     return rate
 
 

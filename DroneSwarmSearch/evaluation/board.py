@@ -49,7 +49,7 @@ posterior is its heuristic, which a trained network may improve on. Effort that 
 searches is worth less, and effort that ignores the person's position is worth least (Stone,
 Theory of Optimal Search, 1975; Brown, Operations Research 28:1275, 1980)."""
 
-EXAMPLE = "classic"
+EXAMPLE = "gale"
 """The search of the plots that show only one, if it was evaluated."""
 
 
@@ -342,7 +342,7 @@ def _for_calibration(
 
     With one person, the forecast probability of success is exact.
     """
-    single = [each for each in searches if len(each.scenario.person_initial_position) == 1]
+    single = [each for each in searches if len(each.scenario.situation) == 1]
     if not single or not specs:
         return None
     by_name = {each.name: each for each in specs}
@@ -359,6 +359,6 @@ def _expected_duration(task: EvaluationTask | BoundTask) -> tuple[bool, bool, in
     return (
         isinstance(task, BoundTask),
         isinstance(task, EvaluationTask) and task.spec.name == "planner",
-        len(scenario.person_initial_position),
+        len(scenario.situation),
         scenario.grid_size**2 * scenario.timestep_limit * (scenario.n_drones + 1),
     )

@@ -14,7 +14,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from DroneSwarmSearch import policies
+from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
+from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation import page, recording
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.board import Contest, Leaderboard
@@ -67,6 +69,7 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
             )
             for each in _searches(options.searches)
         ]
+    _warn_of_small_grids(options.searches)
     bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
 
     def run() -> None:
@@ -104,6 +107,7 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
             store=store,
             bounds=options.bound,
         )
+    _warn_of_small_grids(options.searches or ["all"])
 
     def run() -> None:
         board = prepared.run(workers=options.workers, ray=options.ray, progress=True)
@@ -122,6 +126,7 @@ def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     store = options.out and Store(options.out / PORTIONS)
     with _refusing(parser):
         tasks = [BoundTask(each, store) for each in _searches(options.searches)]
+    _warn_of_small_grids(options.searches)
 
     def run() -> None:
         what = f"bounds, {len(tasks)} search{'es' * (len(tasks) > 1)}"
@@ -137,6 +142,8 @@ def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
 
 def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Film one episode."""
+    with _refusing(parser):
+        _warn_of_small_grids([options.search])
     try:
         last = recording.record(
             options.policy,
@@ -161,6 +168,20 @@ def _searches(names: Sequence[str]) -> list[NamedSearch]:
     return [search(name) for name in (SUITE if "all" in names else dict.fromkeys(names))]
 
 
+def _warn_of_small_grids(names: Sequence[str]) -> None:
+    """Print a warning for every search at sea whose persons may drift beyond the grid.
+
+    Elsewhere the border is a part of the search: persons given by a cell and a vector stop there.
+    """
+    for each in _searches(names):
+        scenario = each.scenario
+        if scenario.persons is not None:
+            with printed_warnings(f"{each.name}: "):
+                warn_of_mass_beyond(
+                    scenario.persons, scenario.grid_size, scenario.timestep_limit, stacklevel=1
+                )
+
+
 # What the commands print and write.
 
 
@@ -171,8 +192,9 @@ def _print_suite() -> None:
         summary = (inspect.getdoc(make) or "").split("\n")[0]
         print(f"  {name:<17} {summary}".rstrip())
     print(f"\nsearches of suite {SUITE_VERSION}:\n")
+    width = max(map(len, SUITE))
     for name, each in SUITE.items():
-        print(f"  {name:<11} {each.outline}\n              {each.reason}")
+        print(f"  {name:<{width}} {each.outline}\n  {'':<{width}} {each.reason}")
 
 
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:

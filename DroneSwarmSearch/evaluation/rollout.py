@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.actions import checked_actions, reader
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
@@ -100,7 +101,11 @@ def _play(
     while rows.size:
         step += 1
         actions = np.full((n, drones), _IDLE)
-        actions[rows] = stage.read(policy(stage.observe(rows)), len(rows))
+        returned = policy(stage.observe(rows))
+        try:
+            actions[rows] = stage.read(returned, len(rows))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"the policy's {error}") from None
 
         missing, persons = batch.missing, batch.person_cells
         searchers, searching = (actions == _SEARCH).nonzero()
@@ -166,21 +171,13 @@ class _VectorStage:
         return shown
 
     def read(self, actions: Any, n: int) -> Ints:
-        drones = self._drones
-        shape = (n, drones) if self._is_swarm else (n * drones,)
-        wanted = f"actions of shape {shape}, one for each drone of each episode shown"
-        try:
-            chosen = np.asarray(actions)
-        except ValueError:  # rows of different lengths
-            raise ValueError(f"the policy must return {wanted}, got {actions!r}") from None
-        if chosen.dtype.kind not in "iu":
-            raise TypeError(f"the policy must return {_INTEGERS}, got {_briefly(actions, chosen)}")
-        if chosen.shape != shape:
-            raise ValueError(f"the policy must return {wanted}, got shape {chosen.shape}")
-        wrong = (chosen < 0) | (chosen >= len(Action))
-        if wrong.any():
-            raise ValueError(f"the policy must return {_INTEGERS}, got {chosen[wrong][0]}")
-        return chosen.astype(np.int64).reshape(n, drones)
+        if isinstance(actions, Mapping):
+            raise TypeError(
+                f"actions must be an array of integers, got {actions!r:.200}; "
+                'a policy from dicts to dicts needs view="parallel"'
+            )
+        shape = (n, self._drones) if self._is_swarm else (n * self._drones,)
+        return checked_actions(actions, shape, np.int64).reshape(n, self._drones)
 
 
 class _ParallelStage:
@@ -189,7 +186,8 @@ class _ParallelStage:
     def __init__(self, search: NamedSearch) -> None:
         self.batch = SearchBatch(1, **search.parameters)
         self._names = tuple(f"drone{i}" for i in range(self.batch.scenario.n_drones))
-        _, self._positions = grid_of(self.batch.scenario.grid_size)
+        self._neighbours, self._positions = grid_of(self.batch.scenario.grid_size)
+        self._read = reader(self._names)
 
     def seeds(self, seeds: Sequence[int]) -> int:
         return seeds[0]
@@ -201,32 +199,5 @@ class _ParallelStage:
         return observe(self._names, cells, self._positions, matrix, False)[0]
 
     def read(self, actions: Any, n: int) -> Ints:
-        if not isinstance(actions, Mapping):
-            raise TypeError(
-                f"the policy must return a mapping with an action for each drone, got {actions!r}"
-            )
-        if {*actions} != {*self._names}:
-            raise ValueError(
-                f"the policy must return an action for each of {', '.join(self._names)}, "
-                f"got actions for {', '.join(map(str, actions)) or 'none'}"
-            )
-        return np.array(
-            [
-                [
-                    checks.integer(f"the policy's action for {name}", actions[name], 0, _IDLE)
-                    for name in self._names
-                ]
-            ]
-        )
-
-
-_INTEGERS = f"integers from 0 to {len(Action) - 1}, see rules.Action"
-
-
-def _briefly(value: Any, array: NDArray[Any]) -> str:
-    """What the policy returned in place of integers."""
-    if isinstance(value, Mapping):
-        return f'{str(value)[:200]}; from dicts to dicts is view="parallel"'
-    if array.dtype == object:
-        return repr(value)[:200]
-    return f"{array.dtype} of shape {array.shape}"
+        chosen, _ = self._read(actions, self._neighbours, self.batch.cells[0].tolist())
+        return np.array([[*chosen]])

@@ -274,7 +274,7 @@ class EvaluationTask:
         except ValueError:
             return False
         scenario = self.search.scenario
-        fits = episodes.found_at.shape == (len(portion), len(scenario.person_initial_position))
+        fits = episodes.found_at.shape == (len(portion), len(scenario.situation))
         if fits and episodes.steps.max() <= scenario.timestep_limit:
             self._done[portion] = episodes
         return portion in self._done

@@ -1,8 +1,8 @@
 """The suite: named searches on which policies are compared.
 
-The searches are data, in `suite_v1.json`, each with the reason for it. They never change, so
-that results stay comparable; other parameters make another version of the suite, in a file of
-its own.
+The searches are data, in `suite_v1.json`, each with the reason for it; `docs/make_suite.py` wrote
+the file. They never change, so that results stay comparable; other parameters make another version
+of the suite, in a file of its own.
 """
 
 from __future__ import annotations
@@ -10,19 +10,25 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search", "versions"]
+
+Floats = NDArray[np.float64]
 
 LISTING = "python -m DroneSwarmSearch evaluate --list"
 """The command that lists the searches."""
@@ -38,6 +44,8 @@ class NamedSearch:
         scenario: its parameters.
         drones: the start cell (x, y) of each drone, all different; empty for the default
             cells, from (0, 0) to the right, row by row.
+        scale: the size of its cells and the duration of its steps, if it is a search at sea;
+            results do not depend on it.
 
     Raises:
         TypeError: an attribute is of the wrong type.
@@ -48,10 +56,13 @@ class NamedSearch:
     reason: str
     scenario: Scenario
     drones: tuple[Cell, ...] = ()
+    scale: Scale | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.scenario, Scenario):
             raise TypeError(f"scenario must be a Scenario, got {self.scenario!r}")
+        if not (self.scale is None or isinstance(self.scale, Scale)):
+            raise TypeError(f"scale must be a Scale or None, got {self.scale!r}")
         size, n = self.scenario.grid_size, self.scenario.n_drones
         cells = self.drones or tuple((cell % size, cell // size) for cell in range(n))
         object.__setattr__(self, "drones", tuple((int(x), int(y)) for x, y in cells))
@@ -59,17 +70,46 @@ class NamedSearch:
 
     @property
     def outline(self) -> str:
-        """The main parameters, in a line."""
+        """The main parameters, in a line.
+
+        If the start or the drift is uncertain, the line states the standard deviation of the
+        position at the first step, and the mean drift and its standard deviation, over all
+        hypotheses and both axes; of several persons, the smallest and the largest.
+        """
+        scenario, scale = self.scenario, self.scale
+        n, persons = scenario.n_drones, scenario.situation
+        width, steps = "", f"{scenario.timestep_limit:,} steps"
+        if scale is not None:
+            width = f" of {scale.metres_per_cell:g} m"
+            minutes = scale.seconds(scenario.timestep_limit) / 60
+            steps += f" of {scale.seconds_per_step:g} s ({minutes:.0f} minutes)"
+        parts = [
+            f"{scenario.grid_size} x {scenario.grid_size} cells{width}",
+            f"{n} drone{'s' * (n > 1)}",
+            f"{'coverage for ' * (scenario.mission == 'coverage')}{_number_of_persons(persons)}",
+            *self._motion,
+            f"probability of detection {_figures(scenario.detections)}",
+            steps,
+        ]
+        return "; ".join(parts)
+
+    @property
+    def _motion(self) -> list[str]:
+        """Start and drift, as parts of the outline."""
         scenario = self.scenario
-        n, persons = scenario.n_drones, len(scenario.person_initial_position)
-        x, y = scenario.vector
-        detection = ", ".join(f"{chance:g}" for chance in dict.fromkeys(scenario.detections))
-        return (
-            f"{scenario.grid_size} x {scenario.grid_size} cells; {n} drone{'s' * (n > 1)}; "
-            f"{persons} person{'s' * (persons > 1)}; drift ({x:g}, {y:g}); disperse constant "
-            f"{scenario.disperse_constant:g}; probability of detection {detection}; "
-            f"{scenario.timestep_limit:,} steps"
-        )
+        if scenario.persons is None:
+            x, y = scenario.vector
+            return [f"drift ({x:g}, {y:g})", f"disperse constant {scenario.disperse_constant:g}"]
+        lengths, speeds = (1.0, "cells"), (1.0, "cells per step")
+        if self.scale is not None:
+            lengths = self.scale.metres_per_cell, "m"
+            speeds = self.scale.metres_per_cell / self.scale.seconds_per_step, "m/s"
+        starts, means, deviations = zip(*map(_uncertainty, scenario.persons), strict=True)
+        return [
+            f"position sd {_range(starts, *lengths)}",
+            f"drift {_range(means, *speeds)}",
+            f"drift sd {_range(deviations, *speeds)}",
+        ]
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -79,12 +119,11 @@ class NamedSearch:
     @property
     def data(self) -> dict[str, Any]:
         """The parameters as plain data for files, without name and reason."""
-        return {
-            **self.scenario.to_dict(),
+        data = self.scenario.to_dict()
+        if self.scenario.persons is None:
             # Equal searches have equal data, also if one number stands for all persons.
-            "probability_of_detection": list(self.scenario.detections),
-            "drones_positions": [list(cell) for cell in self.drones],
-        }
+            data["probability_of_detection"] = list(self.scenario.detections)
+        return {**data, "drones_positions": [list(cell) for cell in self.drones]}
 
     @property
     def fingerprint(self) -> str:
@@ -151,10 +190,73 @@ def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
 
 
 def _named(
-    *, name: str, reason: str, drones_positions: list[list[int]], **parameters: Any
+    *,
+    name: str,
+    reason: str,
+    drones_positions: list[list[int]],
+    scale: dict[str, float] | None = None,
+    **parameters: Any,
 ) -> NamedSearch:
     scenario = Scenario.from_dict({"n_drones": len(drones_positions), **parameters})
-    return NamedSearch(name, reason, scenario, tuple((x, y) for x, y in drones_positions))
+    drones = tuple((x, y) for x, y in drones_positions)
+    return NamedSearch(name, reason, scenario, drones, None if scale is None else Scale(**scale))
+
+
+def _number_of_persons(persons: tuple[Person, ...]) -> str:
+    """How many persons and hypotheses there are."""
+    count = len(persons)
+    text = f"{count} person{'s' * (count > 1)}"
+    hypotheses = sorted({len(person.drifts) for person in persons})
+    if hypotheses == [1]:
+        return text
+    numbers = " to ".join(str(number) for number in dict.fromkeys((hypotheses[0], hypotheses[-1])))
+    return f"{text} with {numbers} hypotheses{' each' * (count > 1)}"
+
+
+def _uncertainty(person: Person) -> tuple[float, float, float]:
+    """How well a person's position and drift are known when the search begins.
+
+    Returns:
+        The standard deviation of the position in cells, the mean drift in cells per step, and
+        its standard deviation; standard deviations are root mean squares over the axes.
+    """
+    weights = np.array(person.weights)[:, None]
+    positions = np.array([_position(drift) for drift in person.drifts])
+    vectors = np.array([drift.vector for drift in person.drifts])
+    spreads = np.array([drift.vector_sd for drift in person.drifts]) ** 2
+
+    def deviation(centres: Floats, within: Floats) -> float:
+        mean = (weights * centres).sum(axis=0)
+        total = (weights * (within + (centres - mean) ** 2)).sum(axis=0)
+        return math.sqrt(total.mean())
+
+    drift = math.hypot(*(weights * vectors).sum(axis=0))
+    return deviation(positions[:, 0], positions[:, 1]), drift, deviation(vectors, spreads)
+
+
+def _position(drift: Drift) -> tuple[Floats, Floats]:
+    """The mean and the variance of the position at the first step, each (x, y)."""
+    if drift.prior is None:
+        values = np.array(drift.axes, np.float64)
+        start, start_sd, velocity, velocity_sd, diffusion, adrift = values.T
+        variance = start_sd**2 + diffusion * adrift + (velocity_sd * adrift) ** 2
+        return start + velocity * adrift, variance
+    y, x = np.indices(drift.prior.shape)
+    cells = np.array([x, y])
+    mean = (drift.prior * cells).sum(axis=(1, 2))
+    return mean, (drift.prior * (cells - mean[:, None, None]) ** 2).sum(axis=(1, 2))
+
+
+def _range(values: Iterable[float], factor: float, unit: str) -> str:
+    """The smallest and the largest value in a unit, to two digits."""
+    ordered = sorted(value * factor for value in values)
+    ends = dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in (ordered[0], ordered[-1]))
+    return f"{' to '.join(ends)} {unit}"
+
+
+def _figures(values: Iterable[float]) -> str:
+    """The different values, in order."""
+    return ", ".join(f"{value:g}" for value in dict.fromkeys(values))
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))

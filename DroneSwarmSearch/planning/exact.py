@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.belief import after_search
+from DroneSwarmSearch.drift.belief import after_search, over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
@@ -39,7 +39,7 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
     Raises:
         ValueError: the scenario has several persons.
     """
-    persons = len(scenario.person_initial_position)
+    persons = len(scenario.situation)
     if persons > 1:
         raise ValueError(f"scenario must have one person, got {persons}")
     return _BranchAndBound(scenario, known).solve(scenario.drone_cells(drones_positions))
@@ -49,7 +49,7 @@ class _BranchAndBound:
     def __init__(self, scenario: Scenario, known: float) -> None:
         (forecast,) = scenario.forecasts()
         (self._detection,) = scenario.detections
-        self._prior = forecast.exact(0)
+        self._prior = forecast.joint(0)
         self._limit = scenario.timestep_limit
         self._chain = MarkovChain(forecast)
         self._best = known
@@ -73,7 +73,7 @@ class _BranchAndBound:
         Args:
             step: completed steps.
             cells: every drone's cell.
-            mass: probability that the person is in each cell and has not been found.
+            mass: probability of each hypothesis and cell, and that the person has not been found.
             found: probability that the person has been found.
         """
         if step == self._limit:
@@ -101,5 +101,6 @@ class _BranchAndBound:
         masses = [mass]
         for later in range(step, self._limit - 1):
             masses.append(self._chain.forward(masses[-1], later))
-        values = values_to_go(self._detection * np.array(masses), np.zeros_like(mass))
+        gains = self._detection * np.array([*map(over_hypotheses, masses)])
+        values = values_to_go(gains, np.zeros_like(gains[0]))
         return values[0].reshape(-1), values[1].reshape(-1)

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.frank_wolfe import Effort, line_search
 from DroneSwarmSearch.planning.trajectories import Trajectories
@@ -129,7 +130,7 @@ class MarkovChainObjective:
 
     Args:
         chain: the person's Markov chain, from step 0.
-        prior: the person's distribution at step 0: float64, shape (N, N).
+        prior: the person's distribution at step 0: float64, shape (M, N, N).
         rate: detections per unit of effort: a number or float64, shape (N, N).
         effort: the current point: float64, shape (T * N * N,); changed in place.
     """
@@ -137,7 +138,7 @@ class MarkovChainObjective:
     def __init__(
         self, chain: MarkovChain, prior: Floats, rate: float | Floats, effort: Floats
     ) -> None:
-        size = len(prior)
+        size = prior.shape[-1]
         self._chain, self._prior, self._rate = chain, prior, rate
         self._effort = effort.reshape(-1, size, size)
 
@@ -150,7 +151,7 @@ class MarkovChainObjective:
         later = np.ones_like(self._prior)  # the probability of staying unfound from here on
         for step in range(len(missed) - 1, -1, -1):
             later = later * missed[step]
-            gains[step] = self._rate * missing[step] * later
+            gains[step] = self._rate * over_hypotheses(missing[step] * later)
             if step:
                 later = self._chain.backward(later, step - 1)
         found = 1.0 - missing[-1].sum()

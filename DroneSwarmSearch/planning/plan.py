@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.belief import after_search
+from DroneSwarmSearch.drift.belief import after_search, over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_path, values_to_go
 
@@ -50,7 +50,8 @@ class Target:
     Attributes:
         chain: the person's steps.
         detection: the probability of detection.
-        belief: the person's distribution at the plan's first step: float64, shape (N, N).
+        belief: the person's distribution at the plan's first step: float64, shape (M, N, N),
+            indexed [hypothesis, y, x].
         weight: the weight of finding this person in the plan's value.
     """
 
@@ -85,7 +86,7 @@ class Plan:
         self.targets = targets
         self._worth = worth
         self._first = first
-        self._grid = targets[0].belief.shape
+        self._grid = targets[0].belief.shape[1:]
         self.paths = [Path(path.cells.copy(), path.searches.copy()) for path in paths]
 
     @property
@@ -194,14 +195,14 @@ class Plan:
             float64, shape (n, N, N), indexed [t, y, x].
         """
         gains = np.zeros((len(schedule), *self._grid))
-        worth = self._worth[begin : begin + len(schedule), None, None]
+        worth = self._worth[begin : begin + len(schedule), None, None, None]
         for target, belief, value in zip(self.targets, beliefs, after, strict=True):
             masses, _ = self._forward(target, belief, begin, schedule)
             _, rest = self._backward(target, value, begin, schedule)
             gain = np.subtract(worth, rest)
             gain *= np.array(masses[:-1])
             gain *= target.weight * target.detection
-            gains += gain
+            gains += over_hypotheses(gain.swapaxes(0, 1))
         return np.maximum(gains, 0.0, out=gains)  # rounding errors
 
     def _best_segment(
@@ -274,15 +275,15 @@ class Plan:
         """
         q = target.detection
         if value is None:
-            value = np.zeros(self._grid)
+            value = np.zeros_like(target.belief)
         before, after = [value], []
         for index in range(len(schedule) - 1, -1, -1):
             value = target.chain.backward(value, self._first + begin + index)
             after.append(value)
             if cells := schedule[index]:
                 value = value.copy()
-                flat = value.reshape(-1)
-                flat[cells] = (1.0 - q) * flat[cells] + q * self._worth[begin + index]
+                by_cell = value.reshape(len(value), -1)
+                by_cell[:, cells] = (1.0 - q) * by_cell[:, cells] + q * self._worth[begin + index]
             before.append(value)
         return before[::-1], after[::-1]
 

@@ -39,39 +39,49 @@ class Trajectories(NamedTuple):
 
 
 def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajectories | None:
-    """All trajectories over a number of steps; None if there are more than `MOST_ENUMERATED`."""
+    """All trajectories over a number of steps; None if there are more than `MOST_ENUMERATED`.
+
+    Each belongs to one hypothesis.
+    """
     size = forecast.grid_size
-    x, y = forecast.parameters[1]
-    cells, probabilities = np.array([[y * size + x]]), np.ones(1)
+    joint = forecast.joint(0).reshape(-1)
+    (starts,) = joint.nonzero()
+    if len(starts) > MOST_ENUMERATED:
+        return None
+    hypotheses, first = np.divmod(starts, size**2)
+    cells, probabilities = first[None], joint[starts]
     for step in range(steps - 1):
         right, left, down, up = forecast.moves(step)
         y_now, x_now = np.divmod(cells[-1], size)
-        along_x = move_probabilities(right, left)[:, x_now]
-        along_y = move_probabilities(down, up)[:, y_now]
+        along_x = move_probabilities(right, left)[:, hypotheses, x_now]
+        along_y = move_probabilities(down, up)[:, hypotheses, y_now]
         onward = probabilities * along_y[:, None] * along_x  # [dy + 1, dx + 1, trajectory]
         dy, dx, trajectory = onward.nonzero()
         if len(trajectory) > MOST_ENUMERATED:
             return None
         ahead = cells[-1, trajectory] + (dy - 1) * size + dx - 1
         cells = np.vstack([cells[:, trajectory], ahead])
-        probabilities = onward[dy, dx, trajectory]
+        hypotheses, probabilities = hypotheses[trajectory], onward[dy, dx, trajectory]
     return Trajectories(cells, probabilities)
 
 
 def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> Trajectories:
     """Independent, equally likely trajectories over a number of steps; always the same."""
     size = forecast.grid_size
-    start_x, start_y = forecast.parameters[1]
-    x, y = np.full(count, start_x), np.full(count, start_y)
+    key, _, _, start_key = stream_keys(0)
+    draws = numbers(start_key, np.arange(count, dtype=np.uint64))
+    starts = forecast.start_cumulative.searchsorted(draws, side="right")
+    hypotheses, first = np.divmod(starts, size**2)
+    y, x = np.divmod(first, size)
     cells = np.empty((steps, count), np.int64)
-    key = stream_keys(0)[0]
     for step in range(steps):
         cells[step] = y * size + x
         right, left, down, up = forecast.moves(step)
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
         u, v = numbers(key, places).reshape(2, count)
-        x = x + moves(u, right[x], right[x] + left[x])
-        y = y + moves(v, down[y], down[y] + up[y])
+        at_x, at_y = (hypotheses, x), (hypotheses, y)
+        x = x + moves(u, right[at_x], right[at_x] + left[at_x])
+        y = y + moves(v, down[at_y], down[at_y] + up[at_y])
     return Trajectories(cells, np.full(count, 1 / count))
 
 

@@ -15,7 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search, mean_over_missing
+from DroneSwarmSearch.drift.belief import (
+    after_drift,
+    after_unsuccessful_search,
+    mean_over_missing,
+    over_hypotheses,
+)
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -24,7 +29,7 @@ __all__ = ["BeliefTracker"]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-MOST_HYPOTHESES = 4096
+MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
 
 TOLERANCE = 1e-5
@@ -69,6 +74,12 @@ class BeliefTracker:
         """Where a missing person is: float64, shape (N, N), indexed [y, x]; a new array."""
         if self._beliefs is None:
             return self.forecasts[person].exact(self.step)
+        return over_hypotheses(self._beliefs[person]).copy()
+
+    def joint(self, person: int) -> Floats:
+        """The same for each hypothesis: float64, shape (M, N, N), indexed [hypothesis, y, x]."""
+        if self._beliefs is None:
+            return self.forecasts[person].joint(self.step)
         return self._beliefs[person].copy()
 
     @property
@@ -94,9 +105,10 @@ class BeliefTracker:
         """
         persons = self.missing if missing is None else missing
         if self.scenario.bayesian_update and self._beliefs is not None:
-            return mean_over_missing(self._beliefs, persons).astype(np.float32)
+            beliefs = [over_hypotheses(belief) for belief in self._beliefs]
+            return mean_over_missing(beliefs, persons).astype(np.float32)
         forecasts = [self.forecasts[person] for person in persons]
-        if all(forecast.parameters == forecasts[0].parameters for forecast in forecasts):
+        if all(forecast.is_same(forecasts[0]) for forecast in forecasts):
             return forecasts[0].at(self.step)
         exact = [forecast.exact(self.step) for forecast in forecasts]
         return mean_over_missing(exact, range(len(exact))).astype(np.float32)
@@ -113,7 +125,7 @@ class BeliefTracker:
         if not self._perhaps_found or len(self.missing) == 1:
             return
         closest = None
-        for missing in islice(self._hypotheses(), MOST_HYPOTHESES):
+        for missing in islice(self._sets_of_missing(), MOST_SETS):
             expected = self.matrix(missing)
             if np.array_equal(expected, matrix):
                 self.missing = missing
@@ -123,7 +135,7 @@ class BeliefTracker:
         if closest is not None:
             self.missing = closest
 
-    def _hypotheses(self) -> Iterator[tuple[int, ...]]:
+    def _sets_of_missing(self) -> Iterator[tuple[int, ...]]:
         """Possible sets of missing persons, starting with the previous one."""
         for count in range(len(self._perhaps_found) + 1):
             for found in combinations(self._perhaps_found, count):
@@ -156,11 +168,12 @@ class BeliefTracker:
 
     def _update_beliefs(self, searched: list[int]) -> None:
         """Apply Bayes' rule for unsuccessful searches."""
-        beliefs = [self.belief(person) for person in range(len(self.forecasts))]
+        beliefs = [self.joint(person) for person in range(len(self.forecasts))]
         perhaps_found = []
         for person in self.missing:
             detection = self.scenario.detections[person]
-            if detection > 0.0 and beliefs[person].reshape(-1)[searched].any():
+            chances = over_hypotheses(beliefs[person]).reshape(-1)[searched]
+            if detection > 0.0 and chances.any():
                 perhaps_found.append(person)
             beliefs[person], _ = after_unsuccessful_search(beliefs[person], searched, detection)
         self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)

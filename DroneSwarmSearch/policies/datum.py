@@ -1,4 +1,4 @@
-"""The datum of a search pattern, and the area to search around it."""
+"""The datums of a search pattern, and the area to search around each."""
 
 from __future__ import annotations
 
@@ -11,31 +11,28 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.policies.tracks import Rectangle
 
-__all__ = ["REACH", "Datum"]
+__all__ = ["REACH", "Datum", "datums_of"]
+
+Floats = NDArray[np.float64]
 
 REACH = 2.0
 """Standard deviations from the datum to each side: 91% of a normal distribution is inside."""
 
 
 class Datum(NamedTuple):
-    """The person's expected position, and the search effort available there.
+    """A person's expected position, and the search effort available there.
 
     Attributes:
         mean: (x, y), in cells.
         deviation: standard deviations along x and y, in cells.
         effort: the number of cells that all drones together have time to search, at least 1.
+        weight: the probability of the hypotheses that the datum is for.
     """
 
     mean: tuple[float, float]
     deviation: tuple[float, float]
-    effort: float
-
-    @classmethod
-    def of_forecast(cls, forecast: ProbabilityMatrix, step: int, effort: float) -> Datum:
-        """The datum of a person's forecast at a step."""
-        moments = [_moments(chances) for chances in forecast.marginals(step)]
-        (x, deviation_x), (y, deviation_y) = moments
-        return cls((x, y), (deviation_x, deviation_y), max(effort, 1.0))
+    effort: float = 1.0
+    weight: float = 1.0
 
     def area(self, grid_size: int) -> Rectangle:
         """The area to search: a rectangle around the datum, within the grid and the effort.
@@ -59,8 +56,50 @@ class Datum(NamedTuple):
         (x, width), (y, height) = ranges
         return Rectangle(x, y, width, height)
 
+    def is_apart_from(self, other: Datum) -> bool:
+        """Whether the areas of two datums, of ``REACH`` standard deviations, do not meet."""
+        return any(
+            abs(mean - others_mean) > REACH * (deviation + others_deviation) + 1.0
+            for mean, deviation, others_mean, others_deviation in zip(
+                self.mean, self.deviation, other.mean, other.deviation, strict=True
+            )
+        )
 
-def _moments(chances: NDArray[np.float64]) -> tuple[float, float]:
+
+def datums_of(forecast: ProbabilityMatrix, step: int) -> list[Datum]:
+    """The datums of a person's forecast at a step, the likeliest first.
+
+    Hypotheses whose areas meet share a datum, and so do those that others connect. A forecast
+    usually has one datum; two last known positions far apart have two. An array is a single
+    hypothesis, so that its datum is its mean.
+    """
+    joint, weights = forecast.joint(step), forecast.weights.tolist()
+    singles = [_datum(part, weight) for part, weight in zip(joint, weights, strict=True)]
+    groups: list[list[int]] = []
+    for number, single in enumerate(singles):
+        apart, together = [], [number]
+        for group in groups:
+            if all(single.is_apart_from(singles[other]) for other in group):
+                apart.append(group)
+            else:
+                together += group
+        groups = [*apart, together]
+    if len(groups) < len(singles):
+        singles = [
+            _datum(joint[group].sum(axis=0), sum(weights[number] for number in group))
+            for group in groups
+        ]
+    return sorted(singles, key=lambda datum: -datum.weight)
+
+
+def _datum(matrix: Floats, weight: float) -> Datum:
+    """The datum of a part of a forecast, float64, shape (N, N)."""
+    x, deviation_x = _moments(matrix.sum(axis=0) / matrix.sum())
+    y, deviation_y = _moments(matrix.sum(axis=1) / matrix.sum())
+    return Datum((x, y), (deviation_x, deviation_y), weight=weight)
+
+
+def _moments(chances: Floats) -> tuple[float, float]:
     """Mean and standard deviation of the column or row."""
     numbers = np.arange(len(chances))
     mean = float(chances @ numbers)

@@ -6,12 +6,14 @@ points without searching, then search every cell of their tracks. When all have 
 again around a new datum.
 
 The datum is the person's expected position when the drones are half-way through, since the person
-drifts in the meantime. The area has no more cells than the drones have time to search once:
-searching more cells would move effort from likelier cells to less likely ones. The track spacing is
-one cell, the width that a search covers.
+drifts in the meantime: the mean of the forecast over the grid and all hypotheses. The area has no
+more cells than the drones have time to search once: searching more cells would move effort from
+likelier cells to less likely ones. The track spacing is one cell, the width that a search covers.
 
-With several persons, the drones search for one missing person after another and divide the
-remaining time equally among them. A joint datum would lie between the persons, where nobody is.
+With several persons, or hypotheses whose areas lie apart, the mean would lie between them, where
+nobody is. Each person and each group of hypotheses then has a datum of its own. The drones search
+around one after another and divide the remaining time: equally among the missing persons, and by
+weight among the hypotheses.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.conflicts import MOVES, resolve_conflicts
-from DroneSwarmSearch.policies.datum import REACH, Datum
+from DroneSwarmSearch.policies.datum import REACH, Datum, datums_of
 from DroneSwarmSearch.policies.tracks import (
     Rectangle,
     cells_along,
@@ -144,21 +146,23 @@ class PatternPolicy(SwarmPolicy):
         return actions
 
     def _datum(self, memory: _PatternMemory, cells: list[Cell]) -> Datum:
-        """The expected position of the next person when the drones are half-way through."""
+        """The next datum, as it will be when the drones are half-way through."""
         tracker, limit = memory.tracker, self.scenario.timestep_limit
-        turn = memory.passes % len(tracker.missing)
-        forecast = tracker.forecasts[tracker.missing[turn]]
-        left = (limit - tracker.step) / (len(tracker.missing) - turn)
-        half_way, effort = tracker.step, len(cells) * left / STEPS_PER_CELL
+        half_way, way = tracker.step, 0.0
         # The way there, the size of the area and the duration depend on each other: iterate.
-        for _ in range(4):
-            datum = Datum.of_forecast(forecast, half_way, effort)
+        for _ in range(5):
+            forecasts = [tracker.forecasts[person] for person in tracker.missing]
+            datums = [datum for each in forecasts for datum in datums_of(each, half_way)]
+            datum, *later = datums[memory.passes % len(datums) :]
+            weight = sum(other.weight for other in later) + datum.weight
+            left = (limit - tracker.step) * datum.weight / weight
+            effort = len(cells) * (left - way) / STEPS_PER_CELL
+            datum = datum._replace(effort=max(effort, 1.0))
             area = datum.area(self.scenario.grid_size)
             way = sum(_steps_to_area(cell, area) for cell in cells) / len(cells)
-            effort = len(cells) * (left - way) / STEPS_PER_CELL
             duration = STEPS_PER_CELL * area.area / len(cells)
             half_way = min(tracker.step + round(way + duration / 2), limit)
-        return Datum.of_forecast(forecast, half_way, effort)
+        return datum
 
 
 class ParallelSweepPolicy(PatternPolicy):
@@ -192,7 +196,7 @@ class ExpandingSquarePolicy(PatternPolicy):
 
     def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
         size = self.scenario.grid_size
-        heading = 90.0 * round(_drift_heading(self.scenario.vector) / 90.0 + 2.0)
+        heading = 90.0 * round(_drift_heading(self.scenario.mean_vector) / 90.0 + 2.0)
         turned = passes % 2 == 1
         routes = []
         for part in parts_of(datum.area(size), self.scenario.n_drones):
@@ -218,7 +222,7 @@ class SectorSearchPolicy(PatternPolicy):
         affordable = datum.effort / drones / (9 * CELLS_PER_LENGTH)
         radius = max(min(reach, affordable), 1.0)
         sector = 60.0 / drones  # one drone's legs leave the datum every 60°
-        first = _drift_heading(self.scenario.vector) + (passes % 2) * sector / 2
+        first = _drift_heading(self.scenario.mean_vector) + (passes % 2) * sector / 2
         return [
             [cells_along(sector_search(datum.mean, radius, first + drone * sector), size)]
             for drone in range(drones)

@@ -32,7 +32,7 @@ HORIZON = 500
 parts."""
 
 EARLY_BONUS = 0.1
-"""How much more a find in the first step is worth than one in the last."""
+"""How much more a find in the first step is worth than one in the last, in a rescue."""
 
 MIN_GAIN = 5e-4
 """Improvement stops after a round that gains less, relative to the worth of a find."""
@@ -47,7 +47,8 @@ RANDOM_STARTS = 32
 """The most random initial plans. Only small searches can afford them, see `RANDOM_BUDGET`."""
 
 RANDOM_BUDGET = 400_000
-"""The largest product of random plans, drones, persons, steps and cells: about a second."""
+"""The largest product of random plans, drones, persons' hypotheses, steps and cells: about a
+second."""
 
 MIN_PROBABILITY = 0.05
 """Lower limit on a person's probability of being found, for the weights."""
@@ -69,12 +70,14 @@ class PlannerPolicy(SwarmPolicy):
 
     A plan maximises the probability of finding each person in time, with a slight preference for
     early finds (``EARLY_BONUS``). With several persons each is weighted by the inverse of their
-    probability of being found, which is the gradient direction of the product of all.
+    probability of being found, which is the gradient direction of the product of all. In a coverage
+    mission, a plan maximises the probability of success: the mean over persons, at any time.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._neighbours, self._positions = grid_of(scenario.grid_size)
+        self._is_rescue = scenario.mission == "rescue"
         self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
         self._plans: dict[_PlanKey, list[Path]] = {}
 
@@ -129,10 +132,11 @@ class PlannerPolicy(SwarmPolicy):
             self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
         chains, detections = self._chains[part], self.scenario.detections
         targets = [
-            Target(chains[person], detections[person], tracker.belief(person))
+            Target(chains[person], detections[person], tracker.joint(person))
             for person in tracker.missing
         ]
-        worth = 1.0 + EARLY_BONUS * (1.0 - np.arange(steps) / steps)
+        bonus = EARLY_BONUS if self._is_rescue else 0.0
+        worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
 
         def plan_of(paths: list[Path]) -> Plan:
             return Plan(targets, worth, step, paths)
@@ -140,15 +144,16 @@ class PlannerPolicy(SwarmPolicy):
         rest = memory.rest(starts)
         if rest is not None and len(rest[0].searches) == steps:
             plan = plan_of(rest)
-            _set_weights(plan)
-            plan.improve(min_length=steps, min_gain=MIN_GAIN, max_rounds=1)
+            self._set_weights(plan)
+            plan.improve(min_length=MIN_LENGTH, min_gain=MIN_GAIN, max_rounds=1)
             return plan.paths
         greedy = plan_of(self._greedy_paths(tracker, starts, steps))
-        _set_weights(greedy)
+        self._set_weights(greedy)
         plans, idle = [greedy], plan_of(idle_paths(starts, steps))
         if len(targets) == 1:  # several persons take long enough with one plan
             plans.append(idle)
-        work = len(starts) * len(targets) * steps * self.scenario.grid_size**2
+        hypotheses = sum(len(target.belief) for target in targets)
+        work = len(starts) * hypotheses * steps * self.scenario.grid_size**2
         rng = np.random.default_rng(0)
         for _ in range(min(RANDOM_STARTS, RANDOM_BUDGET // work)):
             plans.append(plan_of(idle.paths))
@@ -175,15 +180,14 @@ class PlannerPolicy(SwarmPolicy):
             Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
 
-
-def _set_weights(plan: Plan) -> None:
-    """Weight every person by the inverse of the plan's probability of finding them."""
-    if len(plan.targets) == 1:
-        return
-    probabilities = np.maximum(plan.success_probabilities(), MIN_PROBABILITY)
-    weights = (1.0 / probabilities) / np.mean(1.0 / probabilities)
-    for target, weight in zip(plan.targets, weights.tolist(), strict=True):
-        target.weight = weight
+    def _set_weights(self, plan: Plan) -> None:
+        """Weight every person by the inverse of the plan's probability of finding them."""
+        if len(plan.targets) == 1 or not self._is_rescue:
+            return
+        probabilities = np.maximum(plan.success_probabilities(), MIN_PROBABILITY)
+        weights = (1.0 / probabilities) / np.mean(1.0 / probabilities)
+        for target, weight in zip(plan.targets, weights.tolist(), strict=True):
+            target.weight = weight
 
 
 @dataclass

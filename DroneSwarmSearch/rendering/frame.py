@@ -26,14 +26,14 @@ class Frame:
         drones: (x, y) of every drone, in the order of their names.
         searching: for every drone, whether it searched in the last step.
         persons: (x, y) of every person: the current cell of a missing person, the cell of
-            the find for a found one.
+            the find for a found one. Empty in the coverage mission, which has none.
         found_by: for every person, the number of the drone that found them; None while
             they are missing.
         step: completed steps.
         timestep_limit: the most steps the episode can have.
-        vector: drift in cells per step, (x, y), y growing downward.
+        vector: mean drift in cells per step, (x, y), y growing downward.
         ending: how the episode ended; None before its end.
-        hypotheses: the probability of each hypothesis about each person.
+        hypotheses: for every person, the probability of each hypothesis.
         probability_of_success: of all searches so far; None if it is not known.
     """
 
@@ -60,6 +60,18 @@ class Frame:
         return tuple(drone is not None for drone in self.found_by)
 
     @property
+    def uncertain_persons(self) -> tuple[int, ...]:
+        """The numbers of the persons about whom there are several hypotheses."""
+        return tuple(n for n, weights in enumerate(self.hypotheses) if len(weights) > 1)
+
+    @property
+    def shown_uncertain_persons(self) -> tuple[int, ...]:
+        """Those whom the matrix shows: the ones still missing, or all if nobody is."""
+        if all(self.found):
+            return self.uncertain_persons
+        return tuple(person for person in self.uncertain_persons if not self.found[person])
+
+    @property
     def outcome(self) -> str:
         """The text of the final banner; empty before the end of the episode."""
         if self.ending is None:
@@ -68,4 +80,6 @@ class Frame:
             return f"The area was covered in {self.step} moves"
         if self.ending is Ending.FOUND:
             return f"The target was found in {self.step} moves"
+        if not self.persons and self.probability_of_success is not None:
+            return f"Probability of success {self.probability_of_success:.1%}"
         return "The target was not found"

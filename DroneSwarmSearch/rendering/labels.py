@@ -12,9 +12,11 @@ def outcome_in_brief(frame: Frame) -> str:
     """How an episode ended, in a few words; empty before its end."""
     if frame.ending is None:
         return ""
-    if frame.ending in (Ending.FOUND, Ending.TIME_LIMIT):
-        found = "found" if frame.ending is Ending.FOUND else "not found"
-        return f"{found} in {frame.step} step{'' if frame.step == 1 else 's'}"
+    result = {Ending.FOUND: "found", Ending.COVERED: "covered"}.get(frame.ending)
+    if frame.ending is Ending.TIME_LIMIT:
+        result = "not found" if frame.persons else "not covered"
+    if result is not None:
+        return f"{result} in {frame.step} step{'' if frame.step == 1 else 's'}"
     return f"{frame.ending.description} in step {frame.step}"
 
 
@@ -24,8 +26,12 @@ def percent(probability: float) -> str:
 
 
 def signed(value: float) -> str:
-    """A number with its sign: two decimals, or three significant digits from 1000."""
-    return f"{value:+.2f}" if abs(value) < 1000.0 else f"{value:+.3g}"
+    """A number with its sign: two decimals, three significant digits from 1000, two below 0.1."""
+    if abs(value) >= 1000.0:
+        return f"{value:+.3g}"
+    text = f"{value:+.2f}"
+    # The drift of a person at sea is often some thousandths of a cell per step.
+    return text if abs(value) >= 0.095 or float(text) == value else f"{value:+#.2g}"
 
 
 def tick_stride(room_needed: float, pitch: float) -> int:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.palette import PAPER
-from DroneSwarmSearch.rendering.panel import Panel
+from DroneSwarmSearch.rendering.panel import Layout, Panel
 from DroneSwarmSearch.rendering.search_map import BOTTOM, RIGHT, TOP, SearchMap
 
 __all__ = ["Painter", "to_array"]
@@ -47,6 +47,7 @@ class Painter:
         self._panel_area = pygame.Rect((self._map.size[0] + GAP, TOP), self._panel.size)
         width, height = self._panel_area.right + RIGHT, self._panel_area.bottom + BOTTOM
         self._size = width + width % 2, height + height % 2
+        self._layout: Layout | None = None
         self._backdrop: pygame.Surface | None = None
 
     def __getstate__(self) -> dict[str, object]:
@@ -64,11 +65,13 @@ class Painter:
         Raises:
             ValueError: the frame is of another grid size.
         """
-        if self._backdrop is None:
+        layout = self._panel.layout(frame)
+        if self._backdrop is None or layout != self._layout:
+            self._layout = layout
             self._backdrop = pygame.Surface(self.size, 0, 32)
             self._backdrop.fill(PAPER)
             self._map.draw_fixed(self._backdrop)
-            self._panel.draw_fixed(self._backdrop.subsurface(self._panel_area))
+            self._panel.draw_fixed(self._backdrop.subsurface(self._panel_area), layout)
         canvas = self._backdrop.copy()
         self._map.draw(canvas, frame)
         self._panel.draw(canvas.subsurface(self._panel_area), frame)

@@ -19,6 +19,7 @@ GREY: Colour = (112, 120, 132)
 FAINT: Colour = (218, 221, 226)
 WHITE: Colour = (255, 255, 255)
 PROGRESS: Colour = (52, 92, 148)
+PROGRESS_LIGHT: Colour = (150, 180, 218)
 
 # The outcome of an episode.
 FOUND: Colour = (14, 112, 62)

@@ -1,6 +1,9 @@
-"""The panel right of the map: step, persons found, drift, colour scale and legend."""
+"""The panel right of the map: step, results so far, drift, colours, legend and hypotheses."""
 
 from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,12 +20,14 @@ from DroneSwarmSearch.rendering.palette import (
     N_SHADES,
     PALETTES,
     PROGRESS,
+    PROGRESS_LIGHT,
     Colour,
+    readable_on,
     shades,
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-__all__ = ["Panel", "symbol_images", "vector_component"]
+__all__ = ["Layout", "Panel", "draw_weights", "symbol_images", "vector_component"]
 
 WIDTH, LEAST_HEIGHT = 232, 690
 
@@ -31,11 +36,21 @@ HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42
 
 PROGRESS_TOP, PROGRESS_HEIGHT = 54, 7
 FOUND_TOP = 92
+SUCCESS_TOP = 144
 DRIFT_TOP = 160
 SCALE_TOP = 288
 SYMBOLS_TOP = 376
-DRONES_TOP = 520
-"""Distances from the upper edge in pixels."""
+FOOT_TOP = 520
+"""Distances from the upper edge in pixels; see also `Layout`."""
+
+SUCCESS_HEIGHT = 36
+"""Of the probability of success, where it is below the persons found."""
+
+HYPOTHESES_HEAD = 44
+HYPOTHESES_ROW = 22
+HYPOTHESES_ROWS = 3
+DRONES_LEAST = 49
+"""The heading and one row of drones."""
 
 RULE_ABOVE = 16
 COMPASS = 78
@@ -50,6 +65,40 @@ FINDERS_NAMED = 4
 DRONE_COLUMNS = 5
 DRONE_ROW = 27
 DRONE_SYMBOL = 20
+
+WEIGHTS_HEIGHT = 17
+WEIGHTS_ROOM = 62, 22
+"""Of several persons, the room for the name and for the number of hypotheses."""
+WEIGHT_GAP_FROM = 4
+"""Parts of a bar at least this wide have a gap between them."""
+
+
+class Layout(NamedTuple):
+    """The sections of the panel that depend on the search, the same for all its frames.
+
+    Attributes:
+        persons: whether there are persons to find.
+        success: whether the probability of success is known.
+        rows: lines with hypotheses.
+    """
+
+    persons: bool
+    success: bool
+    rows: int
+
+    @property
+    def shift(self) -> int:
+        """How far the sections below the results move down."""
+        return SUCCESS_HEIGHT if self.persons and self.success else 0
+
+    @property
+    def hypotheses_top(self) -> int:
+        return FOOT_TOP + self.shift
+
+    @property
+    def drones_top(self) -> int:
+        height = HYPOTHESES_HEAD + HYPOTHESES_ROW * self.rows if self.rows else 0
+        return self.hypotheses_top + height
 
 
 class Panel:
@@ -71,56 +120,74 @@ class Panel:
         self._gradient = gradient
         self._palette = PALETTES[palette]
 
-    def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """Draw the values of a frame on a surface with the fixed parts."""
-        self._draw_step(canvas, frame)
-        self._draw_found(canvas, frame)
-        self._draw_drift(canvas, frame.vector)
-        self._draw_limits(canvas, float(frame.matrix.max()))
-        self._draw_drones(canvas, len(frame.drones))
+    def layout(self, frame: Frame) -> Layout:
+        """The layout for a frame."""
+        layout = Layout(bool(frame.persons), frame.probability_of_success is not None, 0)
+        room = self.size[1] - layout.hypotheses_top - HYPOTHESES_HEAD - DRONES_LEAST
+        most = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW)
+        return layout._replace(rows=min(len(frame.uncertain_persons), most))
 
-    def draw_fixed(self, canvas: pygame.Surface) -> None:
+    def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
+        """Draw the values of a frame on a surface with the fixed parts of its layout."""
+        layout = self.layout(frame)
+        self._draw_step(canvas, frame)
+        if layout.persons:
+            self._draw_found(canvas, frame)
+        if frame.probability_of_success is not None:
+            self._draw_success(canvas, frame.probability_of_success, below=layout.persons)
+        self._draw_drift(canvas, frame.vector, DRIFT_TOP + layout.shift)
+        self._draw_limits(canvas, float(frame.matrix.max()), SCALE_TOP + layout.shift)
+        if layout.rows:
+            self._draw_hypotheses(canvas, frame, layout)
+        self._draw_drones(canvas, len(frame.drones), layout.drones_top)
+
+    def draw_fixed(self, canvas: pygame.Surface, layout: Layout) -> None:
         """Draw headings, colour scale and symbols, which are the same for every frame."""
         write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
-        for heading, top in (
-            ("PERSONS FOUND", FOUND_TOP),
-            ("DRIFT, CELLS PER STEP", DRIFT_TOP),
-            ("PROBABILITY OF A CELL, %", SCALE_TOP),
-            ("SYMBOLS", SYMBOLS_TOP),
-            ("DRONES", DRONES_TOP),
-        ):
+        shift = layout.shift
+        headings = [
+            ("PERSONS FOUND" if layout.persons else "PROBABILITY OF SUCCESS", FOUND_TOP),
+            ("DRIFT, CELLS PER STEP", DRIFT_TOP + shift),
+            ("PROBABILITY OF A CELL, %", SCALE_TOP + shift),
+            ("SYMBOLS", SYMBOLS_TOP + shift),
+            ("DRONES", layout.drones_top),
+        ]
+        if layout.rows:
+            headings.append(("HYPOTHESES", layout.hypotheses_top))
+        for heading, top in headings:
             pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
             write(canvas, heading, HEADING, GREY, topleft=(0, top))
+        if shift:
+            write(canvas, "PROBABILITY OF SUCCESS", HEADING, GREY, topleft=(0, SUCCESS_TOP))
         shares = np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32)
         colours = self._palette.ramp[shades(shares, self._gradient)]
         bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
-        place = pygame.Rect(0, SCALE_TOP + 22, WIDTH, SCALE_HEIGHT)
+        place = pygame.Rect(0, SCALE_TOP + shift + 22, WIDTH, SCALE_HEIGHT)
         canvas.blit(pygame.transform.scale(bar, place.size), place)
         pygame.draw.rect(canvas, INK, place, width=1)
-        self._draw_symbols(canvas)
+        self._draw_symbols(canvas, layout)
 
-    def _draw_symbols(self, canvas: pygame.Surface) -> None:
+    def _draw_symbols(self, canvas: pygame.Surface, layout: Layout) -> None:
         images = symbol_images(self._symbol, SYMBOL_MOST + 4, self._palette.drone(0))
         half = WIDTH // 2
-        for left, row, name, meaning in (
-            (0, 0, "drone", "drone"),
-            (half, 0, "searching", "searching"),
-            (0, 1, "person", "person"),
-            (half, 1, "collision", "collision"),
-            (0, 2, "found", "found, in the drone's colour"),
-        ):
-            middle = SYMBOLS_TOP + 36 + row * SYMBOL_ROW
+        symbols = [(0, 0, "drone", "drone"), (half, 0, "searching", "searching")]
+        if layout.persons:
+            symbols += [
+                (0, 1, "person", "person"),
+                (half, 1, "collision", "collision"),
+                (0, 2, "found", "found, in the drone's colour"),
+            ]
+        else:
+            symbols.append((0, 1, "collision", "collision"))
+        for left, row, name, meaning in symbols:
+            middle = SYMBOLS_TOP + layout.shift + 36 + row * SYMBOL_ROW
             for image in images[name]:
                 canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
             write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
 
     def _draw_step(self, canvas: pygame.Surface, frame: Frame) -> None:
         _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
-        bar = pygame.Rect(0, PROGRESS_TOP, WIDTH, PROGRESS_HEIGHT)
-        pygame.draw.rect(canvas, FAINT, bar, border_radius=PROGRESS_HEIGHT // 2)
-        bar.width = round(WIDTH * min(1.0, frame.step / frame.timestep_limit))
-        if bar.width:
-            pygame.draw.rect(canvas, PROGRESS, bar, border_radius=PROGRESS_HEIGHT // 2)
+        _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), PROGRESS_TOP)
 
     def _draw_found(self, canvas: pygame.Surface, frame: Frame) -> None:
         _write_ratio(canvas, sum(frame.found), len(frame.persons), FOUND_TOP + 18, LARGE - 8)
@@ -132,8 +199,17 @@ class Panel:
             text = f"by {noun} {names}{more}"
             write(canvas, text, SMALL, INK, topright=(WIDTH, FOUND_TOP + 25))
 
-    def _draw_drift(self, canvas: pygame.Surface, vector: tuple[float, float]) -> None:
-        top = DRIFT_TOP + 22
+    def _draw_success(self, canvas: pygame.Surface, probability: float, *, below: bool) -> None:
+        """The probability of success: below the persons found, or in their place."""
+        text = f"{probability:.1%}"
+        if below:
+            write(canvas, text, BODY, INK, topright=(WIDTH, SUCCESS_TOP - 2))
+            _draw_progress(canvas, probability, SUCCESS_TOP + 18)
+        else:
+            write(canvas, text, LARGE - 8, INK, topleft=(0, FOUND_TOP + 18))
+
+    def _draw_drift(self, canvas: pygame.Surface, vector: tuple[float, float], top: int) -> None:
+        top += 22
         canvas.blit(sprites.compass(COMPASS, vector), (0, top))
         left = COMPASS + 22
         for name, value, middle in (
@@ -143,10 +219,10 @@ class Panel:
             write(canvas, name, BODY, GREY, midleft=(left, middle))
             write(canvas, vector_component(value), BODY + 4, INK, midleft=(left + 22, middle))
 
-    def _draw_limits(self, canvas: pygame.Surface, maximum: float) -> None:
+    def _draw_limits(self, canvas: pygame.Surface, maximum: float, top: int) -> None:
         """The probabilities at the limits of the colour scale."""
         limits = (0.0, 0.5, 1.0) if self._gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
-        foot = SCALE_TOP + 22 + SCALE_HEIGHT
+        foot = top + 22 + SCALE_HEIGHT
         room = WIDTH
         for share in reversed(limits):
             at = min(round(share * WIDTH), WIDTH - 1)
@@ -157,20 +233,41 @@ class Panel:
             canvas.blit(label, (left, foot + 7))
             room = left - LABEL_GAP
 
-    def _draw_drones(self, canvas: pygame.Surface, drones: int) -> None:
+    def _draw_hypotheses(self, canvas: pygame.Surface, frame: Frame, layout: Layout) -> None:
+        """The probabilities of the hypotheses about the persons, as many persons as fit."""
+        top = layout.hypotheses_top
+        if len(frame.hypotheses) == 1:
+            (weights,) = frame.hypotheses
+            write(canvas, f"{len(weights)}", HEADING, GREY, topright=(WIDTH, top))
+            draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
+            return
+        persons = frame.shown_uncertain_persons
+        if len(persons) > layout.rows:
+            text = f"and {len(persons) - layout.rows} more"
+            write(canvas, text, HEADING, GREY, topright=(WIDTH, top))
+        before, behind = WEIGHTS_ROOM
+        bar = pygame.Rect(before, top + 20, WIDTH - before - behind, WEIGHTS_HEIGHT)
+        for person in persons[: layout.rows]:
+            weights = frame.hypotheses[person]
+            write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
+            write(canvas, f"{len(weights)}", SMALL, GREY, midright=(WIDTH, bar.centery))
+            draw_weights(canvas, weights, bar)
+            bar.move_ip(0, HYPOTHESES_ROW)
+
+    def _draw_drones(self, canvas: pygame.Surface, drones: int, top: int) -> None:
         """The drones' colours and numbers, as many as fit."""
-        write(canvas, f"{drones}", HEADING, GREY, topright=(WIDTH, DRONES_TOP))
-        rows = (self.size[1] - DRONES_TOP - 22) // DRONE_ROW
+        write(canvas, f"{drones}", HEADING, GREY, topright=(WIDTH, top))
+        rows = (self.size[1] - top - 22) // DRONE_ROW
         shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
         for number in range(shown):
             row, column = divmod(number, DRONE_COLUMNS)
-            middle = DRONES_TOP + 34 + row * DRONE_ROW
+            middle = top + 34 + row * DRONE_ROW
             left = column * WIDTH // DRONE_COLUMNS
             image = sprites.drone(min(self._symbol, DRONE_SYMBOL), self._palette.drone(number))
             canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
             write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
         if shown < drones:
-            middle = DRONES_TOP + 34 + (rows - 1) * DRONE_ROW
+            middle = top + 34 + (rows - 1) * DRONE_ROW
             write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
 
 
@@ -195,6 +292,31 @@ def symbol_images(side: int, ring: int, colour: Colour) -> dict[str, tuple[pygam
 def vector_component(value: float) -> str:
     """A component of the drift with a typographic minus sign."""
     return signed(value).replace("-", "\N{MINUS SIGN}")
+
+
+def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
+    """A thin bar of which a share is filled."""
+    bar = pygame.Rect(0, top, WIDTH, PROGRESS_HEIGHT)
+    pygame.draw.rect(canvas, FAINT, bar, border_radius=PROGRESS_HEIGHT // 2)
+    bar.width = round(WIDTH * share)
+    if bar.width:
+        pygame.draw.rect(canvas, PROGRESS, bar, border_radius=PROGRESS_HEIGHT // 2)
+
+
+def draw_weights(
+    canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect, font: int = SMALL
+) -> None:
+    """A bar with a part for each probability, in per cent where there is room."""
+    edges = np.rint(bar.left + bar.width * np.cumsum((0.0, *weights))).astype(int).tolist()
+    for number, (left, right) in enumerate(pairwise(edges)):
+        colour = (PROGRESS, PROGRESS_LIGHT)[number % 2]
+        part = pygame.Rect(left, bar.top, right - left, bar.height)
+        if number and part.width >= WEIGHT_GAP_FROM:
+            part = pygame.Rect(left + 1, bar.top, part.width - 1, bar.height)
+        canvas.fill(colour, part)
+        label = text_line(f"{weights[number]:.0%}", font, readable_on(colour))
+        if label.get_width() + LABEL_GAP <= part.width:
+            canvas.blit(label, label.get_rect(center=part.center))
 
 
 def _percentage(probability: float) -> str:

@@ -19,6 +19,7 @@ from DroneSwarmSearch.rendering.palette import (
     INK,
     NOT_FOUND,
     PALETTES,
+    PROGRESS,
     WHITE,
     Colour,
     readable_on,
@@ -27,7 +28,7 @@ from DroneSwarmSearch.rendering.palette import (
 from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap"]
+__all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap", "outcome_colour"]
 
 # Lengths are in pixels, unless stated otherwise.
 
@@ -161,7 +162,7 @@ class SearchMap:
             self._draw_lines(canvas)
         self._draw_symbols(canvas, frame)
         if frame.ending is not None:
-            colour = FOUND if frame.ending is Ending.FOUND else NOT_FOUND
+            colour = outcome_colour(frame)
             self._draw_frame(canvas, colour, FRAME_WIDTH)
             if banner:
                 self._draw_banner(canvas, frame, frame.ending, colour)
@@ -293,6 +294,14 @@ class SearchMap:
 
         highest = central % BANNER_STEP + BANNER_STEP
         return min(range(highest, self.side - height - BANNER_STEP + 1, BANNER_STEP), key=cost)
+
+
+def outcome_colour(frame: Frame) -> Colour:
+    """The colour of an ending: green for success, red for failure, blue for neither."""
+    if frame.ending in (Ending.FOUND, Ending.COVERED):
+        return FOUND
+    # The coverage mission has no person to miss.
+    return PROGRESS if frame.ending is Ending.TIME_LIMIT and not frame.persons else NOT_FOUND
 
 
 def _symbol_side(share: float, room: float, least: int) -> int:

@@ -24,6 +24,9 @@ FOUND = "F"
 WIDTH = 160
 """Characters in a line where the width of the terminal is unknown."""
 
+WEIGHTS_NAMED, PERSONS_NAMED = 6, 4
+"""Of more hypotheses, only the likeliest one is written; of more persons, only the first."""
+
 
 def render_text(frame: Frame, columns: int = WIDTH) -> str:
     """The frame as lines of ASCII without escape codes, without a newline at the end.
@@ -57,16 +60,42 @@ def render_text(frame: Frame, columns: int = WIDTH) -> str:
 
 
 def _header(frame: Frame) -> list[str]:
-    """Step, drift and persons found; at the end of an episode, its outcome."""
+    """Step, drift and results so far; hypotheses; at the end of an episode, its outcome."""
     x, y = frame.vector
-    status = (
-        f"step {frame.step}/{frame.timestep_limit}"
-        f" | drift x {signed(x)}, y {signed(y)} cells/step"
-        f" | persons found {sum(frame.found)}/{len(frame.persons)}"
-    )
-    if frame.ending is None:
-        return [status]
-    return [status, f"{frame.outcome} ({frame.ending.description})"]
+    status = [
+        f"step {frame.step}/{frame.timestep_limit}",
+        f"drift x {signed(x)}, y {signed(y)} cells/step",
+    ]
+    if frame.persons:
+        status.append(f"persons found {sum(frame.found)}/{len(frame.persons)}")
+    if frame.probability_of_success is not None:
+        status.append(f"POS {frame.probability_of_success:.1%}")
+    lines = [" | ".join(status)]
+    if frame.uncertain_persons:
+        lines.append(_hypotheses(frame))
+    if frame.ending is not None:
+        lines.append(f"{frame.outcome} ({frame.ending.description})")
+    return lines
+
+
+def _hypotheses(frame: Frame) -> str:
+    """The probabilities of the hypotheses about each person of whom there are several."""
+    if len(frame.hypotheses) == 1:
+        return f"hypotheses: {_weights(frame.hypotheses[0])}"
+    persons = frame.shown_uncertain_persons
+    parts = [
+        f"person {person} {_weights(frame.hypotheses[person])}"
+        for person in persons[:PERSONS_NAMED]
+    ]
+    if len(persons) > PERSONS_NAMED:
+        parts.append(f"{len(persons) - PERSONS_NAMED} more persons")
+    return f"hypotheses: {' | '.join(parts) or 'none'}"
+
+
+def _weights(weights: tuple[float, ...]) -> str:
+    if len(weights) <= WEIGHTS_NAMED:
+        return " ".join(f"{weight:.0%}" for weight in weights)
+    return f"{len(weights)}, the likeliest {max(weights):.0%}"
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
@@ -108,8 +137,8 @@ def _legend(frame: Frame) -> str:
     """The meaning of the characters."""
     last = len(frame.drones) - 1
     numbers = "0" if last == 0 else f"0-{last}"
-    return (
-        f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"
-        f" | person: {MISSING} missing, {FOUND}0 found by drone 0"
-        f" | {RAMP} probability, 0 to {percent(float(frame.matrix.max()))}"
-    )
+    meanings = [f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"]
+    if frame.persons:
+        meanings.append(f"person: {MISSING} missing, {FOUND}0 found by drone 0")
+    meanings.append(f"{RAMP} probability, 0 to {percent(float(frame.matrix.max()))}")
+    return " | ".join(meanings)

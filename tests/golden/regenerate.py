@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
 
 FOLDER = Path(__file__).parent
 RELEASED = FOLDER / "released.txt"
@@ -38,6 +38,10 @@ LETTERS = {
     "S": Action.SEARCH,
     "I": Action.IDLE,
 }
+
+CORNERS = np.zeros((6, 6))
+"""A prior: the corner cells, two of them less likely."""
+CORNERS[::5, ::5] = [[3, 1], [1, 3]]
 
 
 @dataclass(frozen=True)
@@ -139,6 +143,50 @@ SCENARIOS = {
         "DU IS LL",
         then=["DI DD SS"],
     ),
+    "hypotheses": Scenario(
+        "Searches around the likelier of two positions fail; the person is found at the other one.",
+        {
+            "grid_size": 8,
+            "n_drones": 2,
+            "persons": Person(
+                [
+                    Drift((1.5, 2), start_sd=0.6, vector=(0.2, 0), vector_sd=0.1, weight=3),
+                    Drift((6, 5), start_sd=(0.8, 0.5), diffusion=0.05, adrift=4, weight=1),
+                ],
+                probability_of_detection=0.9,
+            ),
+            "bayesian_update": True,
+            "timestep_limit": 8,
+        },
+        {"seed": 19, "drones_positions": [(1, 2), (3, 4)]},
+        "SR RR SD DR SS RS SU SS",
+    ),
+    "prior": Scenario(
+        "Two persons, one from a prior of four cells; the matrix is the mean of their forecasts.",
+        {
+            "grid_size": 6,
+            "persons": [
+                Person(Drift(CORNERS, vector=(0.1, 0.1), diffusion=0.1)),
+                Person(Drift((3, 2), diffusion=0.2), probability_of_detection=0.5),
+            ],
+            "timestep_limit": 5,
+        },
+        {"seed": 9, "drones_positions": [(3, 2)]},
+        "S S S R S",
+    ),
+    "coverage": Scenario(
+        "In the coverage mission nobody is found, and searches pay the success that they add.",
+        {
+            "grid_size": 5,
+            "n_drones": 2,
+            "persons": Person(Drift((2, 2), diffusion=0.05), probability_of_detection=0.8),
+            "bayesian_update": True,
+            "mission": "coverage",
+            "timestep_limit": 20,
+        },
+        {"seed": 10, "drones_positions": [(2, 2), (2, 3)]},
+        "SI SI SS RS SI LI SI UI SI DI LI SI",
+    ),
 }
 
 
@@ -165,12 +213,15 @@ def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
     }
     observations, rewards, terminations, truncations, infos = env.step(actions)
     assert terminations == truncations
+    name = "probability_of_success"
+    success = [f"success  {infos[name]:.4f}"] if name in infos else []
     return [
         "actions  " + " ".join(LETTERS[letter].name.lower() for letter in letters),
         "rewards  " + " ".join(f"{points:.2f}" for points in rewards.values()),
         f"total    {rewards['total_reward']:.2f}",
         "ended    " + " ".join("yes" if over else "no" for over in terminations.values()),
         "found    " + " ".join("yes" if info["Found"] else "no" for info in infos.values()),
+        *success,
         *shown(env, observations),
     ]
 

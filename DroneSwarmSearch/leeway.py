@@ -1,0 +1,426 @@
+"""Leeway: persons, rafts and boats that drift with wind and current, in metres and seconds.
+
+Leeway is an object's motion through the water because of the wind. It has a downwind component,
+and a crosswind component to the right or to the left of the wind. In a wind of W m/s at a height of
+10 m, an object's downwind leeway is (a + e/20) W + b + e/2 in cm/s, where a and b are the slope and
+the offset of its class and e is normal with mean 0 and the class's standard deviation s, drawn once
+for each object, and again while a + e/20 < 0. The crosswind leeway is likewise, with its own
+coefficients and its own e. Half of the objects go to the right of the wind and half to the left.
+
+Source of the model: Breivik and Allen, "An operational search and rescue model for the Norwegian
+Sea and the North Sea", Journal of Marine Systems 69 (2008). It also lets an object change sides now
+and then (jibing), which is left out here. `CLASSES` names the source of the coefficients.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person, warn_of_mass_beyond
+from DroneSwarmSearch.drift.scale import Scale
+
+__all__ = [
+    "CLASSES",
+    "KNOT",
+    "Coefficients",
+    "LeewaySpeeds",
+    "ObjectClass",
+    "current_towards",
+    "person",
+    "wind_from",
+]
+
+Pair = tuple[float, float]
+
+KNOT = 1852 / 3600
+"""One knot in m/s."""
+
+_FASTEST_WIND = 1000.0
+
+_NEGLIGIBLE_CORRELATION = 0.25
+"""With more, a plan on a map without the correlation finds up to four points less."""
+
+SOURCE = (
+    "A. Allen, U.S. Coast Guard, list of 2010-11-15, updated by O. Breivik on 2011-08-25; from "
+    "Allen and Plourde, Review of Leeway, USCG CG-D-08-99 (1999), and Allen, Leeway Divergence, "
+    "USCG CG-D-05-05 (2005)"
+)
+
+
+class Coefficients(NamedTuple):
+    """The coefficients of one component of the leeway.
+
+    Attributes:
+        slope: in percent of the wind speed at 10 m.
+        offset: in cm/s.
+        sd: standard deviation in cm/s.
+    """
+
+    slope: float
+    offset: float
+    sd: float
+
+
+class LeewaySpeeds(NamedTuple):
+    """The mean and the standard deviation of each component of the leeway, in m/s.
+
+    Attributes:
+        downwind: mean downwind.
+        downwind_sd: its standard deviation.
+        right: mean to the right of the wind, for objects that go right.
+        right_sd: its standard deviation.
+        left: the same for objects that go left; usually negative.
+        left_sd: its standard deviation.
+    """
+
+    downwind: float
+    downwind_sd: float
+    right: float
+    right_sd: float
+    left: float
+    left_sd: float
+
+
+@dataclass(frozen=True)
+class ObjectClass:
+    """A kind of object and its leeway.
+
+    Attributes:
+        name: the key in `CLASSES`.
+        description: what it is.
+        downwind: coefficients downwind.
+        right: coefficients crosswind, positive to the right, for objects that go right.
+        left: the same for objects that go left; the slope is negative.
+        source: where the coefficients come from.
+
+    Raises:
+        TypeError: a coefficient is not a number.
+        ValueError: a coefficient is not finite, a standard deviation is negative, or there
+            are not three coefficients.
+    """
+
+    name: str
+    description: str
+    downwind: Coefficients
+    right: Coefficients
+    left: Coefficients
+    source: str = SOURCE
+
+    def __post_init__(self) -> None:
+        for name in ("downwind", "right", "left"):
+            what = "three numbers: slope (%), offset (cm/s), standard deviation (cm/s)"
+            values = checks.items(name, getattr(self, name), what)
+            if len(values) != 3:
+                raise ValueError(f"{name} must be {what}, got {values!r}")
+            slope, offset = (checks.real(f"{name}[{n}]", values[n]) for n in range(2))
+            sd = checks.real(f"{name}[2]", values[2], 0)
+            object.__setattr__(self, name, Coefficients(slope, offset, sd))
+
+    def speeds(self, wind_speed: float) -> LeewaySpeeds:
+        """The mean and the standard deviation of the leeway in a wind.
+
+        With k = W/20 + 1/2, alpha = -20 a/s and h = phi(alpha) / (1 - Phi(alpha)), the downwind
+        mean is (a W + b + k s h)/100 m/s and its standard deviation is
+        k s sqrt(1 + alpha h - h²)/100: a normal distribution truncated at a + e/20 = 0.
+
+        Args:
+            wind_speed: W, at a height of 10 m, in m/s; from 0 to 1000.
+
+        Raises:
+            TypeError: the wind speed is not a number.
+            ValueError: it is out of its limits.
+        """
+        wind = checks.real("wind_speed", wind_speed, 0, _FASTEST_WIND)
+        k = wind / 20 + 0.5
+        slope, offset, sd = self.downwind
+        mean, share = 0.0, 0.0  # of e, in units of s
+        if sd:
+            alpha = -20 * slope / sd
+            mean = _inverse_mills_ratio(alpha)
+            share = math.sqrt(max(1 + alpha * mean - mean**2, 0.0))
+        downwind = (slope * wind + offset + k * sd * mean) / 100, k * sd * share / 100
+        right, left = (
+            ((side.slope * wind + side.offset) / 100, k * side.sd / 100)
+            for side in (self.right, self.left)
+        )
+        return LeewaySpeeds(*downwind, *right, *left)
+
+
+def _load() -> dict[str, ObjectClass]:
+    path = Path(__file__).with_name("drift") / "leeway_classes.csv"
+    lines = path.read_text("utf-8").splitlines()
+    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+    return {row["name"]: _object_class(row) for row in rows}
+
+
+def _object_class(row: dict[str, str]) -> ObjectClass:
+    downwind, right, left = (
+        Coefficients(*(float(row[f"{part}_{name}"]) for name in Coefficients._fields))
+        for part in ("downwind", "right", "left")
+    )
+    return ObjectClass(row["name"], row["description"], downwind, right, left)
+
+
+CLASSES: Mapping[str, ObjectClass] = MappingProxyType(_load())
+"""The object classes by name, such as ``"PIW-1"``, a person in the water in an unknown state.
+
+The coefficients are those of A. Allen's list for the U.S. Coast Guard; each class names the source
+in full.
+"""
+
+
+def wind_from(direction: float, speed: float) -> Pair:
+    """The vector of a wind that comes from a direction, as winds are reported.
+
+    Args:
+        direction: where the wind comes from, in degrees clockwise from north.
+        speed: at least 0; the result has its unit. Multiply knots by `KNOT` for m/s.
+
+    Returns:
+        (east, north): where the wind blows to.
+
+    Raises:
+        TypeError: an argument is not a number.
+        ValueError: an argument is not finite, or the speed is negative.
+    """
+    east, north = current_towards(direction, speed)
+    return 0.0 - east, 0.0 - north
+
+
+def current_towards(direction: float, speed: float) -> Pair:
+    """The vector of a current that sets towards a direction, as currents are reported.
+
+    Args:
+        direction: where the current flows to, in degrees clockwise from north.
+        speed: at least 0; the result has its unit. Multiply knots by `KNOT` for m/s.
+
+    Returns:
+        (east, north).
+
+    Raises:
+        TypeError: an argument is not a number.
+        ValueError: an argument is not finite, or the speed is negative.
+    """
+    angle = math.radians(checks.real("direction", direction) % 360)
+    length = checks.real("speed", speed, 0)
+    return length * math.sin(angle), length * math.cos(angle)
+
+
+def person(
+    object_class: str | ObjectClass,
+    *,
+    start: Pair,
+    position_sd: float = 0.0,
+    wind: Pair,
+    current: Pair = (0.0, 0.0),
+    diffusivity: float = 5.0,
+    adrift: float = 0.0,
+    scale: Scale,
+    probability_of_detection: float = 1.0,
+    hypotheses_per_side: int | None = None,
+    grid_size: int | None = None,
+    timestep_limit: int | None = None,
+) -> Person:
+    """A person, raft or boat that drifts with the wind and the current.
+
+    The result has a hypothesis for each side of the wind, or three where the wind is oblique to the
+    axes and the errors downwind and crosswind differ much; and a single one without leeway in a
+    calm. Wind and current are constant::
+
+        person = leeway.person(
+            "PIW-1",
+            start=(30, 30),
+            position_sd=500,
+            wind=leeway.wind_from(240, 20 * leeway.KNOT),
+            current=(0.1, 0.2),
+            adrift=3600,
+            scale=Scale.for_drone(speed=10, swath=130),
+        )
+
+    Args:
+        object_class: a key of `CLASSES`, or an `ObjectClass` of your own.
+        start: the last known position, a cell (x, y); real numbers, also outside the grid, if
+            `position_sd` or `adrift` is positive.
+        position_sd: its standard deviation along each axis, in metres.
+        wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`.
+        current: in m/s, (east, north): where it flows to; see `current_towards`.
+        diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
+        adrift: the time from the last known position to the start of the search, in seconds;
+            rounded to whole steps.
+        scale: the size of cells and the duration of steps.
+        probability_of_detection: of a search of the person's cell, from 0 to 1.
+        hypotheses_per_side: from 1 to 9. One ignores the correlation of the leeway along x and
+            y; more represent it, at a cost in proportion. By default, three if the correlation
+            exceeds 1/4, and else one.
+        grid_size: together with `timestep_limit`, a warning is given if more than 1% of the
+            forecast lies beyond a grid of this size within the limit.
+        timestep_limit: steps in an episode.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits, the class is unknown, or the steps are
+            too long or the cells too small for the diffusivity.
+    """
+    kind = _class_of(object_class)
+    if not isinstance(scale, Scale):
+        raise TypeError(f"scale must be a Scale, got {scale!r}")
+    downwind = checks.pair("wind", wind)
+    if math.hypot(*downwind) > _FASTEST_WIND:
+        raise ValueError(f"wind must be at most {_FASTEST_WIND:g} m/s, got {wind!r}")
+    drifting = checks.pair("current", current)
+    seconds = checks.real("adrift", adrift, 0)
+    count = hypotheses_per_side
+    if count is not None:
+        count = checks.integer("hypotheses_per_side", count, 1, 9)
+    common = {
+        "start_sd": scale.cells(checks.real("position_sd", position_sd, 0)),
+        "diffusion": _diffusion(diffusivity, scale),
+        "adrift": scale.whole_steps(seconds),
+    }
+    drifts = [
+        Drift(start, vector=vector, vector_sd=vector_sd, weight=weight, **common)  # type: ignore[arg-type]
+        for vector, vector_sd, weight in _hypotheses(kind, downwind, drifting, scale, count)
+    ]
+    _warn_of_fast_drift(drifts)
+    result = Person(drifts, probability_of_detection)  # type: ignore[arg-type]
+    if (grid_size is None) != (timestep_limit is None):
+        raise ValueError(
+            f"grid_size and timestep_limit must be given together, got {grid_size!r} and "
+            f"{timestep_limit!r}"
+        )
+    if grid_size is not None and timestep_limit is not None:
+        warn_of_mass_beyond([result], grid_size, timestep_limit, stacklevel=2)
+    return result
+
+
+def _class_of(object_class: object) -> ObjectClass:
+    if isinstance(object_class, ObjectClass):
+        return object_class
+    if not isinstance(object_class, str):
+        raise TypeError(f"object_class must be a key of leeway.CLASSES, got {object_class!r}")
+    if object_class in CLASSES:
+        return CLASSES[object_class]
+    text = object_class.strip().lower()
+    near = difflib.get_close_matches(text.upper(), CLASSES, cutoff=0.5)
+    described = [
+        kind.name
+        for kind in CLASSES.values()
+        if text and text in f"{kind.name} {kind.description}".lower()
+    ]
+    # A part of a description says more than a similar spelling.
+    names = list(dict.fromkeys([*described, *near]))
+    hint = "; ".join(f"{name}, {CLASSES[name].description}" for name in names)
+    raise ValueError(
+        f"object_class must be a key of leeway.CLASSES, got {object_class!r}; "
+        + (f"the nearest are {hint}" if names else f"the keys are {', '.join(CLASSES)}")
+    )
+
+
+def _diffusion(diffusivity: object, scale: Scale) -> float:
+    """A diffusivity in m²/s as a diffusion that a person on the grid can have."""
+    number = checks.real("diffusivity", diffusivity, 0)
+    diffusion = scale.diffusion(number)
+    if diffusion > MAX_DIFFUSION:
+        ratio = diffusion / MAX_DIFFUSION
+        # One percent is more than the figures in the message can be off by rounding.
+        longest = 0.99 * scale.seconds_per_step / ratio
+        smallest = 1.01 * scale.metres_per_cell * math.sqrt(ratio)
+        raise ValueError(
+            f"diffusivity must be at most {number / ratio:.3g} m²/s with {scale}, got "
+            f"{diffusivity!r}; take steps of at most {longest:.3g} s, or cells of at least "
+            f"{smallest:.3g} m"
+        )
+    return diffusion
+
+
+def _warn_of_fast_drift(drifts: list[Drift]) -> None:
+    fastest = max(abs(speed) for drift in drifts for speed in drift.vector)
+    if fastest > 1.0:
+        warnings.warn(
+            f"the mean drift is {fastest:.3g} cells per step along an axis, and persons move at "
+            "most one: take shorter steps or larger cells",
+            stacklevel=3,
+        )
+
+
+def _hypotheses(
+    kind: ObjectClass, wind: Pair, current: Pair, scale: Scale, count: int | None
+) -> list[tuple[Pair, Pair, float]]:
+    """The mean drift, its standard deviation, both (x, y) in cells per step, and the weight."""
+    speed = math.hypot(*wind)
+    if speed == 0.0:
+        return [(scale.vector(current), (0.0, 0.0), 1.0)]
+    speeds = kind.speeds(speed)
+    east, north = wind[0] / speed, wind[1] / speed
+    sides = (speeds.right, speeds.right_sd), (speeds.left, speeds.left_sd)
+    found = []
+    for cross, cross_sd in sides:
+        # Downwind is (east, north), and to the right of it is (north, -east).
+        mean = (
+            current[0] + speeds.downwind * east + cross * north,
+            current[1] + speeds.downwind * north - cross * east,
+        )
+        down, cross_variance = speeds.downwind_sd**2, cross_sd**2
+        covariance = (
+            down * east**2 + cross_variance * north**2,
+            down * north**2 + cross_variance * east**2,
+            (down - cross_variance) * east * north,
+        )
+        for shift, deviation, weight in _spread(*covariance, count):
+            velocity = (mean[0] + shift[0], mean[1] + shift[1])
+            per_metre = scale.seconds_per_step / scale.metres_per_cell
+            per_step = (deviation[0] * per_metre, deviation[1] * per_metre)
+            found.append((scale.vector(velocity), per_step, weight / 2))
+    return found
+
+
+def _spread(
+    east: float, north: float, both: float, count: int | None
+) -> list[tuple[Pair, Pair, float]]:
+    """A normal velocity as a mixture of normal ones with independent components.
+
+    The correlated part of the covariance is a single vector. The means lie along it with binomial
+    weights, so that mean and covariance of the mixture are exact, and the components overlap.
+
+    Args:
+        east: variance to the east.
+        north: variance to the north.
+        both: covariance of the two.
+        count: the number of components; None for as many as the correlation requires.
+
+    Returns:
+        For each component, the shift of its mean, its standard deviations, and its weight.
+    """
+    sd = math.sqrt(east), math.sqrt(north)
+    correlation = both / (sd[0] * sd[1]) if both else 0.0
+    if count is None:
+        count = 3 if abs(correlation) > _NEGLIGIBLE_CORRELATION else 1
+    if count == 1 or not correlation:
+        return [((0.0, 0.0), sd, 1.0)]
+    along = math.sqrt(abs(correlation))
+    alone = math.sqrt(max(1.0 - abs(correlation), 0.0))
+    unit = along * sd[0], math.copysign(along, correlation) * sd[1]
+    mixture = []
+    for place in range(count):
+        node = (2 * place - (count - 1)) / math.sqrt(count - 1)
+        weight = math.comb(count - 1, place) / 2 ** (count - 1)
+        shift = node * unit[0], node * unit[1]
+        mixture.append((shift, (alone * sd[0], alone * sd[1]), weight))
+    return mixture
+
+
+def _inverse_mills_ratio(alpha: float) -> float:
+    """The density of the standard normal distribution over its upper tail."""
+    tail = 0.5 * math.erfc(alpha / math.sqrt(2))
+    if tail == 0.0:  # far in the tail, where the ratio approaches alpha
+        return alpha
+    return math.exp(-0.5 * alpha**2) / math.sqrt(2 * math.pi) / tail

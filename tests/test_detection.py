@@ -1,0 +1,109 @@
+"""Detection functions against published tables."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from DroneSwarmSearch import detection
+
+NAN, INF = math.nan, math.inf
+FUNCTIONS = (detection.random_search, detection.inverse_cube, detection.definite_range)
+
+# Coverage, and the POD of a random search and of the inverse cube law.
+TABLE = (
+    (0.5, 0.393469, 0.469116),
+    (0.75, 0.527633, 0.652775),
+    (1.0, 0.632121, 0.789909),
+    (1.25, 0.713495, 0.882802),
+    (1.5, 0.776870, 0.939888),
+    (2.0, 0.864665, 0.987811),
+)
+
+# Sweep width in metres, and the two PODs of a straight crossing of a cell of 130 m.
+CROSSINGS = ((100, 0.537, 0.665), (130, 0.632, 0.790), (185, 0.759, 0.926))
+
+
+@pytest.mark.parametrize(("coverage", "random", "cube"), TABLE)
+def test_published_probabilities(coverage, random, cube):
+    assert detection.random_search(coverage) == pytest.approx(random, abs=5e-7)
+    assert detection.inverse_cube(coverage) == pytest.approx(cube, abs=5e-7)
+    assert detection.definite_range(coverage) == min(coverage, 1)
+
+
+@pytest.mark.parametrize(("sweep_width", "random", "cube"), CROSSINGS)
+def test_a_drone_that_crosses_a_cell(sweep_width, random, cube):
+    coverage = detection.coverage(sweep_width, speed=10, time=13, area=130**2)
+    assert coverage == pytest.approx(sweep_width / 130)
+    assert detection.random_search(coverage) == pytest.approx(random, abs=5e-4)
+    assert detection.inverse_cube(coverage) == pytest.approx(cube, abs=5e-4)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_arrays_and_numbers_agree(function):
+    coverages = np.array([[0, 0.5, 1], [2, 7, 1e9]])
+    probabilities = function(coverages)
+    assert probabilities.dtype == np.float64 and probabilities.shape == (2, 3)
+    each = [[function(float(coverage)) for coverage in row] for row in coverages]
+    np.testing.assert_array_equal(probabilities, each)
+    np.testing.assert_array_equal(function(coverages.tolist()), each)
+    assert type(function(np.float32(0.5))) is type(function(1)) is float
+    assert function(0) == 0 and function(1e9) == 1
+
+
+@given(st.floats(0, 50), st.floats(0, 50))
+def test_more_coverage_detects_more(one, other):
+    low, high = sorted((one, other))
+    for function in FUNCTIONS:
+        assert 0 <= function(low) <= function(high) <= 1
+    ordered = [function(low) for function in FUNCTIONS]
+    assert all(one <= other + 1e-15 for one, other in pairwise(ordered))
+
+
+@given(st.floats(0, 5), st.floats(0, 5))
+def test_random_searches_are_independent(one, other):
+    missed = (1 - detection.random_search(one)) * (1 - detection.random_search(other))
+    assert detection.random_search(one + other) == pytest.approx(1 - missed, abs=1e-12)
+
+
+def test_the_inverse_cube_law_is_that_of_parallel_tracks():
+    """The sum over all tracks of the lateral range function's exponent, averaged over a strip."""
+    spacing, width = 130.0, 100.0
+    across = (np.arange(2000) + 0.5) / 2000 * spacing
+    tracks = np.arange(-3000, 3001) * spacing
+    exponent = sum(width**2 / (4 * np.pi * (across - track) ** 2) for track in tracks)
+    expected = np.mean(1 - np.exp(-exponent))
+    assert detection.inverse_cube(width / spacing) == pytest.approx(expected, abs=1e-4)
+
+
+def test_coverage_broadcasts():
+    widths = np.array([100, 130])
+    np.testing.assert_allclose(detection.coverage(widths, 10, 13, 130**2), widths / 130)
+    assert type(detection.coverage(1, 2, 3, 4)) is float
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: detection.random_search(-0.1), ValueError, "coverage must .*got -0.1"),
+        (lambda: detection.random_search("1"), TypeError, "coverage must .*got '1'"),
+        (lambda: detection.random_search(None), TypeError, "coverage must .*got None"),
+        (lambda: detection.inverse_cube(NAN), ValueError, "coverage must .*got nan"),
+        (lambda: detection.inverse_cube(True), TypeError, "coverage must .*got True"),
+        (lambda: detection.definite_range(INF), ValueError, "coverage must .*got inf"),
+        (lambda: detection.definite_range([1, -1]), ValueError, r"coverage must .*got \[1, -1\]"),
+        (lambda: detection.coverage(-1, 1, 1, 1), ValueError, "sweep_width must .*got -1"),
+        (lambda: detection.coverage(1, "1", 1, 1), TypeError, "speed must .*got '1'"),
+        (lambda: detection.coverage(1, 1, INF, 1), ValueError, "time must .*got inf"),
+        (lambda: detection.coverage(1, 1, 1, 0), ValueError, "area must .*above 0, got 0"),
+        (lambda: detection.coverage(1, 1, 1, [1, 0]), ValueError, "area must .*above 0"),
+    ],
+)
+def test_bad_values_are_rejected(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

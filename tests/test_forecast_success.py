@@ -1,0 +1,126 @@
+"""The probability of success that a plan forecasts is what searches reach."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from small_searches import paths_of, search, success_of
+
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
+from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.policies import make
+
+SIZE, STEPS = 11, 25
+STARTS = [(0, 0), (10, 0)]
+
+ACROSS_THE_WIND = Person(
+    [
+        Drift((4, 4), start_sd=0.8, vector=vector, vector_sd=(0.03, 0.05), diffusion=0.1, adrift=12)
+        for vector in [(0.15, 0.02), (0.02, 0.15)]
+    ],
+    probability_of_detection=0.7,
+)
+TWO_LAST_POSITIONS = Person(
+    [
+        Drift((2, 3), start_sd=(1, 0.4), diffusion=0.1, weight=3),
+        Drift((8, 6), vector=(-0.1, 0.1), vector_sd=0.04, diffusion=0.05),
+    ]
+)
+PRIOR_MAP = Person(
+    Drift(np.triu(np.ones((SIZE, SIZE)), 6), vector=(-0.2, 0.1), diffusion=0.3),
+    probability_of_detection=0.9,
+)
+
+
+def search_for(*persons: Person, **changes: Any) -> NamedSearch:
+    return search(
+        STARTS, **{"grid_size": SIZE, "timestep_limit": STEPS, "persons": persons, **changes}
+    )
+
+
+@pytest.mark.parametrize("name", ["planner", "greedy-posterior"])
+@pytest.mark.parametrize("person", [ACROSS_THE_WIND, TWO_LAST_POSITIONS, PRIOR_MAP])
+def test_is_the_share_of_episodes_with_a_find(person: Person, name: str) -> None:
+    of, episodes = search_for(person), 1500
+    paths = paths_of(make(name, of.scenario), of)  # until a find, all episodes are alike
+    (forecast,) = success_of(of, paths)
+    assert 0.1 < forecast < 0.95
+    env = DroneSwarmSearch(scenario=of.scenario, render_mode=None)
+    env.reset(0)
+    found = 0
+    drones = np.array([path.cells for path in paths]).T.tolist()
+    actions = [
+        {
+            name: Action.SEARCH if path.searches[step] else direction(path.cells, step)
+            for name, path in zip(env.possible_agents, paths, strict=True)
+        }
+        for step in range(of.scenario.timestep_limit)
+    ]
+    for _ in range(episodes):
+        env.reset(drones_positions=of.drones)
+        for chosen in actions:
+            infos = env.step(chosen)[-1]
+            if not env.agents:
+                break
+        found += infos["Found"]
+    assert [y * SIZE + x for x, y in env.frame().drones] == drones[env.frame().step]
+    deviation = np.sqrt(forecast * (1 - forecast) / episodes)
+    assert abs(found / episodes - forecast) < 4 * deviation
+
+
+def direction(cells: np.ndarray, step: int) -> Action:
+    """The action that takes a drone to its next cell."""
+    moves = {-1: Action.LEFT, 1: Action.RIGHT, -SIZE: Action.UP, SIZE: Action.DOWN, 0: Action.IDLE}
+    return moves[int(cells[step + 1] - cells[step])]
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+@pytest.mark.parametrize("name", ["planner", "greedy-posterior", "parallel-sweep", "ppo"])
+@pytest.mark.parametrize(
+    "persons",
+    [
+        (ACROSS_THE_WIND,),
+        (PRIOR_MAP, TWO_LAST_POSITIONS, ACROSS_THE_WIND),
+        (TWO_LAST_POSITIONS, TWO_LAST_POSITIONS),
+        (Person(Drift((5, 5), vector=(0.1, 0.1), diffusion=0.2), 0.5),),
+    ],
+)
+def test_of_a_coverage_mission_is_that_of_its_paths(
+    persons: tuple[Person, ...], name: str, bayesian_update: bool
+) -> None:
+    of = search_for(*persons, mission="coverage", bayesian_update=bayesian_update)
+    paths = paths_of(make(name, of.scenario), of)
+    env = DroneSwarmSearch(scenario=of.scenario, render_mode=None)
+    policy = make(name, env.scenario)
+    observations, infos = env.reset(3, drones_positions=of.drones)
+    flown, success = [], []
+    while env.agents:
+        flown.append([y * SIZE + x for x, y in env.frame().drones])
+        observations, *_, infos = env.step(policy(observations))
+        success.append(infos["probability_of_success"])
+        assert not infos["Found"]
+    assert flown == np.array([path.cells[:-1] for path in paths]).T.tolist()
+    assert 0.03 < success[-1] == pytest.approx(np.mean(success_of(of, paths)), rel=1e-12)
+    for step in (8, 16):
+        earlier = [
+            path._replace(searches=path.searches & (np.arange(STEPS) < step)) for path in paths
+        ]
+        assert success[step - 1] == pytest.approx(np.mean(success_of(of, earlier)), abs=1e-13)
+    assert (np.diff([0.0, *success]) >= -1e-15).all()
+
+
+def test_the_planner_covers_more_than_a_rescue_of_all() -> None:
+    """A rescue weighs the person who is hard to find; coverage is the mean over persons."""
+    hard = Person(PRIOR_MAP.drifts, probability_of_detection=0.2)
+    persons = (TWO_LAST_POSITIONS, hard)
+    coverage, rescue = (
+        search_for(*persons, mission=mission, reward_scheme=RewardScheme.expected())
+        for mission in ("coverage", "rescue")
+    )
+    covered, found = (
+        success_of(of, paths_of(make("planner", of.scenario), of)) for of in (coverage, rescue)
+    )
+    assert np.mean(covered) > np.mean(found)
+    assert np.prod(covered) < np.prod(found)

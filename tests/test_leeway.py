@@ -1,0 +1,424 @@
+"""Leeway: coefficients, velocities, and persons that drift like the full model."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from DroneSwarmSearch import Drift, Person, Scale, leeway
+from DroneSwarmSearch._internal.erf import erf
+
+NAN, INF = math.nan, math.inf
+SCALE = Scale(130, 13)
+USUAL: dict[str, Any] = {"start": (30, 30), "wind": (6, -8), "scale": SCALE}
+
+# For every class in a wind of 10 m/s, in m/s: the mean and the standard deviation downwind, the
+# means to the right and to the left, and the standard deviation crosswind over both sides.
+AT_10 = (
+    ("PIW-1", 0.110, 0.107, 0.054, -0.054, 0.108),
+    ("PIW-2", 0.067, 0.068, 0.015, -0.015, 0.069),
+    ("PIW-3", 0.120, 0.024, 0.016, -0.016, 0.027),
+    ("PIW-4", 0.182, 0.039, 0.103, -0.04, 0.073),
+    ("PIW-5", 0.064, 0.051, 0.031, -0.031, 0.055),
+    ("PIW-6", 0.214, 0.030, 0.043, -0.043, 0.059),
+    ("LIFE-RAFT-DB-10", 0.327, 0.061, 0.032, -0.047, 0.053),
+    ("LIFE-RAFT-DB-18", 0.318, 0.054, 0.016, -0.033, 0.035),
+    ("LIFE-RAFT-DB-21", 0.088, 0.025, 0.018, -0.018, 0.030),
+    ("LIFE-RAFT-SB-6", 0.268, 0.120, 0.11, -0.11, 0.145),
+    ("LIFE-RAFT-SB-9", 0.168, 0.024, 0.024, -0.024, 0.034),
+    ("LIFE-RAFT-NB-1", 0.370, 0.120, 0.198, -0.198, 0.219),
+    ("LIFE-RAFT-NB-2", 0.633, 0.098, 0.236, -0.236, 0.253),
+    ("LIFE-RAFT-NB-4", 0.339, 0.024, 0.149, -0.149, 0.151),
+    ("USCG-RESCUE", 0.248, 0.038, 0.032, -0.032, 0.047),
+    ("AVIATION-1", 0.339, 0.024, 0.149, -0.149, 0.151),
+    ("LIFE-CAPSULE", 0.352, 0.019, 0.144, -0.144, 0.145),
+    ("PERSON-POWERED-VESSEL-1", 0.227, 0.041, 0.041, -0.041, 0.060),
+    ("PERSON-POWERED-VESSEL-2", 0.193, 0.083, 0.051, -0.051, 0.084),
+    ("PERSON-POWERED-VESSEL-3", 0.275, 0.025, 0.056, -0.056, 0.063),
+    ("SKIFF-1", 0.315, 0.022, 0.129, -0.129, 0.131),
+    ("SKIFF-3", 0.165, 0.031, 0.039, -0.039, 0.049),
+    ("SKIFF-4", 0.386, 0.039, 0.071, -0.071, 0.092),
+    ("SPORT-BOAT", 0.654, 0.030, 0.219, -0.219, 0.221),
+    ("FISHING-VESSEL-1", 0.247, 0.120, 0.276, -0.276, 0.292),
+    ("FISHING-VESSEL-6", 0.363, 0.033, 0.161, -0.161, 0.164),
+    ("SAILBOAT-5", 0.523, 0.185, 0.589, -0.609, 0.628),
+    ("FV-DEBRIS", 0.197, 0.083, 0.036, -0.036, 0.076),
+    ("CONTAINER-1", 0.192, 0.030, 0.003, -0.003, 0.023),
+    ("REFUGEE-RAFT-1", 0.239, 0.015, 0.035, -0.035, 0.038),
+)
+
+# Measured with 20,000 objects of OpenDrift 1.14.11 in a wind of 10 m/s, in m/s: downwind mean and
+# standard deviation, crosswind mean and standard deviation. OpenDrift sends objects of the right
+# side to the left, so that the mean of PIW-4 has the other sign there.
+OPENDRIFT = (
+    ("PIW-1", 0.1094, 0.1066, 0.0, 0.1083),
+    ("PIW-2", 0.0669, 0.0678, 0.0, 0.0687),
+    ("PIW-3", 0.1201, 0.0240, 0.0, 0.0265),
+    ("PIW-4", 0.1821, 0.0389, 0.0298, 0.0733),
+    ("PIW-6", 0.2136, 0.0301, 0.0, 0.0590),
+    ("LIFE-RAFT-NB-2", 0.6327, 0.0973, 0.0, 0.2503),
+    ("PERSON-POWERED-VESSEL-2", 0.1927, 0.0822, 0.0, 0.0839),
+    ("SKIFF-4", 0.3856, 0.0383, 0.0, 0.0917),
+    ("FISHING-VESSEL-1", 0.2466, 0.1188, 0.0, 0.2887),
+)
+
+
+def crosswind(speeds: leeway.LeewaySpeeds) -> tuple[float, float]:
+    """The mean and the standard deviation over both sides of the wind."""
+    mean = (speeds.right + speeds.left) / 2
+    squares = speeds.right**2 + speeds.right_sd**2, speeds.left**2 + speeds.left_sd**2
+    return mean, math.sqrt(sum(squares) / 2 - mean**2)
+
+
+def simulated(
+    kind: leeway.ObjectClass, wind: tuple[float, float], count: int, seed: int
+) -> np.ndarray:
+    """Leeway velocities (east, north) of objects, drawn one by one from the full model, in m/s."""
+    rng = np.random.default_rng(seed)
+    speed = math.hypot(*wind)
+    slope, offset, sd = kind.downwind
+    error = rng.normal(0, sd, count)
+    while (wrong := slope + error / 20 < 0).any():
+        error[wrong] = rng.normal(0, sd, int(wrong.sum()))
+    along = (slope + error / 20) * speed + offset + error / 2
+    goes_right = np.arange(count) % 2 == 0
+    slope, offset, sd = (
+        np.where(goes_right, *values) for values in zip(kind.right, kind.left, strict=True)
+    )
+    error = rng.normal(0, sd)
+    across = (slope + error / 20) * speed + offset + error / 2
+    downwind = np.array(wind) / speed
+    right = np.array([downwind[1], -downwind[0]])
+    return (along[:, None] * downwind + across[:, None] * right) / 100
+
+
+def moments(person: Person, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
+    """The mean and the covariance of a person's drift velocity, (east, north), in m/s."""
+    weights = np.array(person.weights)
+    means = np.array([scale.velocity(drift.vector) for drift in person.drifts])
+    per_cell = scale.metres_per_cell / scale.seconds_per_step
+    within = [np.diag(np.square(np.array(drift.vector_sd) * per_cell)) for drift in person.drifts]
+    mean = weights @ means
+    between = np.einsum("m,mi,mj->ij", weights, means - mean, means - mean)
+    return mean, np.einsum("m,mij->ij", weights, within) + between
+
+
+# Coefficients and velocities.
+
+
+def test_every_class_is_checked():
+    assert [row[0] for row in AT_10] == list(leeway.CLASSES)
+    assert len(leeway.CLASSES) == 30
+
+
+@pytest.mark.parametrize("row", AT_10, ids=[row[0] for row in AT_10])
+def test_coefficients_give_the_published_velocities(row):
+    name, downwind, downwind_sd, right, left, cross_sd = row
+    speeds = leeway.CLASSES[name].speeds(10)
+    expected = (downwind, downwind_sd, right, left, cross_sd)
+    got = (speeds.downwind, speeds.downwind_sd, speeds.right, speeds.left, crosswind(speeds)[1])
+    assert got == pytest.approx(expected, abs=6e-4)  # the figures have three digits
+
+
+@pytest.mark.parametrize("row", OPENDRIFT, ids=[row[0] for row in OPENDRIFT])
+def test_velocities_agree_with_opendrift(row):
+    name, downwind, downwind_sd, cross, cross_sd = row
+    speeds = leeway.CLASSES[name].speeds(10)
+    got = (speeds.downwind, speeds.downwind_sd, *crosswind(speeds))
+    # Four standard errors of a mean of 20,000 at most, and more for OpenDrift's own steps.
+    assert got == pytest.approx((downwind, downwind_sd, cross, cross_sd), abs=0.0035)
+
+
+def test_the_data_file_and_the_classes_name_their_source():
+    path = Path(leeway.__file__).with_name("drift") / "leeway_classes.csv"
+    assert "CG-D-08-99" in path.read_text("utf-8")
+    for name, kind in leeway.CLASSES.items():
+        assert kind.name == name and kind.description and "CG-D-08-99" in kind.source
+        assert kind.right.slope >= 0 > kind.left.slope
+    with pytest.raises(TypeError):
+        leeway.CLASSES["PIW-1"] = None
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        leeway.CLASSES["PIW-1"].name = "PIW"
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-3, 5), st.floats(-10, 10), st.floats(0, 15), st.floats(0, 30))
+def test_the_truncated_normal_distribution(slope, offset, sd, wind):
+    """Mean and standard deviation against numerical integration over e."""
+    kind = leeway.ObjectClass("A", "", (slope, offset, sd), (1, 0, 1), (-1, 0, 1))
+    assume(sd > 0.01 and slope > -0.1 * sd)  # otherwise all of the mass is in the far tail
+    error = np.linspace(max(-10 * sd, -20 * slope), 10 * sd, 20001)
+    density = np.exp(-0.5 * (error / sd) ** 2)
+    density /= density.sum()
+    values = ((slope + error / 20) * wind + offset + error / 2) / 100
+    mean = density @ values
+    speeds = kind.speeds(wind)
+    assert speeds.downwind == pytest.approx(mean, abs=1e-3)
+    assert speeds.downwind_sd == pytest.approx(math.sqrt(density @ (values - mean) ** 2), abs=1e-3)
+
+
+def test_a_class_without_errors_has_one_velocity():
+    kind = leeway.ObjectClass("drifter", "", (3, 1, 0), (1, 0, 0), (-1, 0, 0))
+    assert kind.speeds(10) == pytest.approx((0.31, 0, 0.1, 0, -0.1, 0))
+
+
+# Persons.
+
+
+@pytest.mark.parametrize("per_side", [1, 2, 3, 5])
+@pytest.mark.parametrize("direction", [0, 30, 135, 260])
+@pytest.mark.parametrize("name", ["PIW-1", "PIW-4", "LIFE-RAFT-NB-2", "SKIFF-4"])
+def test_a_person_drifts_like_the_full_model(name, direction, per_side):
+    """Mean and variances are those of simulated objects; so is the covariance, but with one."""
+    wind, current = leeway.wind_from(direction, 9.0), (0.2, -0.1)
+    person = leeway.person(
+        name,
+        start=(30, 30),
+        wind=wind,
+        current=current,
+        scale=SCALE,
+        hypotheses_per_side=per_side,
+    )
+    velocities = simulated(leeway.CLASSES[name], wind, 100_000, seed=1) + current
+    mean, covariance = moments(person, SCALE)
+    truth = np.cov(velocities.T)
+    size = math.sqrt(truth.trace())
+    np.testing.assert_allclose(mean, velocities.mean(axis=0), atol=0.015 * size)
+    np.testing.assert_allclose(np.diag(covariance), np.diag(truth), atol=0.02 * size**2)
+    if per_side != 1:  # one hypothesis has no covariance
+        assert covariance[0, 1] == pytest.approx(truth[0, 1], abs=0.02 * size**2)
+
+
+@pytest.mark.parametrize("name", ["PIW-1", "PIW-4", "LIFE-RAFT-DB-18", "FISHING-VESSEL-1"])
+def test_positions_are_distributed_as_in_the_full_model(name):
+    """The largest distance between distribution functions, along four axes, after three hours."""
+    seconds, error, count = 3 * 3600, 300.0, 40_000
+    wind = leeway.wind_from(225, 10)
+    rng = np.random.default_rng(2)
+    positions = simulated(leeway.CLASSES[name], wind, count, seed=3) * seconds
+    positions += rng.normal(0, math.hypot(error, math.sqrt(2 * 5 * seconds)), (count, 2))
+    steps = SCALE.steps(seconds)
+    for per_side, limit in ((1, 0.05), (3, 0.035)):
+        person = leeway.person(
+            name,
+            start=(0, 0),
+            position_sd=error,
+            wind=wind,
+            scale=SCALE,
+            hypotheses_per_side=per_side,
+        )
+        for axis in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            ordered = np.sort(positions @ axis)
+            cdf = np.zeros(count)
+            for drift, weight in zip(person.drifts, person.weights, strict=True):
+                mean = np.dot(SCALE.displacement(np.multiply(drift.vector, steps)), axis)
+                variance = np.square(drift.start_sd) + drift.diffusion * steps
+                variance += np.square(np.multiply(drift.vector_sd, steps))
+                sd = SCALE.metres(math.sqrt(variance @ np.square(axis)))
+                cdf += weight * 0.5 * (1 + erf((ordered - mean) / (sd * math.sqrt(2))))
+            distance = np.abs(cdf - (np.arange(count) + 0.5) / count).max()
+            assert distance < limit, (name, per_side, axis)
+
+
+def test_right_and_left_of_the_wind():
+    """In a wind to the north, right is east; y grows to the south."""
+    right, left = leeway.person("PIW-4", start=(30, 30), wind=(0, 10), scale=SCALE).drifts
+    assert right.vector == pytest.approx((0.0103, -0.0182), abs=1e-4)
+    assert left.vector == pytest.approx((-0.00395, -0.0182), abs=1e-4)
+    assert right.weight == left.weight == 0.5
+    assert right.vector_sd == pytest.approx((0.00171, 0.00393), abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["PIW-1", "PIW-4", "LIFE-RAFT-DB-18", "FISHING-VESSEL-1"])
+def test_more_hypotheses_where_the_leeway_is_correlated(name):
+    """A correlation above 1/4 requires three on each side; they overlap, so the map has no gaps."""
+    for direction in range(0, 360, 15):
+        usual = {"start": (30, 30), "wind": leeway.wind_from(direction, 15), "scale": SCALE}
+        velocities = simulated(leeway.CLASSES[name], usual["wind"], 50_000, seed=5)
+        covariance = np.cov(velocities[::2].T)  # of the objects right of the wind
+        correlation = abs(covariance[0, 1]) / math.sqrt(covariance[0, 0] * covariance[1, 1])
+        drifts = leeway.person(name, **usual).drifts
+        if abs(correlation - 0.25) > 0.02:
+            assert len(drifts) == (6 if correlation > 0.25 else 2), (direction, correlation)
+        side = drifts[: len(drifts) // 2]
+        for one, other in pairwise(side):
+            apart = np.subtract(other.vector, one.vector)
+            distance = math.hypot(*apart)
+            width = math.hypot(*np.multiply(apart / distance, one.vector_sd))
+            assert width >= 0.3 * distance
+
+
+def test_one_hypothesis_per_side_where_more_change_nothing():
+    for wind in ((10, 0), (0, -10)):
+        usual = {"start": (30, 30), "wind": wind, "scale": SCALE}
+        more = leeway.person("PIW-1", **usual, hypotheses_per_side=5)
+        assert more == leeway.person("PIW-1", **usual)
+
+
+def test_a_calm_leaves_the_current_alone():
+    person = leeway.person("PIW-1", start=(30, 30), wind=(0, 0), current=(0.5, 1), scale=SCALE)
+    vector = SCALE.vector((0.5, 1))
+    assert person == Person(Drift((30, 30), vector=vector, diffusion=SCALE.diffusion(5)))
+
+
+def test_metres_and_seconds_become_cells_and_steps():
+    person = leeway.person(
+        "PIW-1",
+        **{**USUAL, "start": (-3.5, 70)},
+        position_sd=260,
+        diffusivity=2,
+        adrift=3600,
+        probability_of_detection=0.8,
+    )
+    assert person.probability_of_detection == 0.8
+    for drift in person.drifts:
+        assert drift.start == (-3.5, 70) and drift.start_sd == (2.0, 2.0)
+        assert drift.adrift == 277 and drift.diffusion == pytest.approx(4 * 13 / 130**2)
+
+
+def test_a_class_of_your_own():
+    kind = dataclasses.replace(leeway.CLASSES["PIW-1"], name="mine", downwind=[2, 0, 1])
+    assert leeway.person(kind, **USUAL) != leeway.person("PIW-1", **USUAL)
+    assert leeway.person(leeway.CLASSES["PIW-1"], **USUAL) == leeway.person("PIW-1", **USUAL)
+
+
+def test_directions_as_they_are_reported():
+    """Winds come from a direction, currents go to one; degrees run clockwise from north."""
+    assert leeway.wind_from(0, 10) == pytest.approx((0, -10))
+    assert leeway.wind_from(270, 10) == pytest.approx((10, 0))
+    assert leeway.current_towards(90, 2) == pytest.approx((2, 0))
+    assert leeway.current_towards(-135, 2 * leeway.KNOT) == pytest.approx(
+        (-0.7275, -0.7275), abs=1e-4
+    )
+    assert pytest.approx(1.852) == leeway.KNOT * 3.6
+
+
+# Warnings.
+
+
+def test_a_forecast_beyond_the_grid_is_warned_of():
+    leeway.person("PIW-1", **USUAL)
+    leeway.person("PIW-1", **USUAL, grid_size=61, timestep_limit=277)
+    with pytest.warns(
+        UserWarning, match=r"\d% of a person's forecast .* 40 x 40 cells at step 277"
+    ):
+        person = leeway.person("PIW-1", **USUAL, grid_size=40, timestep_limit=277)
+    assert person.mass_beyond(40, 277) > 0.01
+    inwards = {"start": (-2, 30), "wind": (10, 0), "scale": SCALE, "position_sd": 130}
+    with pytest.warns(UserWarning, match="at step 0"):
+        leeway.person("LIFE-RAFT-NB-4", **inwards, grid_size=61, timestep_limit=100)
+
+
+def test_a_drift_of_more_than_a_cell_per_step_is_warned_of():
+    with pytest.warns(UserWarning, match=r"mean drift is 1\.5 cells per step"):
+        leeway.person("PIW-1", start=(3, 3), wind=(0, 0), current=(15, 0), scale=SCALE)
+
+
+def test_the_advice_against_too_much_diffusion_works():
+    scale = Scale(10, 100)
+    usual = {"start": (3, 3), "wind": (5, 0), "diffusivity": 5.0}
+    with pytest.raises(ValueError, match=r"must be at most 0\.333 m²/s") as error:
+        leeway.person("PIW-1", **usual, scale=scale)
+    seconds, metres = map(
+        float,
+        re.search(
+            r"at most ([\d.]+) s, or cells of at least ([\d.]+) m", str(error.value)
+        ).groups(),
+    )
+    leeway.person("PIW-1", **usual, scale=Scale(10, float(seconds)))
+    leeway.person("PIW-1", **usual, scale=Scale(float(metres), 100))
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [
+        ("PIW1", "PIW-1, Person in water, unknown"),
+        ("piw-3", "PIW-3"),
+        ("kayak", "PERSON-POWERED-VESSEL-1"),
+        ("Life raft", "LIFE-RAFT-DB-10"),
+        ("LIFE-RAFT-NB", "LIFE-RAFT-NB-1"),
+        ("quux", "the keys are PIW-1"),
+        ("", "the keys are PIW-1"),
+    ],
+)
+def test_an_unknown_class_names_the_nearest_ones(name, nearest):
+    with pytest.raises(ValueError, match=rf"object_class must .*got '{name}'; .*{nearest}"):
+        leeway.person(name, **USUAL)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"object_class": 1}, TypeError, "object_class must be a key"),
+        ({"start": (30.5, 30)}, ValueError, r"start\[0\] must be a whole number"),
+        ({"start": (30, -1)}, ValueError, r"start\[1\] must be a whole number"),
+        ({"start": "here"}, TypeError, "start must be a cell"),
+        ({"position_sd": -1}, ValueError, "position_sd must .*at least 0, got -1"),
+        ({"position_sd": (1, 1)}, TypeError, "position_sd must"),
+        ({"wind": 10}, TypeError, "wind must be two finite numbers"),
+        ({"wind": (10, NAN)}, ValueError, r"wind\[1\] must .*got nan"),
+        ({"wind": (1e308, 0)}, ValueError, "wind must be at most 1000 m/s, got"),
+        ({"current": (1, 2, 3)}, ValueError, "current must be two finite numbers"),
+        ({"current": ("1", 2)}, TypeError, r"current\[0\] must"),
+        ({"diffusivity": -5}, ValueError, "diffusivity must .*at least 0, got -5"),
+        ({"diffusivity": 1e6}, ValueError, "diffusivity must be at most 433 m²/s .*got 1000000.0"),
+        ({"diffusivity": INF}, ValueError, "diffusivity must .*got inf"),
+        ({"adrift": -1}, ValueError, "adrift must .*at least 0, got -1"),
+        ({"adrift": "1 h"}, TypeError, "adrift must .*got '1 h'"),
+        ({"scale": 130}, TypeError, "scale must be a Scale, got 130"),
+        ({"scale": (130, 13)}, TypeError, "scale must be a Scale"),
+        ({"probability_of_detection": 2}, ValueError, "probability_of_detection must .*got 2"),
+        ({"hypotheses_per_side": 0}, ValueError, "hypotheses_per_side must .*from 1 to 9, got 0"),
+        ({"hypotheses_per_side": 2.0}, TypeError, "hypotheses_per_side must .*got 2.0"),
+        ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),
+        ({"timestep_limit": 9}, ValueError, "grid_size and timestep_limit must be given together"),
+        ({"grid_size": 20, "timestep_limit": 9}, ValueError, r"start\[0\] must .*from 0 to 19"),
+        ({"grid_size": 61, "timestep_limit": 0}, ValueError, "timestep_limit must .*got 0"),
+        ({"grid_size": 61.0, "timestep_limit": 1}, TypeError, "grid_size must .*got 61.0"),
+    ],
+)
+def test_bad_persons_are_rejected(changes, error, message):
+    with pytest.raises(error, match=message):
+        leeway.person(**{"object_class": "PIW-1", **USUAL, **changes})
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: leeway.wind_from("SW", 10), TypeError, "direction must .*got 'SW'"),
+        (lambda: leeway.wind_from(INF, 10), ValueError, "direction must .*got inf"),
+        (lambda: leeway.current_towards(90, -1), ValueError, "speed must .*at least 0, got -1"),
+        (lambda: leeway.CLASSES["PIW-1"].speeds(-1), ValueError, "wind_speed must .*got -1"),
+        (lambda: leeway.CLASSES["PIW-1"].speeds((3, 4)), TypeError, "wind_speed must"),
+        (
+            lambda: leeway.ObjectClass("A", "", (1, 2), (1, 2, 3), (1, 2, 3)),
+            ValueError,
+            "downwind must be three numbers",
+        ),
+        (
+            lambda: leeway.ObjectClass("A", "", (1, 2, 3), (1, 2, -3), (1, 2, 3)),
+            ValueError,
+            r"right\[2\] must .*at least 0, got -3",
+        ),
+        (
+            lambda: leeway.ObjectClass("A", "", (1, 2, 3), (1, 2, 3), ("1", 2, 3)),
+            TypeError,
+            r"left\[0\] must .*got '1'",
+        ),
+    ],
+)
+def test_bad_values_are_rejected(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

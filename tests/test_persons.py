@@ -1,0 +1,315 @@
+"""`Drift` and `Person`: plain validated data, and the share of a forecast beyond the grid."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import math
+import pickle
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from DroneSwarmSearch import Drift, Person
+from DroneSwarmSearch.drift import dispersion_rate
+
+NAN, INF = math.nan, math.inf
+PRIOR = np.arange(9.0).reshape(3, 3)
+UNCERTAIN = Drift((3.5, -2), start_sd=(1, 2), vector=(0.1, 0.2), vector_sd=0.05, diffusion=0.1)
+
+
+def test_values_are_kept_in_their_plain_form():
+    drift = Drift(
+        np.array([3.0, 4.0]), start_sd=np.float32(0), vector=[1, Fraction(1, 2)], vector_sd=[0, 2]
+    )
+    assert drift.start == (3, 4) and [type(number) for number in drift.start] == [int, int]
+    assert drift.start_sd == (0.0, 0.0) and type(drift.start_sd[0]) is float
+    assert drift.vector == (1.0, 0.5) and drift.vector_sd == (0.0, 2.0)
+    assert (drift.diffusion, drift.adrift, drift.weight) == (0.0, 0, 1.0)
+    assert Drift((-1.5, 90), adrift=3).start == (-1.5, 90.0)
+    assert Drift((-1.5, 90), start_sd=(1, 0)).start == (-1.5, 90.0)
+
+
+def test_an_array_is_copied_normalised_and_read_only():
+    given = PRIOR.astype(np.float32)
+    drift = Drift(given)
+    given[0, 0] = 7
+    np.testing.assert_allclose(drift.start, PRIOR / PRIOR.sum(), rtol=1e-15)
+    assert drift.prior is drift.start and drift.start.dtype == np.float64
+    with pytest.raises(ValueError, match="read-only"):
+        drift.start[0, 0] = 1
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        drift.start.flags.writeable = True
+    assert Drift((0, 0)).prior is None
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (Drift((3, 4)), Drift(np.array([3.0, 4.0]), start_sd=[0, 0])),
+        (Drift((3, 4), vector_sd=2), Drift([3, 4], vector_sd=np.array([2, 2]))),
+        (Drift(PRIOR), Drift((PRIOR * 7).tolist())),
+        (Drift(PRIOR), Drift(np.asfortranarray(PRIOR))),
+        (Drift([[0.0, 1], [1, 1]]), Drift([[-0.0, 1], [1, 1]])),
+        (Person(UNCERTAIN), Person([UNCERTAIN], 1)),
+        (Person(Drift(PRIOR)), Person((Drift(PRIOR),))),
+    ],
+)
+def test_equal_values_in_other_forms_are_equal(one, other):
+    assert one == other and hash(one) == hash(other)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"start": (3.5, -1)},
+        {"start_sd": (2, 1)},
+        {"vector": (0.2, 0.2)},
+        {"vector_sd": (0.05, 0)},
+        {"diffusion": 0.2},
+        {"adrift": 1},
+        {"weight": 2},
+    ],
+)
+def test_other_values_are_different(changes):
+    other = Drift(**{**UNCERTAIN.to_dict(), **changes})
+    assert other != UNCERTAIN and Person(other) != Person(UNCERTAIN)
+    assert (other.key == UNCERTAIN.key) == (changes == {"weight": 2})
+    assert Drift(PRIOR) != Drift(PRIOR.T) and Drift(PRIOR).key != Drift(PRIOR.T).key
+    assert UNCERTAIN != (3.5, -2)
+
+
+@pytest.mark.parametrize("drift", [Drift((3, 4)), UNCERTAIN, Drift(PRIOR + 0.1, weight=3)])
+def test_copies_and_files_are_equal(drift):
+    person = Person([drift, UNCERTAIN], 0.3)
+    for copied in (
+        copy.copy(person),
+        copy.deepcopy(person),
+        pickle.loads(pickle.dumps(person)),
+        Person.from_dict(json.loads(json.dumps(person.to_dict()))),
+        eval(repr(person), {"Person": Person, "Drift": Drift}) if drift.prior is None else person,
+    ):
+        assert copied == person and hash(copied) == hash(person)
+        assert copied.drifts[0].prior is None or not copied.drifts[0].prior.flags.writeable
+    assert Drift.from_dict(drift.to_dict()) == drift
+    heavier = dataclasses.replace(drift, weight=7)
+    assert heavier.key == drift.key and heavier.weight == 7
+
+
+def test_files_may_leave_defaults_out():
+    assert Drift.from_dict({"start": [3, 4]}) == Drift((3, 4))
+    assert Person.from_dict({"drifts": [{"start": [3, 4]}]}) == Person(Drift((3, 4)))
+
+
+def test_the_repr_of_an_array_is_short():
+    assert repr(Drift(np.ones((50, 50)))).startswith("Drift(<array of shape (50, 50)>, start_sd=")
+
+
+@given(st.lists(st.floats(1e-300, 1e300), min_size=1, max_size=6))
+def test_weights_sum_to_1(weights):
+    person = Person([Drift((0, 0), weight=weight) for weight in weights])
+    assert math.fsum(person.weights) == pytest.approx(1)
+    assert person.weights[0] == pytest.approx(
+        float(Fraction(weights[0]) / sum(map(Fraction, weights)))
+    )
+    assert Person(Drift((0, 0), weight=weights[0])).weights == (1.0,)
+
+
+@pytest.mark.parametrize("constant", [0, 0.1, 10, 1e16, 1e300])
+def test_the_rate_of_every_disperse_constant_is_a_diffusion(constant):
+    rate = dispersion_rate(constant)
+    assert Drift((0, 0), diffusion=rate).diffusion == rate
+
+
+def test_the_start_must_fit_on_the_grid():
+    person = Person([Drift((2, 1)), UNCERTAIN, Drift(PRIOR), Drift((99, -3.5), adrift=1)])
+    person.check_grid(3)
+    for drift, size, message in (
+        (
+            Drift((3, 1)),
+            3,
+            r"persons\[0\]\.drifts\[1\]\.start\[0\] must .*0 to 2 .*got .*3, 1",
+        ),
+        (Drift((2.5, 3), start_sd=(1, 0)), 3, r"drifts\[1\]\.start\[1\] must .*0 to 2 .*2\.5"),
+        (Drift(PRIOR), 4, r"drifts\[1\]\.start must .*shape \(4, 4\), got .*shape \(3, 3\)"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Person([Drift((0, 0)), drift]).check_grid(size, "persons[0]")
+
+
+# The share beyond the grid.
+
+
+def test_a_known_drift_leaves_the_grid_at_its_edge():
+    drift = Drift((5, 5), vector=(0.5, 0))
+    assert [drift.mass_beyond(7, step) for step in range(5)] == [0, 0, 0, 1, 1]
+    assert Drift((5, 5), vector=(1e308, 0), adrift=9).mass_beyond(7, 9) == 1
+
+
+@settings(max_examples=50)
+@given(
+    start=st.tuples(st.floats(-9, 20), st.floats(-9, 20)),
+    start_sd=st.tuples(st.floats(0.1, 5), st.floats(0.1, 5)),
+    vector=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    vector_sd=st.floats(0, 0.3),
+    diffusion=st.floats(0, 2 / 3),
+    adrift=st.integers(0, 9),
+    step=st.integers(0, 40),
+)
+def test_the_share_beyond_the_grid_is_that_of_the_gaussian(
+    start, start_sd, vector, vector_sd, diffusion, adrift, step
+):
+    tau = adrift + step
+    inside = 1.0
+    for s, sd, v in zip(start, start_sd, vector, strict=True):
+        scale = math.sqrt(2 * (sd**2 + diffusion * tau + (vector_sd * tau) ** 2))
+        mean = s + v * tau
+        inside *= (math.erf((10.5 - mean) / scale) - math.erf((-0.5 - mean) / scale)) / 2
+    drift = Drift(
+        start,
+        start_sd=start_sd,
+        vector=vector,
+        vector_sd=vector_sd,
+        diffusion=diffusion,
+        adrift=adrift,
+    )
+    assert drift.mass_beyond(11, step) == pytest.approx(1 - inside, abs=1e-12)
+
+
+def test_the_share_beyond_the_grid_is_a_mean_over_priors_and_hypotheses():
+    common: dict[str, Any] = {"vector": (0.3, -0.1), "vector_sd": (0.1, 0), "diffusion": 0.2}
+    cells = [Drift((x, y), **common) for y in range(3) for x in range(3)]
+    expected = np.average([cell.mass_beyond(3, 4) for cell in cells], weights=PRIOR.ravel())
+    assert 0.1 < expected < 0.9
+    assert Drift(PRIOR, **common).mass_beyond(3, 4) == pytest.approx(expected)
+    one_hot = (np.arange(9) == 5).reshape(3, 3).astype(float)
+    assert Drift(one_hot, **common).mass_beyond(3, 4) == pytest.approx(cells[5].mass_beyond(3, 4))
+    person = Person([Drift((1, 1)), Drift((1, 1), vector=(1, 0), weight=3)])
+    assert person.mass_beyond(3, 2) == 0.75
+
+
+@pytest.mark.parametrize("huge", [1e150, 1e308])
+def test_huge_numbers_stay_numbers(huge):
+    drift = Drift((huge, huge), start_sd=huge, vector=(-huge, huge), vector_sd=huge, adrift=2**53)
+    assert drift.mass_beyond(7, 2**53) == pytest.approx(1)
+
+
+# Bad input: the value, the error, and what the message says.
+
+DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [
+    ({"start": 3}, TypeError, "start must be a cell"),
+    ({"start": None}, TypeError, "start must be a cell"),
+    ({"start": "ab"}, TypeError, "start must be a cell"),
+    ({"start": (True, 0)}, TypeError, "start must be a cell"),
+    ({"start": (1 + 2j, 0)}, TypeError, "start must be a cell"),
+    ({"start": (1, 2, 3)}, ValueError, "start must be a cell"),
+    ({"start": ()}, ValueError, "start must be a cell"),
+    ({"start": (NAN, 0)}, ValueError, r"start\[0\] must be a finite"),
+    ({"start": (0, INF), "start_sd": 1}, ValueError, r"start\[1\] must be a finite"),
+    ({"start": (0.5, 0)}, ValueError, r"start\[0\] must be a whole .*unless start_sd or adrift"),
+    ({"start": (0, -1)}, ValueError, r"start\[1\] must be a whole number of at least 0"),
+    ({"start": (0.5, 0), "start_sd": (0, 1)}, ValueError, r"start\[0\] must be a whole"),
+    ({"start": np.zeros((3, 3))}, ValueError, "start must have a positive, finite sum, got 0"),
+    ({"start": np.full((3, 3), 1e308)}, ValueError, "start must have a positive, finite sum"),
+    ({"start": np.eye(3) - 1}, ValueError, "start must be an array .*at least 0, got -1"),
+    ({"start": np.full((3, 3), NAN)}, ValueError, "start must be an array .*got nan"),
+    ({"start": np.full((3, 3), INF)}, ValueError, "start must be an array .*got inf"),
+    ({"start": np.ones((3, 4))}, ValueError, r"start must be an array .*got shape \(3, 4\)"),
+    ({"start": np.ones((1, 1))}, ValueError, r"start must be an array .*got shape \(1, 1\)"),
+    ({"start": np.ones((2, 3, 3))}, ValueError, "start must be a cell"),
+    ({"start": np.ones((3, 3), bool)}, TypeError, "start must be a cell"),
+    ({"start": [[1, 2], [3]]}, ValueError, "start must be a cell"),
+    ({"start": [["a", "b"], ["c", "d"]]}, TypeError, "start must be a cell"),
+    ({"start": np.eye(3), "adrift": 1}, ValueError, "adrift must be 0 if start is an array, got 1"),
+    ({"start": np.eye(3), "start_sd": (0, 1)}, ValueError, "start_sd must be 0 if start is an ar"),
+    ({"start_sd": -1}, ValueError, "start_sd must be .*at least 0, got -1"),
+    ({"start_sd": "1"}, TypeError, "start_sd must be a number"),
+    ({"start_sd": None}, TypeError, "start_sd must be a number"),
+    ({"start_sd": True}, TypeError, "start_sd must be a number"),
+    ({"start_sd": (1,)}, ValueError, "start_sd must be a number"),
+    ({"start_sd": (1, -2)}, ValueError, r"start_sd\[1\] must be .*at least 0, got -2"),
+    ({"start_sd": (NAN, 1)}, ValueError, r"start_sd\[0\] must be a finite"),
+    ({"vector": 1}, TypeError, "vector must be two finite"),
+    ({"vector": (1, INF)}, ValueError, r"vector\[1\] must be a finite"),
+    ({"vector": (1, 2, 3)}, ValueError, "vector must be two finite"),
+    ({"vector": ("1", 2)}, TypeError, r"vector\[0\] must be a finite"),
+    ({"vector_sd": -0.1}, ValueError, "vector_sd must be .*at least 0, got -0.1"),
+    ({"vector_sd": INF}, ValueError, "vector_sd must be a finite"),
+    ({"vector_sd": (0, "a")}, TypeError, r"vector_sd\[1\] must be a finite"),
+    ({"diffusion": -0.1}, ValueError, "diffusion must be .*at least 0, got -0.1"),
+    ({"diffusion": 0.7}, ValueError, "diffusion must be a number from 0 to 2/3, got 0.7"),
+    ({"diffusion": NAN}, ValueError, "diffusion must be a finite"),
+    ({"diffusion": (0.1, 0.1)}, TypeError, "diffusion must be a finite"),
+    ({"adrift": -1}, ValueError, "adrift must be an integer .*got -1"),
+    ({"adrift": 1.5}, TypeError, "adrift must be an integer"),
+    ({"adrift": True}, TypeError, "adrift must be an integer"),
+    ({"adrift": 2**60}, ValueError, "adrift must be an integer"),
+    ({"weight": 0}, ValueError, "weight must be a finite number above 0, got 0"),
+    ({"weight": INF}, ValueError, "weight must be a finite"),
+    ({"weight": "1"}, TypeError, "weight must be a finite"),
+]
+
+PERSONS: list[tuple[tuple[Any, ...], type[Exception], str]] = [
+    ((None,), TypeError, "drifts must be a Drift or a sequence of them, got None"),
+    (((3, 4),), TypeError, r"drifts\[0\] must be a Drift, got 3"),
+    (([UNCERTAIN, {"start": (0, 0)}],), TypeError, r"drifts\[1\] must be a Drift"),
+    (([],), ValueError, "drifts must hold at least one Drift"),
+    ((UNCERTAIN, 1.1), ValueError, "probability_of_detection must be .*got 1.1"),
+    ((UNCERTAIN, -0.1), ValueError, "probability_of_detection must be .*got -0.1"),
+    ((UNCERTAIN, NAN), ValueError, "probability_of_detection must be"),
+    ((UNCERTAIN, (0.5, 0.5)), TypeError, "probability_of_detection must be"),
+    ((UNCERTAIN, True), TypeError, "probability_of_detection must be"),
+]
+
+FILES: list[tuple[Any, Any, type[Exception], str]] = [
+    (Drift, [], TypeError, "data must be a mapping"),
+    (Drift, {}, ValueError, "a drift must have 'start'"),
+    (Drift, {"start": [0, 0], "speed": 1}, ValueError, "a drift has the parameters .*got 'speed'"),
+    (Drift, {"start": [0, 0], "adrift": -1}, ValueError, "adrift must be"),
+    (Person, 3, TypeError, "data must be a mapping"),
+    (Person, {"probability_of_detection": 1}, ValueError, "a person must have 'drifts'"),
+    (Person, {"drifts": 3}, TypeError, "drifts must be a list of drifts"),
+    (Person, {"drifts": [], "name": "A"}, ValueError, "a person has the parameters .*got 'name'"),
+    (
+        Person,
+        {"drifts": [{"start": [0, 0]}, {"start": [0, 0], "weight": 0}]},
+        ValueError,
+        r"drifts\[1\]: weight must be",
+    ),
+]
+
+
+@pytest.mark.parametrize(("values", "error", "message"), DRIFTS)
+def test_bad_drifts_are_rejected(values, error, message):
+    with pytest.raises(error, match=message):
+        Drift(**{"start": (0, 0), **values})
+
+
+@pytest.mark.parametrize(("arguments", "error", "message"), PERSONS)
+def test_bad_persons_are_rejected(arguments, error, message):
+    with pytest.raises(error, match=message):
+        Person(*arguments)
+
+
+@pytest.mark.parametrize(("kind", "data", "error", "message"), FILES)
+def test_bad_files_are_rejected(kind, data, error, message):
+    with pytest.raises(error, match=message):
+        kind.from_dict(data)
+
+
+@pytest.mark.parametrize("owner", [UNCERTAIN, Person(UNCERTAIN)])
+def test_bad_steps_and_grids_are_rejected(owner):
+    for arguments, error, message in (
+        ((1, 0), ValueError, "grid_size must be"),
+        ((7.0, 0), TypeError, "grid_size must be"),
+        ((10**400, 0), ValueError, "grid_size must be"),
+        ((7, -1), ValueError, "step must be"),
+        ((7, 0.5), TypeError, "step must be"),
+    ):
+        with pytest.raises(error, match=message):
+            owner.mass_beyond(*arguments)

@@ -1,0 +1,396 @@
+"""Persons whose start and drift are uncertain, in the environment."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import plain
+from test_truth import distance
+
+from DroneSwarmSearch import (
+    Action,
+    Drift,
+    DroneSwarmSearch,
+    Ending,
+    Person,
+    RewardScheme,
+    Scenario,
+    priors,
+)
+from DroneSwarmSearch.drift import dispersion_rate
+
+SIZE = 12
+DIAGONAL = priors.line(SIZE, [(2, 9), (9, 2)])
+TWO_SIDES = Person(
+    [
+        Drift((4, 5), start_sd=1, vector=(0.1, 0.1), vector_sd=0.03, diffusion=0.1, weight=2),
+        Drift((8, 7), start_sd=0.5, vector=(-0.1, 0), diffusion=0.05, adrift=5),
+    ],
+    0.8,
+)
+ON_A_LINE = Person(Drift(DIAGONAL, vector=(0.1, 0), diffusion=0.2), 0.6)
+KNOWN = Person(Drift((6, 6), vector=(0.2, -0.1), diffusion=0.3))
+SITUATIONS = {
+    "two sides": [TWO_SIDES],
+    "an array": [ON_A_LINE],
+    "three persons": [TWO_SIDES, ON_A_LINE, KNOWN],
+}
+
+
+def environment(**changes: Any) -> DroneSwarmSearch:
+    values = {"grid_size": SIZE, "n_drones": 2, "timestep_limit": 60, "persons": [TWO_SIDES]}
+    return DroneSwarmSearch(**{**values, **changes})
+
+
+def actions_of(rng: np.random.Generator, env: DroneSwarmSearch) -> dict[str, int]:
+    """Random actions that keep drones on the grid."""
+    chosen = {}
+    for name, (x, y) in zip(env.agents, env.frame().drones, strict=True):
+        inside = x > 0, x < SIZE - 1, y > 0, y < SIZE - 1, True, True
+        chosen[name] = int(rng.choice(np.flatnonzero(inside)))
+    return chosen
+
+
+def play(env: DroneSwarmSearch, seed: int, **options: Any) -> list[Any]:
+    """An episode of random actions as plain data."""
+    rng = np.random.default_rng(seed)
+    observations, infos = env.reset(seed=seed, **options)
+    history = [plain([observations, infos])]
+    while env.agents:
+        *results, infos = env.step(actions_of(rng, env))
+        looked_up = [infos.get(name) for name in ("ending", "step", "probability_of_success")]
+        history.append(plain([*results, infos, looked_up, env.frame().persons]))
+    return history
+
+
+# The parameters of the 2023 package are a special case.
+
+
+@pytest.mark.parametrize("bayesian_update", [False, True])
+@pytest.mark.parametrize(
+    ("cells", "vector", "constant", "detection"),
+    [
+        ([(5, 5)], (0.2, 0.1), 3, 0.5),
+        ([(0, 0)], (-0.5, -0.5), 10, 1.0),
+        ([(2, 9), (6, 6), (6, 6)], (3.0, -0.3), 100, (0.4, 1.0, 0.7)),
+        ([(3, 4), (8, 8)], (0, 0), 0, 0.6),
+    ],
+)
+def test_known_starts_and_drifts_give_the_same_episodes(
+    bayesian_update: bool, cells: list, vector: tuple, constant: float, detection: Any
+) -> None:
+    detections = detection if isinstance(detection, tuple) else (detection,) * len(cells)
+    diffusion = dispersion_rate(constant)
+    persons = [
+        Person([Drift(cell, vector=vector, diffusion=diffusion)], chance)
+        for cell, chance in zip(cells, detections, strict=True)
+    ]
+    as_persons = environment(persons=persons, bayesian_update=bayesian_update)
+    as_parameters = environment(
+        persons=None,
+        bayesian_update=bayesian_update,
+        person_initial_position=cells,
+        vector=vector,
+        disperse_constant=constant,
+        probability_of_detection=detection,
+    )
+    for seed in range(8):
+        assert play(as_persons, seed) == play(as_parameters, seed)
+
+
+# The matrix is the persons' distribution.
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+@pytest.mark.parametrize("t", [0, 25])
+def test_persons_are_distributed_as_the_matrix(name: str, t: int) -> None:
+    env = environment(persons=SITUATIONS[name], n_drones=1)
+    env.reset(seed=3)
+    counts = np.zeros((len(SITUATIONS[name]), SIZE, SIZE))
+    for _ in range(2500):
+        env.reset()
+        for _ in range(t):
+            env.step({"drone0": Action.IDLE})
+        for count, (x, y) in zip(counts, env.frame().persons, strict=True):
+            count[y, x] += 1
+    for count, forecast in zip(counts, env.scenario.forecasts(), strict=True):
+        found, limit = distance(count, forecast.exact(t))
+        assert found <= limit
+    mean = np.mean([forecast.exact(t) for forecast in env.scenario.forecasts()], axis=0)
+    np.testing.assert_allclose(env.state()[0], mean, atol=1e-6)
+
+
+@pytest.mark.parametrize("person", [TWO_SIDES, ON_A_LINE])
+def test_missing_persons_are_distributed_as_the_posterior(person: Person) -> None:
+    """Searches learn about cells and hypotheses, and the POS is the share of finds."""
+    env = environment(persons=[person], bayesian_update=True, n_drones=4)
+    cells = [(5, 5), (6, 6), (7, 7), (5, 6)]
+    counts, episodes = np.zeros((SIZE, SIZE)), 2500
+    env.reset(seed=8)
+    for _ in range(episodes):
+        env.reset(drones_positions=cells)
+        for step in range(12):
+            action = Action.SEARCH if step % 3 else Action.IDLE
+            *_, infos = env.step(dict.fromkeys(env.agents, action))
+            if not env.agents:
+                break
+        else:
+            ((x, y),) = env.frame().persons
+            counts[y, x] += 1
+            posterior, success = env.state()[0], infos["probability_of_success"]
+            assert infos["drone0"]["probability_of_success"] == success
+            (weights,) = env.frame().hypotheses
+    finds = episodes - counts.sum()
+    assert abs(finds - episodes * success) < 4 * (episodes * success * (1 - success)) ** 0.5
+    found, limit = distance(counts, posterior)
+    assert found <= limit
+    assert sum(weights) == pytest.approx(1)
+    if len(weights) > 1:
+        assert weights != pytest.approx(person.weights)
+
+
+def test_the_hypothesis_and_the_start_do_not_depend_on_the_drones() -> None:
+    env = environment(persons=SITUATIONS["three persons"])
+    paths = []
+    for action in (Action.IDLE, Action.SEARCH):
+        env.reset(seed=1)
+        path = [env.frame().persons]
+        for _ in range(20):
+            env.step(dict.fromkeys(env.agents, action))
+            path.append(env.frame().persons)
+        paths.append(path)
+    assert paths[0] == paths[1]
+
+
+# Episodes.
+
+
+def test_persons_for_one_episode() -> None:
+    env = environment()
+    env.reset(seed=0, options={"persons": [KNOWN, ON_A_LINE]})
+    assert env.scenario.persons == (KNOWN, ON_A_LINE)
+    assert len(env.frame().persons) == 2
+    env.reset()
+    assert env.scenario.persons == (TWO_SIDES,)
+    env = environment(persons=None, vector=(0.1, 0.1))
+    env.reset(options={"persons": KNOWN})
+    assert env.scenario.persons == (KNOWN,)
+    assert env.vector == (0.1, 0.1)
+    env.reset(vector=(0.2, 0.2))
+    assert env.vector == (0.2, 0.2)
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("mission", ["rescue", "coverage"])
+def test_copies_continue_identically(duplicate: Any, mission: str) -> None:
+    env = environment(
+        persons=SITUATIONS["three persons"], mission=mission, bayesian_update=mission == "rescue"
+    )
+    env.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        env.step(actions_of(rng, env))
+    other = duplicate(env)
+    for _ in range(10):
+        if env.agents:
+            actions = actions_of(rng, env)
+            assert plain(env.step(actions)) == plain(other.step(actions))
+            assert env.frame().persons == other.frame().persons
+
+
+def test_nothing_warns() -> None:
+    far = Person(Drift((-3, 5), start_sd=2, vector=(5, 0), diffusion=0.5))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        play(environment(persons=[far]), 0)
+
+
+# The probability of success.
+
+
+def test_the_probability_of_success_is_absent_without_beliefs() -> None:
+    env = environment()
+    *_, infos = env.reset(seed=0), env.step(dict.fromkeys(env.possible_agents, Action.SEARCH))[-1]
+    assert "probability_of_success" not in infos
+    assert infos.get("probability_of_success", -1) == -1
+    with pytest.raises(KeyError):
+        infos["probability_of_success"]
+    assert "probability_of_success" not in infos["drone0"]
+
+
+@pytest.mark.parametrize("shown", [False, True])
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_expected_rewards_add_up_to_the_probability_of_success(name: str, shown: bool) -> None:
+    env = environment(
+        persons=SITUATIONS[name], bayesian_update=shown, reward_scheme=RewardScheme.expected(10)
+    )
+    prior = environment(persons=SITUATIONS[name])
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        env.reset(seed=seed, drones_positions=[(5, 5), (6, 6)])
+        prior.reset(seed=seed)
+        total = 0.0
+        while env.agents:
+            _, rewards, *_, infos = env.step(actions_of(rng, env))
+            total += rewards["total_reward"]
+            if prior.agents:
+                prior.step(dict.fromkeys(prior.agents, Action.IDLE))
+            if not shown and env.agents and prior.agents and not any(env.frame().found):
+                np.testing.assert_array_equal(env.state()[0], prior.state()[0])
+        # Both drones are in different cells, or the episode has ended by a collision.
+        if infos["ending"] is not Ending.COLLISION:
+            assert total == pytest.approx(10 * infos["probability_of_success"])
+
+
+def test_the_probability_of_success_goes_on_after_a_find() -> None:
+    """As if the person were still missing, and as the mean over persons."""
+    certain = Person(Drift((3, 3)))
+    unlikely = Person(Drift((3, 3)), 0.25)
+    env = environment(persons=[certain, unlikely], bayesian_update=True, n_drones=1)
+    env.reset(seed=0, drones_positions=[(3, 3)])
+    kept = 1.0
+    while env.agents:
+        *_, infos = env.step({"drone0": Action.SEARCH})
+        kept *= 0.75
+        assert infos["persons_found"][0]
+        assert infos["probability_of_success"] == pytest.approx((1 + 1 - kept) / 2)
+
+
+# The coverage mission.
+
+
+def test_coverage_ends_when_little_is_left_to_find() -> None:
+    env = environment(persons=[KNOWN], mission="coverage", n_drones=1)
+    assert env.scenario.reward_scheme == RewardScheme.expected()
+    env.reset(seed=0, drones_positions=[(6, 6)])
+    assert not env.state()[2].any() and env.frame().persons == ()
+    _, rewards, terminations, _, infos = env.step({"drone0": Action.SEARCH})
+    assert rewards == {"drone0": 1.0} and terminations == {"drone0": True}
+    assert infos["ending"] is Ending.COVERED and infos["probability_of_success"] == 1.0
+    assert not infos["Found"] and infos["persons_found"] == (False,)
+
+
+def test_coverage_finds_nobody_and_has_no_penalty() -> None:
+    env = environment(mission="coverage", timestep_limit=20, n_drones=1)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        env.reset(seed=seed, drones_positions=[(4, 5)])
+        total, success = 0.0, 0.0
+        while env.agents:
+            _, rewards, *_, infos = env.step(actions_of(rng, env))
+            assert rewards["drone0"] == pytest.approx(infos["probability_of_success"] - success)
+            success = infos["probability_of_success"]
+            total += rewards["drone0"]
+        assert infos["ending"] is Ending.TIME_LIMIT and not infos["Found"]
+        assert total == pytest.approx(success)
+
+
+def test_coverage_with_a_scheme_of_ones_own() -> None:
+    scheme = RewardScheme(step=2.0)
+    env = environment(persons=[KNOWN], mission="coverage", reward_scheme=scheme, timestep_limit=2)
+    env.reset(seed=0, drones_positions=[(6, 6), (0, 0)])
+    _, rewards, *_ = env.step({"drone0": Action.IDLE, "drone1": Action.SEARCH})
+    assert rewards == {"drone0": 2.0, "drone1": -100.0}
+    _, rewards, *_, infos = env.step({"drone0": Action.IDLE, "drone1": Action.IDLE})
+    assert rewards == {"drone0": 2.0, "drone1": 2.0}
+    assert infos["ending"] is Ending.TIME_LIMIT
+
+
+# The scenario.
+
+
+def test_scenarios_with_persons_survive_json_and_pickle() -> None:
+    scenario = Scenario(
+        SIZE, 3, persons=SITUATIONS["three persons"], mission="coverage", timestep_limit=7
+    )
+    for same in (
+        Scenario.from_dict(json.loads(json.dumps(scenario.to_dict()))),
+        pickle.loads(pickle.dumps(scenario)),
+        scenario.replace(),
+        scenario.replace(persons=list(scenario.situation)),
+    ):
+        assert same == scenario and hash(same) == hash(scenario)
+        assert same.situation == tuple(SITUATIONS["three persons"])
+
+
+def test_replacing_persons() -> None:
+    usual = Scenario(SIZE, vector=(1, 1), disperse_constant=3, probability_of_detection=0.5)
+    scenario = usual.replace(persons=TWO_SIDES)
+    assert scenario == Scenario(SIZE, persons=[TWO_SIDES])
+    assert scenario.detections == (0.8,)
+    assert scenario.mean_vector == pytest.approx((0.1 / 3, 0.2 / 3))
+    back = scenario.replace(persons=None, vector=(0, 1))
+    assert back == Scenario(SIZE, vector=(0, 1))
+    assert Scenario(SIZE, n_drones=2, persons=[KNOWN]).replace(n_drones=3).persons == (KNOWN,)
+
+
+def test_mass_beyond_the_grid_is_that_of_the_worst_person() -> None:
+    scenario = Scenario(SIZE, persons=[KNOWN, TWO_SIDES])
+    for step in (0, 10, 60):
+        each = [person.mass_beyond(SIZE, step) for person in (KNOWN, TWO_SIDES)]
+        assert scenario.mass_beyond_grid(step) == max(each)
+    assert Scenario().mass_beyond_grid(100) > 0.99
+    assert Scenario(61, person_initial_position=(30, 30)).mass_beyond_grid(1) < 1e-6
+
+
+OUTSIDE = Person(Drift((SIZE, 0)))
+WRONG_SHAPE = Person(Drift(np.ones((5, 5))))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"persons": []}, ValueError, r"persons must hold at least one Person, got \[\]"),
+        ({"persons": 3}, TypeError, "persons must be a Person or a sequence of them, got 3"),
+        ({"persons": [Drift((1, 1))]}, TypeError, r"persons\[0\] must be a Person, got Drift"),
+        ({"persons": "PIW-1"}, TypeError, "persons must be a Person or a sequence"),
+        ({"persons": [KNOWN, OUTSIDE]}, ValueError, r"persons\[1\]\.drifts\[0\]\.start.*0 to 11"),
+        ({"persons": WRONG_SHAPE}, ValueError, r"persons\[0\]\.drifts\[0\]\.start.*\(12, 12\)"),
+        ({"vector": (1, 0)}, ValueError, r"vector cannot be given together with persons, got \(1"),
+        ({"disperse_constant": 3}, ValueError, "disperse_constant cannot be given .* persons"),
+        ({"person_initial_position": (1, 1)}, ValueError, "person_initial_position cannot be giv"),
+        ({"probability_of_detection": 0.5}, ValueError, "probability_of_detection cannot be given"),
+        ({"mission": "search"}, ValueError, "mission must be one of .*rescue.*, got 'search'"),
+        ({"mission": None}, (TypeError, ValueError), "mission must be one of"),
+        (
+            {"scenario": Scenario(SIZE), "grid_size": 7},
+            ValueError,
+            "persons cannot be given together with a scenario",
+        ),
+        (
+            {"scenario": Scenario(SIZE), "grid_size": 7, "persons": None, "mission": "coverage"},
+            ValueError,
+            "mission cannot be given together with a scenario",
+        ),
+    ],
+)
+def test_bad_arguments(arguments: dict, error: Any, message: str) -> None:
+    with pytest.raises(error, match=message):
+        DroneSwarmSearch(**{"grid_size": SIZE, "persons": [KNOWN], **arguments})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"vector": (0, 0)}, ValueError, "vector cannot be given together with persons"),
+        ({"options": {"vector": (0, 0)}}, ValueError, "vector cannot be given together with"),
+        ({"options": {"person_initial_position": (1, 1)}}, ValueError, "person_initial_position c"),
+        ({"options": {"persons": []}}, ValueError, "persons must hold at least one Person"),
+        ({"options": {"persons": [OUTSIDE]}}, ValueError, r"persons\[0\]\.drifts\[0\]\.start"),
+        ({"options": {"persons": [1]}}, TypeError, r"persons\[0\] must be a Person, got 1"),
+    ],
+)
+def test_bad_resets_change_nothing(arguments: dict, error: type, message: str) -> None:
+    env, other = environment(), environment()
+    env.reset(seed=1), other.reset(seed=1)
+    with pytest.raises(error, match=message):
+        env.reset(seed=5, **arguments)
+    assert plain(env.step(dict.fromkeys(env.agents, 5))) == plain(
+        other.step(dict.fromkeys(other.agents, 5))
+    )
