@@ -191,7 +191,7 @@ def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(
 ):
     person = Person(Drift((3, 3), start_sd=0.3, vector=(0.3 if reaches else 0.0, 0)))
     search = NamedSearch("storm", "For tests.", Scenario(7, timestep_limit=10, persons=person))
-    for module in ("suite", "commands", "board"):
+    for module in ("commands", "board", "suite"):  # they are imported with the real suite
         monkeypatch.setattr(f"DroneSwarmSearch.evaluation.{module}.SUITE", {"storm": search})
     few = ["--episodes", 2]
     arguments = {

@@ -477,7 +477,8 @@ class TestCommand:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         search = at_sea(mission=mission)
-        monkeypatch.setattr("DroneSwarmSearch.evaluation.suite.SUITE", {"storm": search})
+        for module in ("commands", "suite"):  # `commands` is imported with the real suite
+            monkeypatch.setattr(f"DroneSwarmSearch.evaluation.{module}.SUITE", {"storm": search})
         path = tmp_path / "storm.gif"
         arguments = ["record", "storm", "--policy", "greedy-posterior", "--out", str(path)]
         assert command.main(arguments) == 0
