@@ -4,9 +4,10 @@
 
 writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function registered with
 `figure`, or for the names given as arguments. The output is reproducible with the same version
-of matplotlib. `calibration` and `speed` plot the measurements written by
+of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements written by
 
     python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv
+    python examples/compare_with_opendrift.py --tracks 100000 --csv docs/figures/opendrift.csv
     python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
 
 All other figures are computed here, within seconds.
@@ -813,6 +814,64 @@ def calibration(theme: Theme, sampling: Sampling) -> Figure:
     chart.supylabel("total variation between matrix and person", fontsize=9.5)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.4)
+    return chart
+
+
+SHOWN = {
+    "FISHING-VESSEL-1": "fishing vessel",
+    "PIW-1": "person in water",
+    "PIW-2": "with life jacket",
+    "SKIFF-4": "skiff",
+    "PIW-3": "sitting",
+}
+"""The classes of `opendrift.csv` whose spread is drawn, with their labels."""
+
+
+@figure("opendrift")
+def opendrift(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the spread of the map and of OpenDrift's objects, and what plans promise and find."""
+    with (FIGURES / "opendrift.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    chart = Figure(figsize=(WIDTH, 3.9), layout="constrained")
+    spread, success = chart.subplots(1, 2, width_ratios=(1.25, 1))
+    for colour, (name, label) in zip(theme.series, SHOWN.items(), strict=True):
+        points = [
+            [float(row[column]) for column in ("hours", "map", "opendrift")]
+            for row in rows
+            if (row["quantity"], row["object_class"]) == ("spread", name)
+            and float(row["wind_east"]) == 0.0
+        ]
+        hours, ours, theirs = np.array(points).T
+        spread.plot(hours, ours / 1000, color=colour)
+        spread.plot(hours, theirs / 1000, "o", color=colour, markersize=4.5)
+        spread.annotate(
+            label,
+            (hours[-1], ours[-1] / 1000),
+            (7, 0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+            fontsize=8.5,
+        )
+    hours = np.linspace(0.5, 6, 50)
+    alone = np.sqrt(2 * (250**2 + 2 * 10 * 3600 * hours)) / 1000
+    spread.plot(hours, alone, color=theme.grey, linestyle=(0, (4, 2)), linewidth=1.2)
+    spread.set(xlim=(0, 9.6), ylim=(0, None), xlabel="hours", ylabel="km")
+    spread.set_xticks((0, 1, 3, 6))
+    spread.set_title("spread: map (lines), OpenDrift (dots)")
+    plans = [row for row in rows if row["quantity"] == "success"]
+    for place, row in enumerate(reversed(plans)):
+        promised, found = float(row["map"]), float(row["opendrift"])
+        success.plot((found, promised), (place, place), color=theme.grey, linewidth=1.2)
+        success.plot(promised, place, "|", color=theme.series[0], markersize=13, markeredgewidth=2)
+        success.plot(found, place, "o", color=theme.series[0], markersize=5)
+    success.set(xlim=(0, 1), ylim=(-0.6, len(plans) - 0.4))
+    success.set_yticks(range(len(plans)), [row["object_class"] for row in reversed(plans)])
+    success.tick_params(axis="y", length=0)
+    success.xaxis.set_major_formatter(PercentFormatter(1.0))
+    success.set_title("promised (lines), found (dots)")
+    for axes in (spread, success):
+        axes.grid(axis="x" if axes is success else "both")
     return chart
 
 
