@@ -820,9 +820,8 @@ def calibration(theme: Theme, sampling: Sampling) -> Figure:
 SHOWN = {
     "FISHING-VESSEL-1": "fishing vessel",
     "PIW-1": "person in water",
-    "PIW-2": "with life jacket",
     "SKIFF-4": "skiff",
-    "PIW-3": "sitting",
+    "PIW-3": "life jacket",
 }
 """The classes of `opendrift.csv` whose spread is drawn, with their labels."""
 
@@ -834,7 +833,7 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
         rows = list(csv.DictReader(file))
     chart = Figure(figsize=(WIDTH, 3.9), layout="constrained")
     spread, success = chart.subplots(1, 2, width_ratios=(1.25, 1))
-    for colour, (name, label) in zip(theme.series, SHOWN.items(), strict=True):
+    for colour, (name, label) in zip(theme.series, SHOWN.items(), strict=False):
         points = [
             [float(row[column]) for column in ("hours", "map", "opendrift")]
             for row in rows
@@ -856,7 +855,7 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     hours = np.linspace(0.5, 6, 50)
     alone = np.sqrt(2 * (250**2 + 2 * 10 * 3600 * hours)) / 1000
     spread.plot(hours, alone, color=theme.grey, linestyle=(0, (4, 2)), linewidth=1.2)
-    spread.set(xlim=(0, 9.6), ylim=(0, None), xlabel="hours", ylabel="km")
+    spread.set(xlim=(0, 10), ylim=(0, None), xlabel="hours", ylabel="km")
     spread.set_xticks((0, 1, 3, 6))
     spread.set_title("spread: map (lines), OpenDrift (dots)")
     plans = [row for row in rows if row["quantity"] == "success"]
