@@ -68,6 +68,7 @@ def named(**changes: Any) -> NamedSearch:
     return NamedSearch("small", "For tests.", scenario, drones)
 
 
+NEAR = {"drones": ((2, 3), (4, 4), (5, 0))}
 ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of_detection": 0.8}
 
 
@@ -149,7 +150,7 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"bayesian_update": True}, ALONE, {**ALONE, "bayesian_update": True}]
+    "changes", [NEAR, {**NEAR, "bayesian_update": True}, ALONE, {**ALONE, "bayesian_update": True}]
 )
 def test_episodes_are_those_of_the_single_environment(changes):
     """Episode i equals the environment's with seed + i, in every portion."""
