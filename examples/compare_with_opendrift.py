@@ -8,11 +8,13 @@ with the cells of the objects: the total variation distance, that of as many dra
 (the sampling floor), how far the means are apart, and how much larger OpenDrift's standard
 deviations are. The second table compares the probability of success that a plan promises with the
 share of the objects that it finds. The full run takes a quarter of an hour, `--fast` half a minute.
+`--csv docs/figures/opendrift.csv` writes what the documentation plots.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
@@ -178,6 +180,23 @@ def print_row(name: str, wind: Pair, snapshot: Snapshot, options: argparse.Names
     )
 
 
+def write_csv(maps: dict[str, list[Snapshot]], searches: dict[str, Pair], path: Path) -> None:
+    """Write the standard deviations of map and tracks in km, and what plans promise and find."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("object_class", "hours", "map", "opendrift"))
+        for name, each in maps.items():
+            for snapshot in each:
+                writer.writerow((name, snapshot.hours, *(f"{sd:.4f}" for sd in spreads(snapshot))))
+        for name, pair in searches.items():
+            writer.writerow((name, "search", *(f"{share:.4f}" for share in pair)))
+
+
+def spreads(snapshot: Snapshot) -> list[float]:
+    """The standard deviation of map and tracks over both axes, in km."""
+    return [snapshot.cell / 1000 * np.hypot(*moments(m)[1]) for m in snapshot[2:]]
+
+
 @styled
 def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure:
     """Map and tracks of the first class, the spread of all, and what plans promise and find."""
@@ -190,8 +209,7 @@ def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure
         axes.set(xlabel=f"x, in cells of {shown.cell:.0f} m")
         axes.grid(visible=False)
     for (name, each), look in zip(maps.items(), (*LOOKS.values(), *OTHERS), strict=False):
-        sds = [[e.cell / 1000 * np.hypot(*moments(m)[1]) for m in e[2:]] for e in each]
-        by_map, by_tracks = zip(*sds, strict=True)
+        by_map, by_tracks = zip(*map(spreads, each), strict=True)
         spread.plot(HOURS, by_map, color=look.colour, label=name)
         spread.plot(HOURS, by_tracks, look.marker, color=look.colour)
     spread.set(title="Spread: the map (line), OpenDrift (marker)", xlabel="hours", ylabel="km")
@@ -212,6 +230,7 @@ def main() -> None:
     parser.add_argument("--jibing", type=float, default=0.04, help="probability per hour (0.04)")
     parser.add_argument("--policy", default="greedy-posterior", help="makes the plans")
     parser.add_argument("--figure", type=Path, help="write FIGURE.svg and FIGURE.png")
+    parser.add_argument("--csv", type=Path, help="write the figures of the documentation's plot")
     parser.add_argument("--fast", action="store_true", help="two classes and one search")
     options = parser.parse_args()
     classes, incidents = (CLASSES[:2], INCIDENTS[:1]) if options.fast else (CLASSES, INCIDENTS)
@@ -229,6 +248,9 @@ def main() -> None:
         name, wind = incident[:2]
         promised, found = searches[name] = search(incident, options)
         print(f"{name:>23}  {wind!s:<12}  {promised:8.1%}  {found:.1%}", flush=True)
+    if options.csv:
+        write_csv(maps, searches, options.csv)
+        print(f"wrote {options.csv}")
     if options.figure:
         for path in save(figure(maps, searches), options.figure):
             print(f"wrote {path}")

@@ -95,7 +95,7 @@ class TestFigures:
         )
         (summary,) = board.summaries
         assert summary.success.value == pytest.approx((0.8 + 0.4) / 2)
-        times = (0.8 * 10 + 0.2 * 40) / 40, (0.4 * 50 + 0.6 * 200) / 200
+        times = (0.8 * 10 + 0.2 * 40) / 40, (0.4 * 50 + 0.6 * 270) / 270
         assert summary.time.value == pytest.approx(sum(times) / 2)
         assert summary.share_of_bound is not None
         assert summary.share_of_bound.value == pytest.approx((0.8 / 1.0 + 0.4 / 0.5) / 2)

@@ -56,13 +56,15 @@ def test_diffusion_spreads_positions(example: ModuleType) -> None:
 
 
 def test_map_and_plan_agree_with_opendrift(tmp_path: Path) -> None:
-    printed = run(EXAMPLE, "--fast", "--tracks", 20_000, "--figure", tmp_path / "figure")
+    """Without jibing, which the map leaves out."""
+    options = ["--fast", "--tracks", 20_000, "--jibing", 0, "--figure", tmp_path / "figure"]
+    printed = run(EXAMPLE, *options)
     row = r"^ *(\S+)  (\(.*\)) +{}$"
     maps = re.findall(row.format(r"(\d) h +(\S+) +(\S+) +(\d+) m  (\S+)% (\S+)%"), printed, re.M)
     assert len(maps) == 2 * 2 * 3
     for name, _, hours, distance, floor, apart, *wider in maps:
         assert float(distance) < 1.2 * float(floor), name
-        assert float(apart) < 100 * int(hours), name
+        assert float(apart) < 30 * int(hours), name
         assert all(abs(float(percent)) < 5 for percent in wider), name
     searches = re.findall(row.format(r"(\S+)%  (\S+)%"), printed, re.M)
     assert len(searches) == 1

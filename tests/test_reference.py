@@ -16,7 +16,7 @@ import pytest
 from helpers import tables_of
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted((DOCS / "api").glob("*.rst"))
@@ -182,9 +182,11 @@ def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
         "drones_positions": [(1, 1)],
         "vector": (0, 0),
         "person_initial_position": (2, 2),
+        "persons": Person(Drift((2, 2), start_sd=1)),
     }
     assert [row[0].strip('`"') for row in rows("Reset options")] == list(valid)
-    env.reset(options=valid)
+    for name, value in valid.items():
+        env.reset(options={name: value})
     assert not recwarn
     with pytest.warns(UserWarning, match=", ".join(valid)):
         env.reset(options={"speed": 1})

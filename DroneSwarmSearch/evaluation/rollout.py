@@ -117,7 +117,8 @@ def _play(
         found = missing & ~batch.missing
         found_at[rows] += found[rows] * step
         hits = found[searchers] & (persons[searchers] == cells[:, None])
-        reliability.count(forecasts, hits.sum(axis=1))
+        if scenario.mission == "rescue":  # the other one finds nobody
+            reliability.count(forecasts, hits.sum(axis=1))
         for drone in range(drones):  # one order of additions for any number of rows
             returns[rows] += batch.rewards[rows, drone]
         endings[rows] = batch.endings[rows]
