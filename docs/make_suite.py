@@ -175,8 +175,8 @@ def channel() -> Entry:
 def two_positions() -> Entry:
     """A swamped boat, and two reports of its last position, 4 km apart.
 
-    The more trusted one is precise to 500 m, the other to 800 m; three drones must decide when to
-    leave one area for the other.
+    The more trusted one is precise to 500 m. The other one is precise to 800 m, and nearer: two
+    drones must decide which area to search first, and when to leave it.
     """
     scale = Scale.for_drone(speed=20, swath=240)
     reports = [
@@ -194,12 +194,12 @@ def two_positions() -> Entry:
     boat = Person(
         [
             replace(drift, weight=trust * drift.weight)
-            for report, trust in zip(reports, (0.6, 0.4), strict=True)
+            for report, trust in zip(reports, (0.65, 0.35), strict=True)
             for drift in report.drifts
         ],
         in_one_crossing(scale, sweep_width=220),
     )
-    return at_sea(scale, 42, 45 * MINUTES, [boat], abreast(3, 0, 41))
+    return at_sea(scale, 42, 45 * MINUTES, [boat], abreast(2, 40, 0))
 
 
 @search

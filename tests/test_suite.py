@@ -25,7 +25,7 @@ FINGERPRINTS = {
     "man-overboard": "b6b6153b150487b0ffa6558c5c83ac5131ecbebee3a42338bf8ac5b939d05240",
     "gale": "e9c88283b059e7d6ebf5511e951f6565f3a45fd6234f795a0f55926c03b3ed21",
     "channel": "74406a3b6f5a7f22ea87bbe539374cba29e34e023614c20aadeb1e0e30c34334",
-    "two-positions": "0301d4992be0fdaf05ac62f68657ecadaa35a3863c59f58b9a1d0de7e975da72",
+    "two-positions": "d144ddeb9d33a20eeeede7e3795791c2cec028772a8e10722dc2287d8f6b3184",
     "wreck": "77bd7cafddd9eae722a729acfed384aac1d257e684c1cfdb53e8b3f128000ce5",
     "night": "e70739bad001496757cb9e747f49c89d51d7f31e6c6773a2807667d6b7307bec",
     "overdue": "77589ef1ada09d4def073346084119bfa712cf4d6a012e4d08870dce8470aa11",
