@@ -148,7 +148,8 @@ def test_the_list_has_all_policies_and_searches(capsys):
     for name in POLICIES:
         assert re.search(rf"^  {name}\b", text, re.MULTILINE)
     for name, each in SUITE.items():
-        assert re.search(rf"^  {name} .* {each.scenario.timestep_limit} steps$", text, re.MULTILINE)
+        assert re.search(rf"^  {name} +{re.escape(each.outline)}$", text, re.MULTILINE)
+        assert f"; {each.scenario.timestep_limit} steps" in each.outline
         assert each.reason in text
 
 
@@ -304,7 +305,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
     [
         (["evaluate"], "POLICY and SEARCH are needed; `evaluate --list` lists them"),
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
-        (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour?"),
+        (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "nofile.py:act", "pond"], "there is no 'nofile.py'"),
         (["evaluate", "nofile.npz", "pond"], "there is no 'nofile.npz'"),
@@ -323,7 +324,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
         ),
         (["leaderboard", "--add", "own=ppo", "--view", "drone"], "view must be 'swarm' or"),
         (["evaluate", "/.npz", "pond"], "there is no '/.npz'"),
-        (["bound", "harbor"], "got 'harbor'; did you mean harbour?"),
+        (["bound", "harbor"], "got 'harbor'; did you mean harbour"),
         (["bound"], "the following arguments are required: SEARCH"),
     ],
 )
