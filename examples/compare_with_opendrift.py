@@ -8,7 +8,6 @@ with the cells of the objects: the total variation distance, that of as many dra
 (the sampling floor), how far the means are apart, and how much larger OpenDrift's standard
 deviations are. The second table compares the probability of success that a plan promises with the
 share of the objects that it finds. The full run takes a quarter of an hour, `--fast` half a minute.
-`--csv docs/figures/opendrift.csv` writes what the documentation plots.
 """
 
 from __future__ import annotations
@@ -41,6 +40,10 @@ MAP_SIZE, MAP_SECONDS = 101, 60  # cells along each side, seconds per step
 SEARCH_SIZE, SEARCH_SCALE, SEARCH_STEPS = 61, Scale(130, 13), 277  # an hour
 DRONES = [(25, 25), (35, 25), (25, 35), (35, 35)]
 DETECTION = 0.8
+
+COLUMNS = ("quantity", "object_class", "wind_east", "wind_north", "hours", "map", "opendrift")
+"""Of the file: "spread", the root of the variance along x and y in metres; "distance", the total
+variation of draws and of OpenDrift's objects from the map; "success", promised and found."""
 
 TRACK_SECONDS = 600  # OpenDrift's time step
 METRES_PER_DEGREE = (111_319.5, 110_574.4)  # at 0° N 0° E, WGS 84
@@ -167,34 +170,26 @@ def moments(matrix: Floats) -> tuple[Floats, Floats]:
     return mean, np.sqrt(axes @ cells**2 - mean**2)
 
 
-def print_row(name: str, wind: Pair, snapshot: Snapshot, options: argparse.Namespace) -> None:
+def print_row(
+    name: str, wind: Pair, snapshot: Snapshot, options: argparse.Namespace
+) -> list[tuple[object, ...]]:
+    """Print what a map has in common with the tracks, and return rows with `COLUMNS`."""
     hours, cell, matrix, shares = snapshot
     draws = np.random.multinomial(options.tracks, matrix.ravel() / matrix.sum())
     floor = np.abs(draws.reshape(matrix.shape) / options.tracks - matrix).sum() / 2
     (mean, sd), (other_mean, other_sd) = moments(matrix), moments(shares)
     apart, (x, y) = cell * np.hypot(*(other_mean - mean)), other_sd / sd - 1
+    distance = np.abs(shares - matrix).sum() / 2
     print(
-        f"{name:>23}  {wind!s:<12}  {hours} h  {np.abs(shares - matrix).sum() / 2:8.3f}  "
+        f"{name:>23}  {wind!s:<12}  {hours} h  {distance:8.3f}  "
         f"{floor:.3f}  {apart:3.0f} m  {x:+.1%} {y:+.1%}",
         flush=True,
     )
-
-
-def write_csv(maps: dict[str, list[Snapshot]], searches: dict[str, Pair], path: Path) -> None:
-    """Write the standard deviations of map and tracks in km, and what plans promise and find."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("object_class", "hours", "map", "opendrift"))
-        for name, each in maps.items():
-            for snapshot in each:
-                writer.writerow((name, snapshot.hours, *(f"{sd:.4f}" for sd in spreads(snapshot))))
-        for name, pair in searches.items():
-            writer.writerow((name, "search", *(f"{share:.4f}" for share in pair)))
-
-
-def spreads(snapshot: Snapshot) -> list[float]:
-    """The standard deviation of map and tracks over both axes, in km."""
-    return [snapshot.cell / 1000 * np.hypot(*moments(m)[1]) for m in snapshot[2:]]
+    spread, other_spread = (cell * np.hypot(*each) for each in (sd, other_sd))
+    return [
+        ("spread", name, *wind, hours, f"{spread:.0f}", f"{other_spread:.0f}"),
+        ("distance", name, *wind, hours, f"{floor:.4f}", f"{distance:.4f}"),
+    ]
 
 
 @styled
@@ -209,7 +204,8 @@ def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure
         axes.set(xlabel=f"x, in cells of {shown.cell:.0f} m")
         axes.grid(visible=False)
     for (name, each), look in zip(maps.items(), (*LOOKS.values(), *OTHERS), strict=False):
-        by_map, by_tracks = zip(*map(spreads, each), strict=True)
+        sds = [[e.cell / 1000 * np.hypot(*moments(m)[1]) for m in e[2:]] for e in each]
+        by_map, by_tracks = zip(*sds, strict=True)
         spread.plot(HOURS, by_map, color=look.colour, label=name)
         spread.plot(HOURS, by_tracks, look.marker, color=look.colour)
     spread.set(title="Spread: the map (line), OpenDrift (marker)", xlabel="hours", ylabel="km")
@@ -230,30 +226,33 @@ def main() -> None:
     parser.add_argument("--jibing", type=float, default=0.04, help="probability per hour (0.04)")
     parser.add_argument("--policy", default="greedy-posterior", help="makes the plans")
     parser.add_argument("--figure", type=Path, help="write FIGURE.svg and FIGURE.png")
-    parser.add_argument("--csv", type=Path, help="write the figures of the documentation's plot")
+    parser.add_argument("--csv", type=Path, help="write the rows to this file")
     parser.add_argument("--fast", action="store_true", help="two classes and one search")
     options = parser.parse_args()
     classes, incidents = (CLASSES[:2], INCIDENTS[:1]) if options.fast else (CLASSES, INCIDENTS)
     np.random.seed(0)  # OpenDrift draws from it
 
-    maps, searches = {}, {}
+    maps, searches, rows = {}, {}, []
     print(f"{'object class':>23}  wind, m/s     time  distance  floor  means  sd of x, y")
     for name in classes:
         for wind in WINDS:
             maps[name] = snapshots(Incident(name, wind), options)  # of the last wind in the end
             for snapshot in maps[name]:
-                print_row(name, wind, snapshot, options)
+                rows += print_row(name, wind, snapshot, options)
     print(f"\n{'object class':>23}  wind, m/s     promised  found")
     for incident in incidents:
         name, wind = incident[:2]
         promised, found = searches[name] = search(incident, options)
         print(f"{name:>23}  {wind!s:<12}  {promised:8.1%}  {found:.1%}", flush=True)
-    if options.csv:
-        write_csv(maps, searches, options.csv)
-        print(f"wrote {options.csv}")
+        hours = incident.adrift / 3600
+        rows.append(("success", name, *wind, hours, f"{promised:.4f}", f"{found:.4f}"))
     if options.figure:
         for path in save(figure(maps, searches), options.figure):
             print(f"wrote {path}")
+    if options.csv:
+        with options.csv.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows([COLUMNS, *rows])
 
 
 if __name__ == "__main__":

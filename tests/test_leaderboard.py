@@ -75,7 +75,7 @@ def made_up(
     """100 episodes, of which the first succeed in one step."""
     where = SUITE[search]
     limit = where.scenario.timestep_limit
-    found = np.zeros((100, len(where.scenario.person_initial_position)), np.int64)
+    found = np.zeros((100, len(where.scenario.situation)), np.int64)
     found[:successes] = step
     endings = np.where(found[:, 0] > 0, 1, 4)
     episodes = Episodes(found, endings, np.full(100, limit), np.zeros(100), Reliability.empty())
@@ -95,7 +95,8 @@ class TestFigures:
         )
         (summary,) = board.summaries
         assert summary.success.value == pytest.approx((0.8 + 0.4) / 2)
-        times = (0.8 * 10 + 0.2 * 40) / 40, (0.4 * 50 + 0.6 * 270) / 270
+        pond, night = (SUITE[name].scenario.timestep_limit for name in ("pond", "night"))
+        times = 0.8 * 10 / pond + 0.2, 0.4 * 50 / night + 0.6
         assert summary.time.value == pytest.approx(sum(times) / 2)
         assert summary.share_of_bound is not None
         assert summary.share_of_bound.value == pytest.approx((0.8 / 1.0 + 0.4 / 0.5) / 2)

@@ -182,11 +182,11 @@ def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
         "drones_positions": [(1, 1)],
         "vector": (0, 0),
         "person_initial_position": (2, 2),
-        "persons": Person(Drift((2, 2), start_sd=1)),
     }
-    assert [row[0].strip('`"') for row in rows("Reset options")] == list(valid)
-    for name, value in valid.items():
-        env.reset(options={name: value})
+    persons = {"persons": Person(Drift((2, 2)))}
+    assert [row[0].strip('`"') for row in rows("Reset options")] == [*valid, *persons]
+    env.reset(options=valid)
+    env.reset(options=persons)
     assert not recwarn
     with pytest.warns(UserWarning, match=", ".join(valid)):
         env.reset(options={"speed": 1})

@@ -242,3 +242,10 @@ def test_the_comparison_after_training_accepts_a_scenario(
     mine, *_ = compare_with_baselines(lambda seen: {"drone0": 4}, of, **how)
     assert mine.search.scenario == of["scenario"] and mine.search.drones == ((1, 1),)
     assert capsys.readouterr().out
+
+
+def test_what_is_cached_is_not_pickled() -> None:
+    scenario = Scenario(**OTHER)
+    before = pickle.dumps(scenario)
+    assert len(scenario.situation) == 2
+    assert pickle.dumps(scenario) == before

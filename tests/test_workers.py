@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.evaluation import WorkerCrashed, evaluate, run, search
+from DroneSwarmSearch.evaluation import WorkerCrashed, evaluate, leaderboard, run, search
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.evaluation.workers import JOBLIB_HINT, RAY_HINT, Job
 from DroneSwarmSearch.evaluation.workers import run as run_jobs
@@ -28,8 +28,9 @@ from DroneSwarmSearch.evaluation.workers import run as run_jobs
 PATIENCE = 60.0
 """Seconds after which a test fails that waits for another process."""
 
-# A search, and a policy with a memory and random numbers of its own.
+# A search, also as a coverage mission, and a policy with a memory and random numbers of its own.
 FICKLE = """
+from dataclasses import replace
 import numpy as np
 from DroneSwarmSearch import RewardScheme
 from DroneSwarmSearch.evaluation import NamedSearch
@@ -40,6 +41,7 @@ SEARCH = NamedSearch("small", "For tests.", Scenario(
     disperse_constant=5, timestep_limit=15, probability_of_detection=1, bayesian_update=True,
     reward_scheme=RewardScheme(),
 ), ((2, 2), (2, 3)))
+COVERAGE = replace(SEARCH, name="coverage", scenario=SEARCH.scenario.replace(mission="coverage"))
 
 class Fickle:
     def __init__(self, scenario):
@@ -98,7 +100,8 @@ def _small_portions(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_results_do_not_depend_on_the_workers(tmp_path):
     """With a policy that cannot be imported: a local class that closes over a lambda."""
     (tmp_path / "fickle.py").write_text(FICKLE, "utf-8")
-    small = runpy.run_path(str(tmp_path / "fickle.py"))["SEARCH"]
+    defined = runpy.run_path(str(tmp_path / "fickle.py"))
+    searches = defined["SEARCH"], defined["COVERAGE"]
     draw = lambda rng, shape: rng.integers(4, 6, shape)  # noqa: E731
 
     class Fickle:
@@ -109,12 +112,17 @@ def test_results_do_not_depend_on_the_workers(tmp_path):
         def __call__(self, shown: Any) -> Any:
             return draw(self.rng, (len(shown["row"]), self.n_drones))
 
-    alone, shared = (
-        evaluate(Fickle, small, episodes=90, workers=count, progress=False) for count in (1, 2)
+    by_one, by_two = (
+        leaderboard(
+            [], searches, added=[Fickle], episodes=90, bounds=False, workers=count, progress=False
+        ).evaluations
+        for count in (1, 2)
     )
-    assert 0 < alone.success.value < 1
-    assert shared.data == alone.data
-    assert shared.episodes.data == alone.episodes.data
+    assert len(by_one) == 2
+    for alone, shared in zip(by_one, by_two, strict=True):
+        assert 0 < alone.success.value < 1
+        assert shared.data == alone.data
+        assert shared.episodes.data == alone.episodes.data
 
 
 @pytest.mark.usefixtures("_small_portions")
@@ -318,16 +326,17 @@ import sys
 import ray
 from ray.cluster_utils import Cluster
 from DroneSwarmSearch.evaluation import WorkerCrashed, evaluate, run
-from fickle import SEARCH
+from fickle import COVERAGE, SEARCH
 
 run.PORTION = 20
 path = sys.argv[1]
-plain = evaluate(f"{path}:Fickle", SEARCH, episodes=90)
+plain = [evaluate(f"{path}:Fickle", each, episodes=90) for each in (SEARCH, COVERAGE)]
 cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
 cluster.add_node(num_cpus=1)
-spread = evaluate(f"{path}:Fickle", SEARCH, episodes=90, ray=cluster.address)
-assert spread.data == plain.data
-assert spread.episodes.data == plain.episodes.data
+for alone in plain:
+    spread = evaluate(f"{path}:Fickle", alone.search, episodes=90, ray=cluster.address)
+    assert spread.data == alone.data
+    assert spread.episodes.data == alone.episodes.data
 assert not ray.is_initialized()
 
 ray.init(address=cluster.address, log_to_driver=False, logging_level="error")

@@ -9,7 +9,7 @@ print(mine.success, mine.time, compare(mine, greedy))
 
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation.board import leaderboard
-from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes
 from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.results import (
     Comparison,
@@ -27,6 +27,7 @@ from DroneSwarmSearch.evaluation.workers import WorkerCrashed
 __all__ = [
     "SUITE",
     "Comparison",
+    "Coverage",
     "Episodes",
     "Estimate",
     "Evaluation",

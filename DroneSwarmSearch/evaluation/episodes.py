@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["POS_EDGES", "Episodes", "Reliability"]
+__all__ = ["POS_EDGES", "Coverage", "Episodes", "Reliability"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -110,6 +110,63 @@ def _ratio(above: NDArray[np.number], below: Ints) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
+class Coverage:
+    """What the searches of some coverage missions covered, in the order of their seeds.
+
+    Attributes:
+        probability_of_success: the cumulative probability of success (POS) after each number of
+            completed steps, from 0 to the time limit L; after the end of an episode it stays
+            as it is: float64, (n, L + 1).
+        searches: the number of searches: int64, (n,).
+        cells_searched: the number of different cells searched: int64, (n,).
+    """
+
+    probability_of_success: Floats
+    searches: Ints
+    cells_searched: Ints
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Plain data, which JSON keeps exactly."""
+        return {
+            "probability_of_success": self.probability_of_success.tolist(),
+            "searches": self.searches.tolist(),
+            "cells_searched": self.cells_searched.tolist(),
+        }
+
+    @classmethod
+    def joined(cls, parts: Sequence[Coverage]) -> Coverage:
+        """Join several portions, in their order."""
+        return cls(
+            np.concatenate([part.probability_of_success for part in parts]),
+            np.concatenate([part.searches for part in parts]),
+            np.concatenate([part.cells_searched for part in parts]),
+        )
+
+    @classmethod
+    def from_data(cls, data: Any) -> Coverage:
+        """Make coverage from its `data`.
+
+        Raises:
+            ValueError: the data are of another form, or inconsistent.
+        """
+        try:
+            success = np.array(data["probability_of_success"], np.float64)
+            searches, cells = np.array(data["searches"]), np.array(data["cells_searched"])
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
+            raise ValueError(f"data must be that of coverage: {error!r}") from error
+        if not (
+            success.ndim == 2
+            and searches.shape == cells.shape == (len(success),)
+            and searches.dtype.kind == cells.dtype.kind == "i"
+            and ((success >= 0.0) & (success <= 1.0)).all()
+            and ((cells >= 0) & (cells <= searches)).all()
+        ):
+            raise ValueError("data must be that of coverage, but it is inconsistent")
+        return cls(success, searches, cells)
+
+
+@dataclass(frozen=True, eq=False)
 class Episodes:
     """What happened in some episodes, in the order of their seeds.
 
@@ -119,7 +176,9 @@ class Episodes:
         endings: the `Ending` of each episode: int64, (n,).
         steps: the number of steps: int64, (n,).
         returns: the sum of all drones' rewards: float64, (n,).
-        reliability: of the forecasts of all searches made.
+        reliability: of the forecasts of all searches made; empty in the coverage mission,
+            where no search finds anybody.
+        coverage: what the searches covered, in the coverage mission; otherwise None.
     """
 
     found_at: Ints
@@ -127,6 +186,7 @@ class Episodes:
     steps: Ints
     returns: Floats
     reliability: Reliability
+    coverage: Coverage | None = None
 
     def __len__(self) -> int:
         return len(self.endings)
@@ -134,18 +194,20 @@ class Episodes:
     @classmethod
     def joined(cls, parts: Sequence[Episodes]) -> Episodes:
         """Join several portions, in their order."""
+        coverages = [part.coverage for part in parts if part.coverage is not None]
         return cls(
             np.concatenate([part.found_at for part in parts]),
             np.concatenate([part.endings for part in parts]),
             np.concatenate([part.steps for part in parts]),
             np.concatenate([part.returns for part in parts]),
             Reliability.total([part.reliability for part in parts]),
+            Coverage.joined(coverages) if coverages else None,
         )
 
     @property
     def data(self) -> dict[str, Any]:
         """Plain data, which JSON keeps exactly."""
-        return {
+        data = {
             "found_at": self.found_at.tolist(),
             "endings": self.endings.tolist(),
             "steps": self.steps.tolist(),
@@ -154,6 +216,7 @@ class Episodes:
             "forecast": self.reliability.forecast.tolist(),
             "found": self.reliability.found.tolist(),
         }
+        return data if self.coverage is None else {**data, "coverage": self.coverage.data}
 
     @classmethod
     def from_data(cls, data: Any) -> Episodes:
@@ -168,6 +231,7 @@ class Episodes:
             returns = np.array(data["returns"], np.float64)
             searches, found = np.array(data["searches"]), np.array(data["found"])
             forecast = np.array(data["forecast"], np.float64)
+            coverage = Coverage.from_data(data["coverage"]) if "coverage" in data else None
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"data must be that of episodes: {error!r}") from error
         n, bins = endings.size, (len(POS_EDGES) - 1,)
@@ -182,6 +246,8 @@ class Episodes:
             and endings.min() >= 1
             and endings.max() <= len(Ending)
             and (found_at <= steps[:, None]).all()
+            and (coverage is None or coverage.searches.shape == (n,))
         ):
             raise ValueError("data must be that of episodes, but it is inconsistent")
-        return cls(found_at, endings, steps, returns, Reliability(searches, forecast, found))
+        reliability = Reliability(searches, forecast, found)
+        return cls(found_at, endings, steps, returns, reliability, coverage)

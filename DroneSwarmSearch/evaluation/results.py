@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import DroneSwarmSearch
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation import statistics
-from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes, Reliability
+from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Coverage, Episodes, Reliability
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
 from DroneSwarmSearch.planning.bound import SuccessBound
@@ -71,7 +71,9 @@ def bound_data(bound: SuccessBound) -> dict[str, Any]:
 class Evaluation:
     """The episodes of a policy on a search, and the estimates that follow from them.
 
-    An episode is a success if every person is found by the time limit.
+    An episode is a success if every person is found by the time limit. Nobody is found in the
+    coverage mission; success is then the probability of success (POS) of the searches made, the
+    mean over persons.
 
     Attributes:
         policy: the policy's name.
@@ -93,9 +95,10 @@ class Evaluation:
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
+        measure = "success" if self.coverage is None else "POS"
         return (
             f"<Evaluation of {self.policy} on {self.search.name}: {len(self.episodes):,} episodes, "
-            f"{value:.1f}% success ({low:.1f} to {high:.1f})>"
+            f"{value:.1f}% {measure} ({low:.1f} to {high:.1f})>"
         )
 
     def with_bound(self, bound: SuccessBound | None) -> Evaluation:
@@ -112,6 +115,11 @@ class Evaluation:
         """The time limit L."""
         return self.search.scenario.timestep_limit
 
+    @property
+    def coverage(self) -> Coverage | None:
+        """What the searches of a coverage mission covered; None for another mission."""
+        return self.episodes.coverage
+
     @cached_property
     def found_by(self) -> Ints:
         """The step in which the last person was found, 0 for a failure: int64, (n,)."""
@@ -123,23 +131,34 @@ class Evaluation:
     def times(self) -> Floats:
         """The step in which the last person was found, L for a failure: float64, (n,).
 
+        In the coverage mission, this is the mean over persons of the expected value, given the
+        searches: the area above the curve of the POS.
+
         Their mean is the restricted mean time to find, the area above the success curve. It is
         defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
         survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
         13:152, 2013.
         """
+        if self.coverage is not None:
+            times: Floats = (1.0 - self.coverage.probability_of_success[:, :-1]).sum(axis=1)
+            return times
         return np.where(self.found_by == 0, self.limit, self.found_by).astype(np.float64)
 
     @cached_property
     def success_by_time(self) -> Band:
-        """The share of successes within t steps, t = 0..L, with Wilson's interval: (L + 1,)."""
+        """The share of successes within t steps, t = 0..L, with Wilson's interval: (L + 1,).
+
+        In the coverage mission, the mean POS after t steps, with its bootstrap interval.
+        """
+        if self.coverage is not None:
+            return statistics.bootstrap_means(self.coverage.probability_of_success)
         found_by = self.found_by
         at_step = np.bincount(found_by[found_by > 0], minlength=self.limit + 1)
         return statistics.wilson(at_step.cumsum(), len(found_by))
 
     @property
     def success(self) -> Estimate:
-        """The share of successes by the time limit, with Wilson's interval."""
+        """The success by the time limit, with its interval."""
         return self.success_by_time.at(-1)
 
     @cached_property
@@ -152,6 +171,27 @@ class Evaluation:
         """The mean return of the team, with its bootstrap interval."""
         return statistics.bootstrap_mean(self.episodes.returns)
 
+    @cached_property
+    def coverage_rate(self) -> Estimate | None:
+        """The mean share of the grid's cells that were searched; None without coverage."""
+        if self.coverage is None:
+            return None
+        return self._mean_per_cell(self.coverage.cells_searched)
+
+    @cached_property
+    def repetition_rate(self) -> Estimate | None:
+        """The mean number of repeated searches, divided by the number of cells of the grid.
+
+        A search is repeated if its cell was searched before in the episode, by any drone. The
+        rate may exceed 1. None without coverage.
+        """
+        if self.coverage is None:
+            return None
+        return self._mean_per_cell(self.coverage.searches - self.coverage.cells_searched)
+
+    def _mean_per_cell(self, counts: Ints) -> Estimate:
+        return statistics.bootstrap_mean(counts / self.search.scenario.grid_size**2)
+
     @property
     def share_of_bound(self) -> Estimate | None:
         """The success divided by the bound; None without a bound above 0."""
@@ -161,7 +201,7 @@ class Evaluation:
 
     @property
     def reliability(self) -> Reliability:
-        """The calibration of the matrix that the policy saw."""
+        """The calibration of the matrix that the policy saw; empty in the coverage mission."""
         return self.episodes.reliability
 
     @property
@@ -173,7 +213,7 @@ class Evaluation:
     @property
     def data(self) -> dict[str, Any]:
         """Everything except the single episodes, as plain JSON data."""
-        reliability, by_time = self.reliability, self.success_by_time
+        by_time = self.success_by_time
         return {
             **versions(),
             "policy": self.policy,
@@ -187,17 +227,29 @@ class Evaluation:
             "success": self.success._asdict(),
             "restricted_mean_time": self.time._asdict(),
             "mean_return": self.mean_return._asdict(),
+            **{name: rate._asdict() for name, rate in self._rates.items()},
             "share_of_bound": self.share_of_bound and self.share_of_bound._asdict(),
             "endings": {ending.name.lower(): count for ending, count in self.endings.items()},
             "success_by_time": {name: curve.tolist() for name, curve in by_time._asdict().items()},
             "bound": self.bound and bound_data(self.bound),
-            "calibration": {
-                "from": list(POS_EDGES[:-1]),
-                "searches": reliability.searches.tolist(),
-                "mean_forecast": _without_nan(reliability.mean_forecast),
-                "share_found": _without_nan(reliability.share_found),
-                "expected_error": reliability.expected_error,
-            },
+            "calibration": self._calibration if self.coverage is None else None,
+        }
+
+    @property
+    def _rates(self) -> dict[str, Estimate]:
+        """The rates of the coverage mission by name; empty for another mission."""
+        rates = {"coverage_rate": self.coverage_rate, "repetition_rate": self.repetition_rate}
+        return {name: rate for name, rate in rates.items() if rate is not None}
+
+    @property
+    def _calibration(self) -> dict[str, Any]:
+        reliability = self.reliability
+        return {
+            "from": list(POS_EDGES[:-1]),
+            "searches": reliability.searches.tolist(),
+            "mean_forecast": _without_nan(reliability.mean_forecast),
+            "share_found": _without_nan(reliability.share_found),
+            "expected_error": reliability.expected_error,
         }
 
     @property
@@ -218,12 +270,13 @@ class Evaluation:
             ("restricted_mean_time", self.time),
             ("mean_return", self.mean_return),
             ("share_of_bound", self.share_of_bound),
+            *self._rates.items(),
         ):
             value, low, high = estimate or ("", "", "")
             row |= {name: value, f"{name}_low": low, f"{name}_high": high}
         row["bound"] = "" if self.bound is None else self.bound.by_limit
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
-        row["calibration_error"] = self.reliability.expected_error
+        row["calibration_error"] = self.reliability.expected_error if self.coverage is None else ""
         return row
 
 
@@ -235,7 +288,8 @@ class Comparison:
         policies: their names.
         search: the search's name.
         success: the difference in the share of successes, with Newcombe's interval for paired
-            shares. Above 0, the first policy is better.
+            shares; in the coverage mission the difference in the mean POS, with a paired
+            bootstrap interval. Above 0, the first policy is better.
         time: the difference in the restricted mean time to find, in steps, with a paired
             bootstrap interval. Below 0, the first policy is faster.
     """
@@ -268,10 +322,15 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             f"second must be of the same episodes as first, {mine[1]} from seed {mine[0]}, "
             f"got {theirs[1]} from seed {theirs[0]}"
         )
+    if first.coverage is not None and second.coverage is not None:
+        gained = (each.probability_of_success[:, -1] for each in (first.coverage, second.coverage))
+        success = statistics.bootstrap_mean(np.subtract(*gained))
+    else:
+        success = statistics.paired_difference(first.found_by > 0, second.found_by > 0)
     return Comparison(
         (first.policy, second.policy),
         first.search.name,
-        statistics.paired_difference(first.found_by > 0, second.found_by > 0),
+        success,
         statistics.bootstrap_mean(first.times - second.times),
     )
 
@@ -308,32 +367,37 @@ def csv_text(evaluations: Iterable[Evaluation]) -> str:
     rows = [each.summary for each in evaluations]
     if not rows:
         raise ValueError("evaluations must be at least one, got none")
-    return _csv(list(rows[0]), [list(row.values()) for row in rows])
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return _csv(names, [[row.get(name, "") for name in names] for row in rows])
 
 
 def save_episodes(path: str | Path, evaluation: Evaluation) -> None:
-    """Write the single episodes as CSV: seed, success, ending, steps, return, finds.
+    """Write the single episodes as CSV.
+
+    The columns are seed, success, ending, steps, return and finds; in the coverage mission seed,
+    ending, steps, return, POS, searches and different cells searched.
 
     Raises:
         StorageError: the file cannot be written.
     """
-    episodes = evaluation.episodes
-    persons = range(episodes.found_at.shape[1])
-    names = ["seed", "success", "ending", "steps", "return", "found_by"]
-    rows = zip(
-        range(evaluation.seed, evaluation.seed + len(episodes)),
-        (evaluation.found_by > 0).astype(int).tolist(),
-        (Ending(ending).name.lower() for ending in episodes.endings.tolist()),
-        episodes.steps.tolist(),
-        episodes.returns.tolist(),
-        evaluation.found_by.tolist(),
-        episodes.found_at.tolist(),
-        strict=True,
-    )
-    text = _csv(
-        [*names, *(f"person{i}_found_at" for i in persons)], [[*row[:-1], *row[-1]] for row in rows]
-    )
-    write_text(Path(path), text)
+    episodes, coverage = evaluation.episodes, evaluation.coverage
+    columns: dict[str, Iterable[Any]] = {
+        "seed": range(evaluation.seed, evaluation.seed + len(episodes)),
+        "success": (evaluation.found_by > 0).astype(int).tolist(),
+        "ending": [Ending(ending).name.lower() for ending in episodes.endings.tolist()],
+        "steps": episodes.steps.tolist(),
+        "return": episodes.returns.tolist(),
+    }
+    if coverage is None:
+        columns["found_by"] = evaluation.found_by.tolist()
+        for person, steps in enumerate(episodes.found_at.T.tolist()):
+            columns[f"person{person}_found_at"] = steps
+    else:
+        del columns["success"]
+        columns["probability_of_success"] = coverage.probability_of_success[:, -1].tolist()
+        columns["searches"] = coverage.searches.tolist()
+        columns["cells_searched"] = coverage.cells_searched.tolist()
+    write_text(Path(path), _csv(list(columns), zip(*columns.values(), strict=True)))
 
 
 def _csv(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.actions import checked_actions, reader
 from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
+from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.workers import Report
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
@@ -97,6 +98,7 @@ def _play(
     found_at = np.zeros((n, len(detections)), np.int64)
     endings, steps, returns = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     reliability = Reliability.empty()
+    coverage = _CoverageRecorder(scenario, n) if scenario.mission == "coverage" else None
     rows, step = np.arange(n), 0
     while rows.size:
         step += 1
@@ -114,17 +116,43 @@ def _play(
         forecasts *= missing[searchers] @ detections
 
         batch.step(actions)
-        found = missing & ~batch.missing
-        found_at[rows] += found[rows] * step
-        hits = found[searchers] & (persons[searchers] == cells[:, None])
-        reliability.count(forecasts, hits.sum(axis=1))
+        if coverage is None:
+            found = missing & ~batch.missing
+            found_at[rows] += found[rows] * step
+            hits = found[searchers] & (persons[searchers] == cells[:, None])
+            reliability.count(forecasts, hits.sum(axis=1))
+        else:
+            coverage.add(batch, step, rows, searchers, cells)
         for drone in range(drones):  # one order of additions for any number of rows
             returns[rows] += batch.rewards[rows, drone]
         endings[rows] = batch.endings[rows]
         steps[rows] = step
         rows = rows[endings[rows] == 0]
         report(step / limit if rows.size else 1.0)
-    return Episodes(found_at, endings, steps, returns, reliability)
+    covered = None if coverage is None else coverage.result()
+    return Episodes(found_at, endings, steps, returns, reliability, covered)
+
+
+class _CoverageRecorder:
+    """Records what the searches of n coverage missions cover."""
+
+    def __init__(self, scenario: Scenario, n: int) -> None:
+        self._success = np.zeros((n, scenario.timestep_limit + 1))
+        self._searches = np.zeros(n, np.int64)
+        self._searched = np.zeros((n, scenario.grid_size**2), np.bool_)
+
+    def add(self, batch: SearchBatch, step: int, rows: Ints, searchers: Ints, cells: Ints) -> None:
+        """Add a step: the rows that took it, and the row and the cell of every search."""
+        success = batch.probability_of_success
+        assert success is not None
+        self._success[rows, step] = success[rows]
+        self._searches += np.bincount(searchers, minlength=len(self._searches))
+        self._searched[searchers, cells] = True
+
+    def result(self) -> Coverage:
+        # The probability never falls, so the last one is carried beyond the end of an episode.
+        success = np.maximum.accumulate(self._success, axis=1)
+        return Coverage(success, self._searches, self._searched.sum(axis=1))
 
 
 def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:

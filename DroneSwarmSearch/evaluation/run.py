@@ -34,8 +34,7 @@ __all__ = ["PORTION", "EvaluationTask", "evaluate", "run_tasks"]
 PORTION = 500
 """Episodes that are played and stored together."""
 
-_EPISODE_BYTES = 32
-"""The memory of an episode's results, at least: four numbers."""
+_NUMBER_BYTES = 8
 
 Made = bytes | Callable[..., Any]
 """A pickled policy, or the policy itself if it cannot be pickled."""
@@ -169,7 +168,10 @@ class EvaluationTask:
         if bayesian_update is not None:
             self.search = self.search.with_posterior(bayesian_update)
         self.weight = checks.integer("episodes", episodes, 1)
-        checks.fits("their results", _EPISODE_BYTES * self.weight, episodes=self.weight)
+        numbers = 4
+        if self.search.scenario.mission == "coverage":  # the POS after every step
+            numbers += self.search.scenario.timestep_limit
+        checks.fits("their results", _NUMBER_BYTES * numbers * self.weight, episodes=self.weight)
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
         self.spec = PolicySpec.of(policy, name)
@@ -274,7 +276,13 @@ class EvaluationTask:
         except ValueError:
             return False
         scenario = self.search.scenario
+        coverage = episodes.coverage
         fits = episodes.found_at.shape == (len(portion), len(scenario.situation))
+        if scenario.mission == "coverage":
+            shape = len(portion), scenario.timestep_limit + 1
+            fits &= coverage is not None and coverage.probability_of_success.shape == shape
+        else:
+            fits &= coverage is None
         if fits and episodes.steps.max() <= scenario.timestep_limit:
             self._done[portion] = episodes
         return portion in self._done

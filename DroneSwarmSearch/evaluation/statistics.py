@@ -21,6 +21,7 @@ __all__ = [
     "Band",
     "Estimate",
     "bootstrap_mean",
+    "bootstrap_means",
     "mean_of",
     "paired_difference",
     "wilson",
@@ -171,22 +172,40 @@ def bootstrap_mean(sample: ArrayLike) -> Estimate:
     values = np.asarray(sample, np.float64)
     if values.ndim != 1 or not values.size:
         raise ValueError(f"sample must have the shape (n,) with n >= 1, got {values.shape}")
+    return bootstrap_means(values[:, None]).at(0)
+
+
+def bootstrap_means(samples: ArrayLike) -> Band:
+    """Estimate the means of several quantities, each as `bootstrap_mean` does.
+
+    Args:
+        samples: the quantities of each trial: real numbers, shape (n, k), n >= 1.
+
+    Raises:
+        ValueError: the samples have another shape.
+    """
+    values = np.asarray(samples, np.float64)
+    if values.ndim != 2 or not len(values):
+        raise ValueError(f"samples must have the shape (n, k) with n >= 1, got {values.shape}")
+    columns = np.ascontiguousarray(values.T)
     tail = (1.0 - CONFIDENCE) / 2
-    low, high = np.quantile(_resampled_means(values), (tail, 1.0 - tail)).tolist()
-    return Estimate(math.fsum(values.tolist()) / values.size, low, high)
+    low, high = np.quantile(_resampled_means(columns), (tail, 1.0 - tail), axis=1)
+    return Band(np.array([math.fsum(each) for each in columns.tolist()]) / len(values), low, high)
 
 
-def _resampled_means(values: Floats) -> Floats:
-    """The means of `RESAMPLES` samples drawn with replacement."""
-    n = len(values)
-    if values.min() == values.max():
-        return np.full(RESAMPLES, values[0])
-    means = np.empty(RESAMPLES)
+def _resampled_means(columns: Floats) -> Floats:
+    """The means of `RESAMPLES` samples drawn with replacement from each column: (k, RESAMPLES)."""
+    n = columns.shape[1]
+    means = np.tile(columns[:, :1], RESAMPLES)
+    varying = (columns.min(axis=1) < columns.max(axis=1)).nonzero()[0].tolist()
+    if not varying:
+        return means
     at_once = max(1, _AT_ONCE // n)
     key = np.array([_KEY], np.uint64)
     for first in range(0, RESAMPLES, at_once):
         last = min(first + at_once, RESAMPLES)
         places = np.arange(first * n, last * n, dtype=np.uint64)
         drawn = (numbers(key, places) * n).astype(np.int64).reshape(-1, n)
-        means[first:last] = values[drawn].mean(axis=1)
+        for column in varying:
+            means[column, first:last] = columns[column][drawn].mean(axis=1)
     return means
