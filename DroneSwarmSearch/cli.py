@@ -13,6 +13,7 @@ from pathlib import Path
 
 from DroneSwarmSearch import demo
 from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.scenario import MISSIONS
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 __all__ = ["main"]
@@ -28,10 +29,11 @@ COMMANDS = {
 }
 
 EVALUATE = """\
-Evaluate a policy on searches of the suite. Success is the share of episodes in which every
-person is found by the time limit; time is the restricted mean time to find (failures count
-with the limit); return is the mean return of the team. All have 95% intervals. For the same
-seed, all policies use common random numbers.
+Evaluate a policy on searches of the suite or of files. Success is the share of episodes in
+which every person is found by the time limit; time is the restricted mean time to find
+(failures count with the limit); return is the mean return of the team. Coverage missions are
+judged by the probability of success (POS) of the searches made. All have 95% intervals. For
+the same seed, all policies use common random numbers.
 """
 
 EVALUATE_EXAMPLES = """\
@@ -39,6 +41,7 @@ examples:
   python -m DroneSwarmSearch evaluate --list
   python -m DroneSwarmSearch evaluate greedy-posterior classic man-overboard --bound
   python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
+  python -m DroneSwarmSearch evaluate parallel-sweep pond my_search.json --mission coverage
   python -m DroneSwarmSearch evaluate my_network.py:policy classic --posterior
   python -m DroneSwarmSearch evaluate my_network.py:policy classic --view drone --observation flat
 
@@ -46,6 +49,9 @@ Your own policy is a callable from observations to actions, or a class that is i
 the search's Scenario. --view and --observation select what it sees: "swarm" and "drone" are the
 observations of SwarmVectorEnv and DroneVectorEnv, "parallel" has PettingZoo's form. The file or
 module is executed, with everything it imports: only name code that you trust.
+
+A file of a search, .json, holds the data of Scenario.to_dict, and may hold the start cells of the
+drones, "drones_positions".
 
 With --out, finished work is kept in DIR/portions, and the same command resumes after an
 interruption. Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
@@ -55,6 +61,8 @@ OWN_POLICY = (
     "your own: weights.npz of examples/train_ppo.py, module:attribute or file.py:attribute, "
     "whose code is executed; each also after name="
 )
+
+SEARCH = "of the suite, or a file of a search, .json"
 
 LEADERBOARD = """\
 Evaluate every policy on every search of the suite, in the same episodes, and write tables and
@@ -73,7 +81,8 @@ Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 
 BOUND = """\
 Compute a certified upper bound on the probability that any policy finds every person, within
-the time limit and within each earlier step.
+the time limit and within each earlier step. In a coverage mission it is a bound on the
+probability of success (POS) of any searches.
 """
 
 BOUND_EXAMPLES = """\
@@ -163,7 +172,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_evaluate(add("evaluate", EVALUATE, EVALUATE_EXAMPLES))
     _add_leaderboard(add("leaderboard", LEADERBOARD, LEADERBOARD_EXAMPLES))
     bound = add("bound", BOUND, BOUND_EXAMPLES)
-    bound.add_argument("searches", metavar="SEARCH", nargs="+", help="of the suite, or all")
+    bound.add_argument("searches", metavar="SEARCH", nargs="+", help=f"{SEARCH}, or all")
+    _add_mission(bound)
     _add_work(bound)
     bound.add_argument("--json", action="store_true", help="print all values as JSON")
     _add_record(add("record", RECORD, RECORD_EXAMPLES))
@@ -177,7 +187,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         help=f"a policy of this package, or {OWN_POLICY}",
     )
-    parser.add_argument("searches", metavar="SEARCH", nargs="*", help="of the suite, or all")
+    parser.add_argument("searches", metavar="SEARCH", nargs="*", help=f"{SEARCH}, or all")
+    _add_mission(parser)
     parser.add_argument("--list", action="store_true", help="list the policies and the searches")
     _add_posterior(parser, "the policy")
     parser.add_argument(
@@ -191,7 +202,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--searches", metavar="NAME", nargs="+", help="of the suite (default: all)")
+    parser.add_argument("--searches", metavar="NAME", nargs="+", help=f"{SEARCH} (default: all)")
     parser.add_argument(
         "--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)} (default: all)"
     )
@@ -213,7 +224,7 @@ def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_record(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("search", metavar="SEARCH", help="of the suite")
+    parser.add_argument("search", metavar="SEARCH", help=SEARCH)
     parser.add_argument(
         "--policy",
         metavar="POLICY",
@@ -228,6 +239,12 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
         "--fps", type=float, default=6.0, help="steps shown per second (default: 6)"
     )
     _add_posterior(parser, "the policy")
+
+
+def _add_mission(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--mission", choices=MISSIONS, help="of all searches (default: that of each search)"
+    )
 
 
 def _add_posterior(parser: argparse.ArgumentParser, whom: str) -> None:

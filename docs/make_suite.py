@@ -204,26 +204,26 @@ def two_positions() -> Entry:
 
 @search
 def wreck() -> Entry:
-    """A ship sinks; a raft, a person in a survival suit and one in a life jacket are missing.
+    """A ship sinks; its raft and a person in a life jacket are missing.
 
-    They drift apart from one position, known to 500 m. Four drones must find all three, although
-    they see the raft far more easily than the life jacket.
+    They drift apart from one position, known to 400 m. Three drones must find both, although they
+    see the raft far more easily.
     """
-    scale = Scale.for_drone(speed=15, swath=150)
+    scale = Scale.for_drone(speed=20, swath=200)
     persons = [
         leeway.person(
             object_class,
-            start=(10, 24),
-            position_sd=500,
+            start=(9, 17),
+            position_sd=400,
             wind=wind_from(270, 15 * KNOT),
             current=current_towards(20, 0.5 * KNOT),
             adrift=30 * MINUTES,
             scale=scale,
             probability_of_detection=in_one_crossing(scale, sweep_width),
         )
-        for object_class, sweep_width in (("LIFE-RAFT-DB-10", 250), ("PIW-4", 130), ("PIW-3", 90))
+        for object_class, sweep_width in (("LIFE-RAFT-DB-10", 300), ("PIW-3", 110))
     ]
-    return at_sea(scale, 40, 40 * MINUTES, persons, abreast(4, 0, 39))
+    return at_sea(scale, 30, 25 * MINUTES, persons, abreast(3, 0, 29))
 
 
 @search

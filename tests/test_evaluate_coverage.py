@@ -16,6 +16,8 @@ from DroneSwarmSearch.evaluation import (
     NamedSearch,
     compare,
     evaluate,
+    leaderboard,
+    page,
     run,
     save_csv,
     save_episodes,
@@ -290,3 +292,20 @@ def test_the_infos_of_vector_environments_are_the_source() -> None:
     np.testing.assert_array_equal(
         got.coverage.probability_of_success[:, 1], infos["probability_of_success"]
     )
+
+
+def test_leaderboards_say_what_success_is() -> None:
+    scenario = mission(persons=Person(Drift((4, 3)), 0.8)).scenario
+    searches = [
+        NamedSearch(name, "For tests.", scenario.replace(mission=name))
+        for name in ("coverage", "rescue")
+    ]
+    for some, is_mentioned in ((searches, True), (searches[1:], False)):
+        board = leaderboard(["random"], some, episodes=3, bounds=False, progress=False)
+        assert board.posterior is not None
+        assert board.posterior.search.name == "rescue"
+        text = " ".join(page.markdown(board, "made by hand").split())
+        assert ("In coverage missions" in text) == is_mentioned
+        assert ("**coverage missions**" in text) == is_mentioned
+    alone = leaderboard(["random"], searches[:1], episodes=3, bounds=False, progress=False)
+    assert alone.posterior is None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError
+from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, evaluate
 from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.recording import frames
 from DroneSwarmSearch.planning import SuccessBound
@@ -30,7 +30,7 @@ def evaluation(
     """40 episodes, of which a share succeeds, each in a different step."""
     where = SUITE[search]
     limit, n = where.scenario.timestep_limit, 40
-    found = np.zeros((n, len(where.scenario.person_initial_position)), np.int64)
+    found = np.zeros((n, len(where.scenario.situation)), np.int64)
     for episode in range(round(share * n)):
         found[episode] = 1 + episode % limit
     endings = np.where(found[:, 0] > 0, 1, 4)
@@ -238,3 +238,22 @@ class TestFiles:
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
         assert done.stdout.count("DroneSwarmSearchEnvironment[evaluation]") == 2
+
+
+class TestCoverage:
+    def test_labels_name_the_measure_of_the_mission(self) -> None:
+        rescue = evaluation("planner")
+        scenario = rescue.search.scenario.replace(mission="coverage")
+        coverage = evaluate("parallel-sweep", scenario, episodes=2)
+        curves = plots.success_over_time([coverage])
+        assert curves.axes[0].get_ylabel() == "POS"
+        assert np.array_equal(curves.axes[0].lines[0].get_ydata(), coverage.success_by_time.value)
+        assert plots.success_over_time([rescue]).axes[0].get_ylabel() == "found"
+        both = [rescue, coverage]
+        assert plots.suite_over_time(both).axes[0].get_ylabel() == "found, or POS"
+        label = plots.success_by_search(both).axes[0].get_xlabel()
+        assert label == "every person found, or probability of success by the time limit"
+
+    def test_a_map_without_persons_has_none_in_its_legend(self) -> None:
+        scenario = SUITE["pond"].scenario.replace(mission="coverage", timestep_limit=3)
+        assert "person" not in texts(maps.episode("parallel-sweep", scenario))

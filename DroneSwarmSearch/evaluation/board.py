@@ -70,7 +70,7 @@ class PolicySummary:
 
     Attributes:
         policy: its name.
-        success: the mean share of successes.
+        success: the mean success.
         time: the mean of the restricted mean times, each divided by the time limit.
         share_of_bound: the mean share of the bound; None without bounds.
     """
@@ -88,7 +88,7 @@ class PairwiseComparison:
     Attributes:
         first: the first policy's name.
         second: the second policy's name.
-        success: the mean difference in the share of successes, first minus second.
+        success: the mean difference in success, first minus second.
         time: the mean difference in time divided by the limit, first minus second.
     """
 
@@ -340,9 +340,14 @@ def _for_calibration(
 ) -> tuple[PolicySpec, NamedSearch] | None:
     """The policy and search that show the calibration of prior and posterior.
 
-    With one person, the forecast probability of success is exact.
+    With one person, the forecast probability of success is exact. Nobody is found in coverage
+    missions.
     """
-    single = [each for each in searches if len(each.scenario.situation) == 1]
+    single = [
+        each
+        for each in searches
+        if len(each.scenario.situation) == 1 and each.scenario.mission == "rescue"
+    ]
     if not single or not specs:
         return None
     by_name = {each.name: each for each in specs}

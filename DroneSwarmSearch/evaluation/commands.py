@@ -9,15 +9,17 @@ import json
 import os
 import shlex
 import sys
+import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
-from DroneSwarmSearch.evaluation import page, recording
+from DroneSwarmSearch.evaluation import page, recording, search_file
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.board import Contest, Leaderboard
 from DroneSwarmSearch.evaluation.bounds import BoundTask
@@ -43,6 +45,9 @@ __all__ = ["bound", "evaluate", "leaderboard", "record"]
 FAILED, INTERRUPTED = 1, 130
 """Exit codes; 130 is the shells' code for Ctrl-C."""
 
+NOTE_WIDTH = 100
+"""Characters in a line of the notes below a table."""
+
 PORTIONS = "portions"
 """The folder for finished work within the folder of the results."""
 
@@ -56,6 +61,7 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
     store = options.out and Store(options.out / PORTIONS)
     with _refusing(parser):
         spec = PolicySpec.of(options.policy)
+        searches = _searches(options.searches, options.mission)
         tasks = [
             EvaluationTask(
                 spec,
@@ -67,9 +73,9 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
                 observation=options.observation,
                 store=store,
             )
-            for each in _searches(options.searches)
+            for each in searches
         ]
-    _warn_of_small_grids(options.searches)
+    _warn_of_small_grids(searches)
     bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
 
     def run() -> None:
@@ -95,9 +101,10 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     """Run the leaderboard, print its main tables, and write its files."""
     store = Store(options.out / PORTIONS)
     with _refusing(parser):
+        searches = _searches(["all"] if options.searches is None else options.searches)
         prepared = Contest(
             options.policies,
-            options.searches,
+            searches,
             options.add,
             view=options.view,
             observation=options.observation,
@@ -107,7 +114,7 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
             store=store,
             bounds=options.bound,
         )
-    _warn_of_small_grids(options.searches or ["all"])
+    _warn_of_small_grids(searches)
 
     def run() -> None:
         board = prepared.run(workers=options.workers, ray=options.ray, progress=True)
@@ -125,8 +132,9 @@ def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Compute bounds and print them."""
     store = options.out and Store(options.out / PORTIONS)
     with _refusing(parser):
-        tasks = [BoundTask(each, store) for each in _searches(options.searches)]
-    _warn_of_small_grids(options.searches)
+        searches = _searches(options.searches, options.mission)
+        tasks = [BoundTask(each, store) for each in searches]
+    _warn_of_small_grids(searches)
 
     def run() -> None:
         what = f"bounds, {len(tasks)} search{'es' * (len(tasks) > 1)}"
@@ -143,11 +151,12 @@ def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
 def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Film one episode."""
     with _refusing(parser):
-        _warn_of_small_grids([options.search])
+        (search,) = _searches([options.search])
+    _warn_of_small_grids([search])
     try:
         last = recording.record(
             options.policy,
-            options.search,
+            search,
             options.out,
             seed=options.seed,
             bayesian_update=True if options.posterior else None,
@@ -160,20 +169,35 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
         parser.error(f"cannot write {options.out}: {error.strerror or error}")
     except (ImportError, TypeError, ValueError) as error:
         parser.error(str(error))
-    print(f"{options.out}: {options.policy} searching {options.search}, {outcome_in_brief(last)}")
+    print(f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(last)}")
     return 0
 
 
-def _searches(names: Sequence[str]) -> list[NamedSearch]:
-    return [search(name) for name in (SUITE if "all" in names else dict.fromkeys(names))]
+def _searches(names: Sequence[str], mission: str | None = None) -> list[NamedSearch]:
+    """The searches of the suite or of files, with another mission if one is given.
+
+    Raises:
+        ValueError: a name is unknown, a file does not hold a search, or two have the same name.
+    """
+    found = []
+    every = [name for each in names for name in (SUITE if each == "all" else [each])]
+    for name in dict.fromkeys(every):
+        is_file = name.endswith(search_file.SUFFIX)
+        found.append(search_file.search_from_file(Path(name)) if is_file else search(name))
+    if len({each.name for each in found}) < len(found):
+        all_names = ", ".join(each.name for each in found)
+        raise ValueError(f"searches must have different names, got {all_names}")
+    if mission is not None:
+        found = [replace(each, scenario=each.scenario.replace(mission=mission)) for each in found]
+    return found
 
 
-def _warn_of_small_grids(names: Sequence[str]) -> None:
+def _warn_of_small_grids(searches: Sequence[NamedSearch]) -> None:
     """Print a warning for every search at sea whose persons may drift beyond the grid.
 
     Elsewhere the border is a part of the search: persons given by a cell and a vector stop there.
     """
-    for each in _searches(names):
+    for each in searches:
         scenario = each.scenario
         if scenario.persons is not None:
             with printed_warnings(f"{each.name}: "):
@@ -205,36 +229,59 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
     if options.csv:
         print(csv_text(evaluations), end="")
         return
-    headers = ["policy", "search", "success, %", "time, steps", "return", "crashes"]
+    rescues = [each for each in evaluations if each.coverage is None]
+    coverages = [each for each in evaluations if each.coverage is not None]
+    for several in filter(None, (rescues, coverages)):
+        print_table(*_table(several, options.bound))
+        print()
+    shown = "posterior" if options.posterior else "prior"
+    notes = [
+        f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
+        f"{SUITE_VERSION}, {shown} shown; 95% intervals in parentheses."
+    ]
+    if rescues:
+        notes.append(
+            "Success: every person found within the time limit. Time: until the last person is "
+            "found, or the time limit."
+        )
+    if coverages:
+        notes.append(
+            "POS: probability of success of the searches made; the time is then the expected time "
+            "until a person is found, or the time limit. Coverage: different cells searched, and "
+            "repetition: repeated searches, both divided by the number of cells."
+        )
+    notes.append("Crashes: episodes in which drones collided or left the grid.")
+    print(textwrap.fill(" ".join(notes), NOTE_WIDTH))
+
+
+def _table(evaluations: Sequence[Evaluation], bound: bool) -> tuple[list[str], list[list[str]]]:
+    """The headers and rows of evaluations of one mission, with or without the bound."""
+    is_rescue = evaluations[0].coverage is None
+    headers = ["policy", "search", "success, %" if is_rescue else "POS, %", "time, steps"]
+    headers += ["return"] if is_rescue else ["coverage, %", "repetition, %"]
+    headers += ["crashes", *["bound, %", "share of it, %"] * bound]
     rows = []
     for each in evaluations:
         crashes = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
-        rows.append(
-            [
-                *(each.policy, each.search.name, percent(each.success), figure(each.time)),
-                *(f"{each.mean_return.value:,.0f}", str(crashes)),
-            ]
-        )
-        if options.bound:
-            bound = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
-            rows[-1] += [bound, percent(each.share_of_bound)]
-    if options.bound:
-        headers += ["bound, %", "share of it, %"]
-    print_table(headers, rows)
-    shown = "posterior" if options.posterior else "prior"
-    print(
-        f"\n{options.episodes} episodes of each search, seeds from {options.seed}, suite "
-        f"{SUITE_VERSION}, {shown} shown; 95% intervals in\nparentheses. Success: every person "
-        "found within the time limit. Time: until the last person is found,\nor the time limit. "
-        "Crashes: episodes in which drones collided or left the grid."
-    )
+        row = [each.policy, each.search.name, percent(each.success), figure(each.time)]
+        if is_rescue:
+            row.append(f"{each.mean_return.value:,.0f}")
+        else:
+            row += [percent(each.coverage_rate), percent(each.repetition_rate)]
+        row.append(str(crashes))
+        if bound:
+            limit = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
+            row += [limit, percent(each.share_of_bound)]
+        rows.append(row)
+    return headers, rows
 
 
 def _write_evaluations(evaluations: Sequence[Evaluation], folder: Path) -> None:
     """Write the files of evaluations of one policy."""
     for each in evaluations:
+        coverage = ".coverage" * (each.coverage is not None)
         posterior = ".posterior" * each.search.scenario.bayesian_update
-        name = f"{_file_name(each.policy)}.{each.search.name}{posterior}"
+        name = f"{_file_name(each.policy)}.{_file_name(each.search.name)}{coverage}{posterior}"
         save_json(folder / f"{name}.json", each)
         save_episodes(folder / f"{name}.episodes.csv", each)
     save_csv(folder / f"{_file_name(evaluations[0].policy)}.summary.csv", evaluations)

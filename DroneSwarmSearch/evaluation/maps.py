@@ -39,8 +39,8 @@ def episode(
 ) -> Figure:
     """Draw one episode as two maps: the prior on the left, the posterior on the right.
 
-    Both show every drone's track, the cells it searched, and the track of each person, which
-    the drones do not see.
+    Both show every drone's track, the cells it searched, and, if the mission is to find persons,
+    the track of each, which the drones do not see.
 
     Args:
         policy: as for `evaluate`; a callable sees one search, as `DroneSwarmSearch` shows it.
@@ -75,7 +75,7 @@ def episode(
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6, integer=True))
         _draw_tracks(axes, [posterior for _, posterior in pairs])
-    _track_legend(figure)
+    _track_legend(figure, has_persons=bool(now.persons))
     return figure
 
 
@@ -110,8 +110,10 @@ def _draw_tracks(axes: Axes, past: Sequence[Frame]) -> None:
         axes.plot(*track[-1:].T, **_marker("person", INK))
 
 
-def _track_legend(figure: Figure) -> None:
+def _track_legend(figure: Figure, has_persons: bool) -> None:
     entries = [Line2D([], [], color=GREY, linewidth=0.9, label="drone's track")]
-    entries += [Line2D([], [], **_marker(kind, GREY), label=kind) for kind in MARKERS]
-    entries.append(Line2D([], [], **PERSON_TRACK, label="person's track"))
+    kinds = [kind for kind in MARKERS if has_persons or kind != "person"]
+    entries += [Line2D([], [], **_marker(kind, GREY), label=kind) for kind in kinds]
+    if has_persons:
+        entries.append(Line2D([], [], **PERSON_TRACK, label="person's track"))
     figure.legend(handles=entries, loc="outside lower center", ncols=len(entries))

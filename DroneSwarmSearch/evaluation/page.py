@@ -147,9 +147,12 @@ def _lines(board: Leaderboard, command: str, plots: Collection[str]) -> Iterator
         f"DroneSwarmSearch {DroneSwarmSearch.__version__} and NumPy {np.__version__} by"
     )
     yield from ("```sh", command, "```", "", "## Success", "")
+    coverage = ""
+    if _has_coverage(board):
+        coverage = "In coverage missions, the mean probability of success of the searches made. "
     yield from _paragraph(
         "The share of episodes, in percent, in which every person was found within the time limit. "
-        "The best policy of each search is in bold."
+        f"{coverage}The best policy of each search is in bold."
     )
     yield from (*markdown_table(overview(board)), "", *_plot("success", plots))
     yield from ("## All searches", "")
@@ -275,6 +278,13 @@ def _definitions(board: Leaderboard) -> Iterator[str]:
         "the sum of squares (MOVER; Zou and Donner, 2008).",
         "Add your own policy: `python -m DroneSwarmSearch leaderboard --add module:callable`.",
     ]
+    if _has_coverage(board):
+        entries.insert(
+            2,
+            "**coverage missions**: nobody is found. Success is the mean probability of success "
+            "(POS) of the searches made, and time the expected time to find or the time limit, "
+            "both with bootstrap intervals.",
+        )
     if board.bounds:
         share = (
             "**share of bound**: success divided by the bound. The bound is that of a relaxed "
@@ -284,6 +294,10 @@ def _definitions(board: Leaderboard) -> Iterator[str]:
     for entry in entries:
         first, *others = textwrap.wrap(entry, WIDTH - 2, break_on_hyphens=False)
         yield from (f"- {first}", *(f"  {line}" for line in others))
+
+
+def _has_coverage(board: Leaderboard) -> bool:
+    return any(each.scenario.mission == "coverage" for each in board.searches)
 
 
 def _paragraph(text: str) -> list[str]:

@@ -43,10 +43,10 @@ LEGEND_COLUMNS = 5
 
 @styled
 def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
-    """Plot the share of successes within each step, a curve for each policy, on one search.
+    """Plot the success within each step, a curve for each policy, on one search.
 
-    The shaded bands are Wilson's intervals. The dashed line is the bound, if an evaluation has
-    it. The legend lists the policies by their success.
+    The shaded bands are the intervals of `Evaluation.success_by_time`. The dashed line is the
+    bound, if an evaluation has it. The legend lists the policies by their success.
 
     Args:
         evaluations: of different policies on one search.
@@ -62,7 +62,7 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     axes = figure.add_subplot()
     _draw_curves(axes, several, _looks(several))
     axes.set_title(f"{search}: {_size_of(several[0].search)}")
-    axes.set(xlabel="step", ylabel="found")
+    axes.set(xlabel="step", ylabel=_measure(several, "found", "POS"))
     ends = {line: float(np.asarray(line.get_ydata())[-1]) for line in axes.lines}
     lines = sorted(ends, key=ends.__getitem__, reverse=True)
     labels = [f"{line.get_label()} {100 * ends[line]:.1f}%" for line in lines]
@@ -91,7 +91,7 @@ def suite_over_time(evaluations: Sequence[Evaluation], *, columns: int = 4) -> F
         axes.set_title(name)
         axes.tick_params(labelleft=place % across == 0)
         if place % across == 0:
-            axes.set_ylabel("found")
+            axes.set_ylabel(_measure(evaluations, "found", "POS"))
         if place + across >= len(searches):
             axes.set_xlabel("step")
     for axes in panels[len(searches) :]:
@@ -117,7 +117,7 @@ def _draw_curves(axes: Axes, evaluations: Sequence[Evaluation], looks: Mapping[s
 
 @styled
 def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
-    """Plot the success by the time limit in a row for each search, with Wilson's intervals.
+    """Plot the success by the time limit in a row for each search, with its intervals.
 
     The black bar of a row is the bound.
 
@@ -151,7 +151,8 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
                 elinewidth=0.9,
             )
     axes.set(xlim=(-0.01, 1.01), ylim=(len(searches) - 0.5, -0.5))
-    axes.set_xlabel("every person found by the time limit")
+    measure = _measure(evaluations, "every person found", "probability of success")
+    axes.set_xlabel(f"{measure} by the time limit")
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     axes.set_yticks(range(len(searches)), list(searches))
     axes.grid(axis="y", visible=False)
@@ -239,6 +240,17 @@ def _looks(evaluations: Iterable[Evaluation]) -> dict[str, Look]:
 def _bound_of(evaluations: Iterable[Evaluation]) -> SuccessBound | None:
     """The bound of a search, if one of its evaluations has it."""
     return next((each.bound for each in evaluations if each.bound is not None), None)
+
+
+def _measure(evaluations: Iterable[Evaluation], rescue: str, coverage: str) -> str:
+    """What success is, depending on the missions."""
+    missions = {each.search.scenario.mission for each in evaluations}
+    names = [
+        name
+        for name, mission in ((rescue, "rescue"), (coverage, "coverage"))
+        if mission in missions
+    ]
+    return ", or ".join(names)
 
 
 def _size_of(search: NamedSearch) -> str:

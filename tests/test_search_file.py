@@ -1,0 +1,153 @@
+"""Searches from files, and coverage missions, on the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from DroneSwarmSearch import Drift, Person, Scale, Scenario, cli, priors
+from DroneSwarmSearch.evaluation import NamedSearch, evaluate, save_json, search
+from DroneSwarmSearch.evaluation.search_file import search_from_file
+
+LANE = Scenario(
+    9,
+    2,
+    timestep_limit=10,
+    persons=[
+        Person([Drift(priors.line(9, [(2, 6), (6, 2)])), Drift((4, 4), start_sd=1)], 0.8),
+        Person(Drift((5, 5), vector=(0.1, 0), diffusion=0.1)),
+    ],
+)
+
+
+@pytest.fixture
+def lane(tmp_path: Path) -> Path:
+    path = tmp_path / "lane.json"
+    path.write_text(json.dumps(LANE.to_dict()), "utf-8")
+    return path
+
+
+def test_a_file_holds_a_scenario(lane: Path) -> None:
+    assert search_from_file(lane) == NamedSearch("lane", "Read from a file.", LANE)
+
+
+def test_a_file_may_hold_a_named_search(tmp_path: Path) -> None:
+    scale = Scale(130, 13)
+    wanted = NamedSearch("ferry", "One fell overboard.", LANE, ((4, 4), (0, 3)), scale)
+    data = {
+        **wanted.data,
+        "name": wanted.name,
+        "reason": wanted.reason,
+        "scale": {"metres_per_cell": 130, "seconds_per_step": 13},
+    }
+    path = tmp_path / "any.json"
+    path.write_text(json.dumps(data), "utf-8")
+    assert search_from_file(path) == wanted
+
+
+def test_the_parameters_of_a_saved_evaluation_are_a_search(tmp_path: Path) -> None:
+    result = evaluate("random", search("fog"), episodes=2, progress=False)
+    save_json(tmp_path / "result.json", result)
+    path = tmp_path / "fog.json"
+    parameters = json.loads((tmp_path / "result.json").read_text("utf-8"))["parameters"]
+    path.write_text(json.dumps(parameters), "utf-8")
+    assert search_from_file(path).fingerprint == search("fog").fingerprint
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "Expecting property name"),
+        ("[1]", "the file must hold the parameters of a scenario"),
+        ('{"grid": 3}', "a scenario has the parameters grid_size, .* got 'grid'"),
+        ('{"name": 3}', "name must be a string, got 3"),
+        ('{"drones_positions": 3}', "drones_positions must be a list of cells, got 3"),
+        ('{"drones_positions": [3]}', r"drones_positions\[0\] must be a cell"),
+        ('{"drones_positions": [[1, 1], [1, 1]]}', "drones_positions must hold different cells"),
+        ('{"drones_positions": [[1, 1]], "n_drones": 2}', "must hold 2 cells"),
+        ('{"scale": 3}', "scale must have metres_per_cell and seconds_per_step, got 3"),
+        ('{"scale": {"metres": 3}}', "scale must have metres_per_cell and seconds_per_step"),
+    ],
+)
+def test_bad_files(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(text, "utf-8")
+    with pytest.raises(ValueError, match=rf"{re.escape(str(path))}: .*{message}"):
+        search_from_file(path)
+
+
+# The command line.
+
+
+def answer(capsys: Any, *arguments: object) -> str:
+    assert cli.main([*map(str, arguments)]) == 0
+    return str(capsys.readouterr().out)
+
+
+def test_evaluate_reads_a_file_and_changes_the_mission(capsys: Any, lane: Path) -> None:
+    arguments = ("evaluate", "parallel-sweep", lane, "--episodes", 5, "--json")
+    (rescue,) = json.loads(answer(capsys, *arguments))
+    (coverage,) = json.loads(answer(capsys, *arguments, "--mission", "coverage"))
+    for data, mission in ((rescue, "rescue"), (coverage, "coverage")):
+        wanted = evaluate("parallel-sweep", LANE.replace(mission=mission), episodes=5)
+        assert data == {**wanted.data, "search": "lane"}
+
+
+def test_tables_of_both_missions(capsys: Any, lane: Path, tmp_path: Path) -> None:
+    covered = tmp_path / "covered.json"
+    covered.write_text(json.dumps(LANE.replace(mission="coverage").to_dict()), "utf-8")
+    arguments = ("evaluate", "parallel-sweep", lane, covered, "pond", "--episodes", 5)
+    lines = answer(capsys, *arguments, "--out", tmp_path / "out").splitlines()
+    assert [line.split()[1] for line in lines[2:4]] == ["lane", "pond"]
+    assert "success, %" in lines[0]
+    assert lines[5].split()[2:4] == ["POS,", "%"]
+    assert lines[7].split()[1] == "covered"
+    got = evaluate("parallel-sweep", LANE.replace(mission="coverage"), episodes=5)
+    assert got.coverage_rate is not None
+    assert f"{100 * got.success.value:.1f} (" in lines[7]
+    assert f"{100 * got.coverage_rate.value:.1f} (" in lines[7]
+    assert "POS: probability of success" in lines[9] + lines[10] + lines[11]
+    assert {path.name for path in (tmp_path / "out").glob("*.json")} == {
+        "parallel-sweep.lane.json",
+        "parallel-sweep.pond.json",
+        "parallel-sweep.covered.coverage.json",
+    }
+
+
+def test_searches_must_have_different_names(capsys: Any, lane: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other" / lane.name
+    other.parent.mkdir()
+    other.write_text(json.dumps({"grid_size": 5}), "utf-8")
+    for arguments in (["evaluate", "random"], ["bound"], ["leaderboard", "--searches"]):
+        with pytest.raises(SystemExit):
+            cli.main([*arguments, str(lane), str(other)])
+        assert "searches must have different names, got lane, lane" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments", [["evaluate", "random"], ["bound"], ["leaderboard", "--searches"], ["record"]]
+)
+def test_missing_files(capsys: Any, arguments: list[str], tmp_path: Path) -> None:
+    more = ["--out", str(tmp_path / "film.gif")] * (arguments == ["record"])
+    with pytest.raises(SystemExit):
+        cli.main([*arguments, "missing.json", *more])
+    message = "search must name a file, but there is no 'missing.json'"
+    assert message in capsys.readouterr().err
+
+
+def test_bound_reads_a_file_and_changes_the_mission(
+    capsys: Any, lane: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def noted(scenario: Scenario, *_: object, **__: object) -> None:
+        seen.append(scenario)
+        raise ValueError("enough")
+
+    monkeypatch.setattr("DroneSwarmSearch.evaluation.bounds.success_bound", noted)
+    assert cli.main(["bound", str(lane), "--mission", "coverage"]) == 1
+    assert seen == [LANE.replace(mission="coverage")]
