@@ -139,6 +139,10 @@ class Scenario:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The parameters, without what is cached."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     def replace(self, **changes: Any) -> Scenario:
         """Return a scenario with other values of some parameters.
 

@@ -4,9 +4,10 @@
 
 writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function registered with
 `figure`, or for the names given as arguments. The output is reproducible with the same version
-of matplotlib. `calibration` and `speed` plot the measurements written by
+of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements written by
 
     python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv
+    python examples/compare_with_opendrift.py --tracks 100000 --csv docs/figures/opendrift.csv
     python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
 
 All other figures are computed here, within seconds.
@@ -41,12 +42,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
-from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.policies import GreedyPolicy, PlannerPolicy
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
@@ -673,12 +674,18 @@ def measured() -> Measured:
     return {key: np.array(values) for key, values in rows.items()}
 
 
+def code_block(page: str, part: str) -> str:
+    """Return the only Python block of a page that contains a string."""
+    text = (Path(__file__).parent / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+    (block,) = (block for block in blocks if part in block)
+    return block
+
+
 @figure("success")
 def success(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the tutorial's plot by executing its code block."""
-    page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
-    (block,) = (text for text in blocks if 'savefig("success.png"' in text)
+    block = code_block("tutorial.md", 'savefig("success.png"')
     if sampling is SHORT:
         block = re.sub(r"episodes=\d+", f"episodes={sampling.episodes}", block)
     names: dict[str, Any] = {}
@@ -687,6 +694,87 @@ def success(theme: Theme, sampling: Sampling) -> Figure:
         exec(compile(block, "tutorial.md", "exec"), names)
     chart: Figure = names["figure"]
     plt.close(chart)
+    return chart
+
+
+class Flight(NamedTuple):
+    """The incident of the guide, and the plan for it.
+
+    Attributes:
+        names: the names that the guide's code block defines.
+        before: the map when the search begins.
+        after: the map at the end, given that nobody was found.
+        positions: the drones' cells (x, y), shape (steps + 1, drones, 2).
+        searching: whether they searched in each step, shape (steps, drones).
+        success: the probability of success at the end.
+    """
+
+    names: dict[str, Any]
+    before: Floats
+    after: Floats
+    positions: NDArray[np.int64]
+    searching: NDArray[np.bool_]
+    success: float
+
+
+@cache
+def flight() -> Flight:
+    """Return the plan for the incident of the guide, by executing its code block."""
+    block = code_block("guides/incident.md", "LIFE-RAFT").partition("np.save(")[0]
+    names: dict[str, Any] = {}
+    exec(compile(block, "incident.md", "exec"), names)
+    scenario: Scenario = names["search"].replace(bayesian_update=True)
+    env, policy = DroneSwarmSearch(scenario=scenario, render_mode=None), PlannerPolicy(scenario)
+    observations, infos = env.reset(seed=0)
+    frames = [env.frame()]
+    while env.agents:
+        observations, *_, infos = env.step(policy(observations))
+        frames.append(env.frame())
+    return Flight(
+        names,
+        frames[0].matrix,
+        frames[-1].matrix,
+        np.array([frame.drones for frame in frames]),
+        np.array([frame.searching for frame in frames[1:]]),
+        infos["probability_of_success"],
+    )
+
+
+@figure("incident")
+def incident(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the map and the plan of the guide's incident, in kilometres."""
+    plan = flight()
+    scale, person, size = (plan.names[name] for name in ("scale", "raft", "size"))
+    cell = scale.metres_per_cell / 1000
+    x, y = person.drifts[0].start
+    left, top = (-0.5 - x) * cell, (y + 0.5) * cell
+    sides = (left, left + size * cell, top - size * cell, top)
+    chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    maps = chart.subplots(1, 2, sharex=True, sharey=True)
+    for axes, matrix in zip(maps, (plan.before, plan.after), strict=True):
+        heat_map(axes, matrix, theme)
+        axes.images[0].set_extent(sides)
+        axes.plot(0, 0, "+", color=theme.ink, markersize=8, markeredgewidth=1.6)
+        axes.set_xlabel("km east")
+    maps[0].set_ylabel("km north")
+    for drift in person.drifts:
+        east, south = (cell * drift.adrift * component for component in drift.vector)
+        arrow = {"arrowstyle": "-|>", "color": theme.track, "linewidth": 1.5}
+        maps[0].annotate("", (east, -south), (0, 0), arrowprops={**arrow, "shrinkB": 0})
+    for drone in range(plan.positions.shape[1]):
+        east = (plan.positions[:, drone, 0] - x) * cell
+        north = (y - plan.positions[:, drone, 1]) * cell
+        maps[1].plot(east, north, color=theme.track, linewidth=0.8, alpha=0.8)
+        searched = plan.searching[:, drone]
+        maps[1].plot(
+            east[1:][searched], north[1:][searched], "x", color=theme.track, markersize=2.2
+        )
+        maps[1].plot(east[-1], north[-1], "o", color=theme.track, markersize=4.5)
+    maps[0].set(xlim=sides[:2], ylim=sides[2:])
+    minutes = scale.seconds(plan.names["limit"]) / 60
+    maps[0].set_title("when the search begins")
+    maps[1].set_title(f"{minutes:.0f} minutes later")
+    maps[1].set_title(f"POS {plan.success:.0%}", loc="right", color=theme.grey, fontsize=8.5)
     return chart
 
 
@@ -726,6 +814,63 @@ def calibration(theme: Theme, sampling: Sampling) -> Figure:
     chart.supylabel("total variation between matrix and person", fontsize=9.5)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     chart.legend(handles, labels, loc="outside upper left", ncols=2, columnspacing=1.4)
+    return chart
+
+
+SHOWN = {
+    "FISHING-VESSEL-1": "fishing vessel",
+    "PIW-1": "person in water",
+    "SKIFF-4": "skiff",
+    "PIW-3": "life jacket",
+}
+"""The classes of `opendrift.csv` whose spread is drawn, with their labels."""
+
+
+@figure("opendrift")
+def opendrift(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the spread of the map and of OpenDrift's objects, and what plans promise and find."""
+    with (FIGURES / "opendrift.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    chart = Figure(figsize=(WIDTH, 3.9), layout="constrained")
+    spread, success = chart.subplots(1, 2, width_ratios=(1.25, 1))
+    for colour, (name, label) in zip(theme.series, SHOWN.items(), strict=False):
+        points = [
+            [float(row[column]) for column in ("hours", "map", "opendrift")]
+            for row in rows
+            if (row["quantity"], row["object_class"]) == ("spread", name)
+            and float(row["wind_east"]) == 0.0
+        ]
+        hours, ours, theirs = np.array(points).T
+        spread.plot(hours, ours / 1000, color=colour)
+        spread.plot(hours, theirs / 1000, "o", color=colour, markersize=4.5)
+        spread.annotate(
+            label,
+            (hours[-1], ours[-1] / 1000),
+            (7, 0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+            fontsize=8.5,
+        )
+    hours = np.linspace(0.5, 6, 50)
+    alone = np.sqrt(2 * (250**2 + 2 * 10 * 3600 * hours)) / 1000
+    spread.plot(hours, alone, color=theme.grey, linestyle=(0, (4, 2)), linewidth=1.2)
+    spread.set(xlim=(0, 10), ylim=(0, None), xlabel="hours", ylabel="km")
+    spread.set_xticks((0, 1, 3, 6))
+    spread.set_title("spread: map (lines), OpenDrift (dots)")
+    plans = [row for row in rows if row["quantity"] == "success"]
+    for place, row in enumerate(reversed(plans)):
+        promised, found = float(row["map"]), float(row["opendrift"])
+        success.plot((found, promised), (place, place), color=theme.grey, linewidth=1.2)
+        success.plot(promised, place, "|", color=theme.series[0], markersize=13, markeredgewidth=2)
+        success.plot(found, place, "o", color=theme.series[0], markersize=5)
+    success.set(xlim=(0, 1), ylim=(-0.6, len(plans) - 0.4))
+    success.set_yticks(range(len(plans)), [row["object_class"] for row in reversed(plans)])
+    success.tick_params(axis="y", length=0)
+    success.xaxis.set_major_formatter(PercentFormatter(1.0))
+    success.set_title("promised (lines), found (dots)")
+    for axes in (spread, success):
+        axes.grid(axis="x" if axes is success else "both")
     return chart
 
 

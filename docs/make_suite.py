@@ -120,7 +120,7 @@ def man_overboard() -> Entry:
     scale = Scale.for_drone(speed=15, swath=150)
     passenger = leeway.person(
         "PIW-1",
-        start=(15, 22),
+        start=(13, 20),
         position_sd=400,
         wind=wind_from(230, 16 * KNOT),
         current=current_towards(80, 0.6 * KNOT),
@@ -128,7 +128,7 @@ def man_overboard() -> Entry:
         scale=scale,
         probability_of_detection=in_one_crossing(scale, sweep_width=140),
     )
-    return at_sea(scale, 40, 40 * MINUTES, [passenger], abreast(3, 16, 4))
+    return at_sea(scale, 36, 30 * MINUTES, [passenger], abreast(3, 14, 2))
 
 
 @search
@@ -141,14 +141,14 @@ def gale() -> Entry:
     scale = Scale.for_drone(speed=20, swath=300)
     raft = leeway.person(
         "LIFE-RAFT-NB-1",
-        start=(10, 16),
+        start=(8, 14),
         position_sd=300,
         wind=wind_from(300, 34 * KNOT),
         adrift=1 * HOURS,
         scale=scale,
         probability_of_detection=in_one_crossing(scale, sweep_width=260),
     )
-    return at_sea(scale, 48, 60 * MINUTES, [raft], [(0, 23), (0, 24), (0, 25)])
+    return at_sea(scale, 44, 50 * MINUTES, [raft], [(0, 21), (0, 22), (0, 23)])
 
 
 @search
@@ -160,7 +160,7 @@ def channel() -> Entry:
     scale = Scale.for_drone(speed=12, swath=120)
     kayak = leeway.person(
         "PERSON-POWERED-VESSEL-1",
-        start=(8, 25),
+        start=(6, 22),
         position_sd=300,
         wind=wind_from(200, 10 * KNOT),
         current=current_towards(100, 1.0 * KNOT),
@@ -168,17 +168,17 @@ def channel() -> Entry:
         scale=scale,
         probability_of_detection=in_one_crossing(scale, sweep_width=100),
     )
-    return at_sea(scale, 48, 45 * MINUTES, [kayak], [(0, 24), (0, 25)])
+    return at_sea(scale, 40, 35 * MINUTES, [kayak], [(0, 21), (0, 22)])
 
 
 @search
 def two_positions() -> Entry:
     """A swamped boat, and two reports of its last position, 4 km apart.
 
-    The more trusted one is precise to 600 m, the other to 900 m; three drones must decide when to
-    leave one area for the other.
+    The more trusted one is precise to 500 m. The other one is precise to 800 m, and nearer: two
+    drones must decide which area to search first, and when to leave it.
     """
-    scale = Scale.for_drone(speed=20, swath=200)
+    scale = Scale.for_drone(speed=20, swath=240)
     reports = [
         leeway.person(
             "SKIFF-3",
@@ -189,54 +189,54 @@ def two_positions() -> Entry:
             adrift=1 * HOURS,
             scale=scale,
         )
-        for start, position_sd in (((14, 40), 600), ((31, 28), 900))
+        for start, position_sd in (((10, 29), 500), ((24, 20), 800))
     ]
     boat = Person(
         [
             replace(drift, weight=trust * drift.weight)
-            for report, trust in zip(reports, (0.6, 0.4), strict=True)
+            for report, trust in zip(reports, (0.65, 0.35), strict=True)
             for drift in report.drifts
         ],
-        in_one_crossing(scale, sweep_width=180),
+        in_one_crossing(scale, sweep_width=220),
     )
-    return at_sea(scale, 60, 60 * MINUTES, [boat], abreast(3, 0, 59))
+    return at_sea(scale, 42, 45 * MINUTES, [boat], abreast(2, 40, 0))
 
 
 @search
 def wreck() -> Entry:
-    """A ship sinks; a raft, a person in a survival suit and one in a life jacket are missing.
+    """A ship sinks; its raft and a person in a life jacket are missing.
 
-    They drift apart from one position, known to 500 m. Five drones must find all three, although
-    they see the raft far more easily than the life jacket.
+    They drift apart from one position, known to 400 m. Three drones must find both, although they
+    see the raft far more easily.
     """
-    scale = Scale.for_drone(speed=15, swath=150)
+    scale = Scale.for_drone(speed=20, swath=200)
     persons = [
         leeway.person(
             object_class,
-            start=(15, 31),
-            position_sd=500,
-            wind=wind_from(240, 15 * KNOT),
+            start=(9, 17),
+            position_sd=400,
+            wind=wind_from(270, 15 * KNOT),
             current=current_towards(20, 0.5 * KNOT),
             adrift=30 * MINUTES,
             scale=scale,
             probability_of_detection=in_one_crossing(scale, sweep_width),
         )
-        for object_class, sweep_width in (("LIFE-RAFT-DB-10", 250), ("PIW-4", 130), ("PIW-3", 90))
+        for object_class, sweep_width in (("LIFE-RAFT-DB-10", 300), ("PIW-3", 110))
     ]
-    return at_sea(scale, 48, 60 * MINUTES, persons, abreast(5, 0, 47))
+    return at_sea(scale, 30, 25 * MINUTES, persons, abreast(3, 0, 29))
 
 
 @search
 def night() -> Entry:
     """A swimmer in the dark: with a sweep width of 30 m in cells of 100 m, most searches miss.
 
-    Three drones have an hour, and must spread their effort over the cells again and again.
+    Three drones have 45 minutes, and must spread their effort over the cells again and again.
     """
     scale = Scale.for_drone(speed=10, swath=100)
     sweep_width = 30
     swimmer = leeway.person(
         "PIW-3",
-        start=(15, 17),
+        start=(14, 14),
         position_sd=250,
         wind=wind_from(270, 10 * KNOT),
         current=current_towards(180, 0.2 * KNOT),
@@ -244,7 +244,7 @@ def night() -> Entry:
         scale=scale,
         probability_of_detection=in_one_crossing(scale, sweep_width, detection.random_search),
     )
-    return at_sea(scale, 36, 60 * MINUTES, [swimmer], [(0, 8), (0, 18), (0, 28)])
+    return at_sea(scale, 32, 45 * MINUTES, [swimmer], [(0, 6), (0, 16), (0, 26)])
 
 
 @search
@@ -252,12 +252,12 @@ def overdue() -> Entry:
     """A fishing boat without power is six hours overdue.
 
     Its last position is known to 1.5 km, and six hours of leeway to either side of a light wind
-    have made two wide areas of it. Four aircraft search for 90 minutes.
+    have made two wide areas of it. Four aircraft search for an hour.
     """
     scale = Scale.for_drone(speed=25, swath=400)
     boat = leeway.person(
         "FISHING-VESSEL-6",
-        start=(11, 23),
+        start=(9, 21),
         position_sd=1500,
         wind=wind_from(270, 12 * KNOT),
         current=current_towards(180, 0.1 * KNOT),
@@ -265,7 +265,7 @@ def overdue() -> Entry:
         scale=scale,
         probability_of_detection=in_one_crossing(scale, sweep_width=400),
     )
-    return at_sea(scale, 52, 90 * MINUTES, [boat], [(50, 0), (51, 0), (50, 1), (51, 1)])
+    return at_sea(scale, 48, 60 * MINUTES, [boat], [(46, 0), (47, 0), (46, 1), (47, 1)])
 
 
 @search

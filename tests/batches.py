@@ -8,6 +8,7 @@ import numpy as np
 from helpers import plain
 
 from DroneSwarmSearch._internal.streams import RowGenerator
+from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import SearchBatch
 
 NAN, INF = float("nan"), float("inf")
@@ -21,6 +22,15 @@ AXES = {"vector": 1, PERSON: 2, CONSTANT: 0, DRONES: 2}
 SITUATION_AXES = {"situation": 0, DRONES: 2}
 
 
+PRIOR = np.diag(np.arange(6, dtype=float))
+CATALOGUE = [
+    [Person([Drift((1.5, 2), start_sd=1, vector_sd=0.1), Drift((4, 4), diffusion=0.3, weight=2)])],
+    [Person(Drift((2, 2), vector=(0.3, 0.1), adrift=4, diffusion=0.2), 0.5)],
+    [Person([Drift(PRIOR, diffusion=0.2), Drift((4, 1), vector=(-0.1, 0.1))], 0.7)],
+]
+"""Three situations on 6 x 6 cells."""
+
+
 def moved(cell: int, number: float, higher: np.ndarray, lower: np.ndarray) -> int:
     if number < higher[cell]:
         return cell + 1
@@ -32,8 +42,11 @@ def seen(batch: SearchBatch) -> list[Any]:
     matrices = batch.matrices_of(np.arange(batch.num_rows))
     values = [
         batch.rewards, batch.endings, batch.found, batch.ended, batch.steps, batch.cells,
-        batch.searching, batch.missing, batch.person_cells, matrices, *batch.parameters.values(),
+        batch.searching, batch.missing, batch.person_cells, matrices,
     ]  # fmt: skip
+    if batch.probability_of_success is not None:
+        values.append(batch.probability_of_success)
+    values += batch.parameters.values()
     return [[plain(value[row]) for value in values] for row in range(batch.num_rows)]
 
 

@@ -20,7 +20,7 @@ from bench_vector import GROUPS
 from cases import Size
 
 SMALL = ["--short", "--sizes", "5x2", "--num-envs", "1", "3"]
-COMPARED = ["batch", "posterior", "forecasts", "views"]
+COMPARED = ["batch", "posterior", "forecasts", "situations", "views"]
 
 
 @pytest.fixture(autouse=True)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from small_searches import SMALL, best, paths_of, search, shortened, success_of
 
+from DroneSwarmSearch import Drift, Person
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.planning import SuccessBound, success_bound
 from DroneSwarmSearch.planning.trajectories import (
@@ -96,6 +97,26 @@ class TestSuccessBound:
         assert (together.relaxed, together.gap) == (hardest.relaxed, hardest.gap)
         curves = {bound.by_time.tobytes() for bound in single_bounds}
         assert len(curves) == 3
+
+    def test_of_a_coverage_mission_is_the_mean_over_persons(self) -> None:
+        easy = Person(Drift((0, 1), diffusion=0.2), 0.9)
+        hard = Person([Drift((2, 3), diffusion=0.4), Drift((4, 4))], 0.3)
+        persons = {"one": [easy], "other": [hard], "both": [hard, easy, hard]}
+        of = {
+            name: search(
+                [(0, 0), (4, 0)], grid_size=5, timestep_limit=5, persons=each, mission="coverage"
+            )
+            for name, each in persons.items()
+        }
+        bounds = {
+            name: success_bound(each.scenario, each.drones, horizons=5) for name, each in of.items()
+        }
+        one, other, both = (bounds[name] for name in persons)
+        np.testing.assert_allclose(both.by_time, (one.by_time + 2 * other.by_time) / 3, rtol=1e-12)
+        assert both.gap == pytest.approx((one.gap + 2 * other.gap) / 3)
+        assert both.relaxed == pytest.approx((one.relaxed + 2 * other.relaxed) / 3)
+        reached = success_of(of["both"], paths_of(make("planner", of["both"].scenario), of["both"]))
+        assert other.by_limit < np.mean(reached) <= both.by_limit
 
     def test_falls_with_the_probability_of_detection(self) -> None:
         bounds = [

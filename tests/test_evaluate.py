@@ -19,7 +19,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, __version__
+from DroneSwarmSearch import (
+    Action,
+    Drift,
+    DroneSwarmSearch,
+    Ending,
+    Person,
+    RewardScheme,
+    __version__,
+)
 from DroneSwarmSearch.evaluation import (
     Episodes,
     Evaluation,
@@ -68,7 +76,6 @@ def named(**changes: Any) -> NamedSearch:
     return NamedSearch("small", "For tests.", scenario, drones)
 
 
-NEAR = {"drones": ((2, 3), (4, 4), (5, 0))}
 ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of_detection": 0.8}
 
 
@@ -137,7 +144,7 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
     drones = parameters.pop("drones_positions")
     env = DroneSwarmSearch(**parameters)
     observations, _ = env.reset(seed=seed, drones_positions=drones)
-    found_at, total, steps = [0] * len(each.scenario.person_initial_position), 0.0, 0
+    found_at, total, steps = [0] * len(each.scenario.situation), 0.0, 0
     while env.agents:
         observations, rewards, *_ = env.step(policy(observations))
         steps += 1
@@ -149,12 +156,29 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
     return {"found_at": found_at, "ending": ending, "steps": steps, "return": total}
 
 
+def uncertain(**changes: Any) -> NamedSearch:
+    """A search of one drone for two persons with several hypotheses."""
+    persons = [
+        Person([Drift((1, 1), vector=(0.2, 0.1), vector_sd=0.05), Drift((2, 0), diffusion=0.2)]),
+        Person(Drift((1, 2), start_sd=0.7, diffusion=0.1), probability_of_detection=0.8),
+    ]
+    each = named(**ALONE)
+    return dataclasses.replace(each, scenario=each.scenario.replace(persons=persons, **changes))
+
+
 @pytest.mark.parametrize(
-    "changes", [NEAR, {**NEAR, "bayesian_update": True}, ALONE, {**ALONE, "bayesian_update": True}]
+    "each",
+    [
+        named(),
+        named(bayesian_update=True, drones=((2, 0), (3, 5))),
+        named(**ALONE),
+        named(**ALONE, bayesian_update=True),
+        uncertain(),
+        uncertain(bayesian_update=True),
+    ],
 )
-def test_episodes_are_those_of_the_single_environment(changes):
+def test_episodes_are_those_of_the_single_environment(each):
     """Episode i equals the environment's with seed + i, in every portion."""
-    each = named(**changes)
     got = evaluate(in_swarms, each, episodes=40, seed=7, progress=False).episodes
     seen = set()
     for i in range(40):
@@ -165,6 +189,13 @@ def test_episodes_are_those_of_the_single_environment(changes):
         assert got.returns[i] == pytest.approx(single["return"], rel=1e-15)
         seen.add(single["ending"])
     assert len(seen) > 1
+
+
+def test_a_coverage_mission_finds_nobody_and_has_no_reliability():
+    got = evaluate(in_swarms, uncertain(mission="coverage"), episodes=20, progress=False)
+    assert not got.episodes.found_at.any()
+    assert got.reliability.searches.sum() == 0
+    assert got.mean_return.value > 0.3  # what the searches add to the probability of success
 
 
 def test_actions_that_leave_or_collide_end_episodes():

@@ -22,6 +22,7 @@ from helpers import observed, plain, play, play_on
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
 from DroneSwarmSearch.drift import probability_matrix
+from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
 from DroneSwarmSearch.vector.threads import run_in_parts
 
@@ -151,6 +152,17 @@ BATCHES: dict[str, dict[str, Any]] = {
         "bayesian_update": True,
         "sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)},
     },
+    "situations, posterior": {
+        "bayesian_update": True,
+        "situations": [
+            [Person([Drift((1, 0), start_sd=1), Drift((3, 3), weight=2)])],
+            [Person(Drift((2, 2), diffusion=0.3, adrift=2), 0.5)],
+        ],
+    },
+    "situations, coverage": {
+        "mission": "coverage",
+        "situations": [[Person(Drift((1.5, 1.5), start_sd=1))], [Person(Drift((3, 0)))]],
+    },
 }
 
 
@@ -218,16 +230,17 @@ def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
 @pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
 def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
     batch, new = made_batch(parameters), made_batch(parameters)
-    given = {"vector": (0.3, 0.1)}
+    given: dict[str, Any] = {"vector": (0.3, 0.1)}
+    others: dict[str, Any] = {"disperse_constant": 3}
+    if "situations" in parameters:
+        given, others = {"situation": 1}, {"situation": 0}
     new.reset(range(20, 20 + ROWS), given=given)
     expected = seen(new)
     for rows in (None, np.arange(3)):
         count = ROWS if rows is None else len(rows)
         for left in interruptions(
             lambda: copy.deepcopy(batch),
-            lambda batch, rows=rows, count=count: batch.reset(
-                range(count), rows, {"disperse_constant": 3}
-            ),
+            lambda batch, rows=rows, count=count: batch.reset(range(count), rows, others),
             stride=211,
         ):
             left.reset(range(20, 20 + ROWS), given=given)

@@ -149,7 +149,13 @@ def test_the_wheel_contains_only_the_packages(built):
     }
     assert held == sources() | info | {f"{NAME}.dist-info/licenses/LICENSE"}
     assert {f"{package}/py.typed" for package in PACKAGES} <= held
-    assert {PurePosixPath(file).suffix for file in sources()} <= {".json", ".npz", ".py", ".typed"}
+    assert {PurePosixPath(file).suffix for file in sources()} <= {
+        ".csv",
+        ".json",
+        ".npz",
+        ".py",
+        ".typed",
+    }
     assert "Name: DroneSwarmSearchEnvironment\n" in metadata
     assert "Requires-Python: >=3.10\n" in metadata
     core = {line for line in metadata.splitlines() if line.startswith("Requires-Dist: ")}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
-from DroneSwarmSearch.drift.person import moves, start, starts, walk
+from DroneSwarmSearch.drift.person import Starts, moves, start, walk
 
 
 def test_uniforms_select_right_left_or_stay() -> None:
@@ -102,13 +102,14 @@ def test_the_starts_of_several_persons_are_drawn_like_one() -> None:
         Person(Drift((3, 3))),
     ]
     forecasts = [ProbabilityMatrix(5, person) for person in persons]
-    tables = [forecast.start_cumulative for forecast in forecasts]
-    ends = np.cumsum([len(table) for table in tables])
+    drawn_starts = Starts(forecasts)
     draws = np.append(np.random.default_rng(3).random(200), [0.0, 1 - 2**-53])
-    for who, (forecast, end) in enumerate(zip(forecasts, ends.tolist(), strict=True)):
-        first, last = np.full((2, len(draws)), [[end - len(tables[who])], [end - 1]])
-        drawn = starts(np.concatenate(tables), first, last, draws)
+    for number, forecast in enumerate(forecasts):
+        drawn = drawn_starts(np.full(len(draws), number), draws)
         assert [divmod(index, 25) for index in drawn.tolist()] == [
             start(forecast, draw) for draw in draws.tolist()
         ]
+    numbers = np.arange(3)[:, None].repeat(4, axis=1)
+    together = drawn_starts(numbers, draws[:12].reshape(3, 4))
+    assert together[1].tolist() == drawn_starts(numbers[1], draws[4:8]).tolist()
     assert start(forecasts[2], 0.5) == (0, forecasts[2].known_start)

@@ -168,7 +168,7 @@ class TestFollowingPlans:
     @pytest.mark.parametrize("bayesian_update", [False, True])
     def test_a_batch_gets_the_same_actions_as_single_searches(self, bayesian_update: bool) -> None:
         parameters = A_SEARCH.with_posterior(bayesian_update).parameters
-        count = 8
+        count = 20
         batch = SearchBatch(count, **parameters)
         policy = planner(A_SEARCH.with_posterior(bayesian_update))
         batch.reset(seeds=range(count))

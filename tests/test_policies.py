@@ -12,8 +12,9 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from small_searches import uncertain_persons
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch._internal.streams import policy_key, stream_keys
 from DroneSwarmSearch.policies import POLICIES, BatchPolicy, RandomPolicy, SwarmPolicy, make
 from DroneSwarmSearch.rules import Ending
@@ -102,17 +103,36 @@ class TestEnvironmentScenario:
         assert (env.scenario.person_initial_position, env.scenario.vector) == (((0, 0),), (1, 0))
 
 
+KNOWN: dict[str, Any] = {
+    "vector": (0.3, 0.1),
+    "person_initial_position": [(2, 2), (4, 4)],
+    "probability_of_detection": (0.8, 1.0),
+}
+UNCERTAIN: dict[str, Any] = {
+    "persons": [
+        Person(
+            [
+                Drift((1, 1), vector=(0.2, 0), vector_sd=0.1, diffusion=0.1),
+                Drift((6, 5), start_sd=0.5, adrift=2),
+            ]
+        ),
+        Person(Drift(np.tri(8), diffusion=0.2), probability_of_detection=0.7),
+    ]
+}
+
+
 @pytest.mark.parametrize("bayesian_update", [False, True])
+@pytest.mark.parametrize("persons", [KNOWN, UNCERTAIN, {**UNCERTAIN, "mission": "coverage"}])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_batch_gets_the_same_actions_as_single_searches(name: str, bayesian_update: bool) -> None:
+def test_a_batch_gets_the_same_actions_as_single_searches(
+    name: str, persons: dict[str, Any], bayesian_update: bool
+) -> None:
     parameters: dict[str, Any] = {
         "grid_size": 8,
         "n_drones": 3,
-        "vector": (0.3, 0.1),
-        "person_initial_position": [(2, 2), (4, 4)],
-        "probability_of_detection": (0.8, 1.0),
         "timestep_limit": 20,
         "bayesian_update": bayesian_update,
+        **persons,
     }
     batch = SearchBatch(4, **parameters)
     taken, endings = play_batch(make(name, batch.scenario), batch, 11)
@@ -167,17 +187,21 @@ def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
     starts = [draw(st.permutations(cells))[:n_drones] for _ in range(rows)]
     drift = st.sampled_from([0.0, 0.3, -0.4, 1.0, -2.0])
     persons = draw(st.lists(cell, min_size=1, max_size=3))
+    known = {
+        "vector": (draw(drift), draw(drift)),
+        "person_initial_position": persons,
+        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0])),
+        "probability_of_detection": draw(st.sampled_from([1.0, 0.5, 0.0])),
+    }
+    uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=3)
     return {
         "num_rows": rows,
         "grid_size": size,
         "n_drones": n_drones,
         "drones_positions": np.array(starts),
-        "vector": (draw(drift), draw(drift)),
-        "person_initial_position": persons,
-        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0])),
-        "probability_of_detection": draw(st.sampled_from([1.0, 0.5, 0.0])),
         "bayesian_update": draw(st.booleans()),
         "timestep_limit": draw(st.integers(1, 40)),
+        **draw(st.one_of(st.just(known), st.fixed_dictionaries({"persons": uncertain}))),
     }, draw(st.integers(0, 1000))
 
 

@@ -16,7 +16,7 @@ import pytest
 from helpers import tables_of
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted((DOCS / "api").glob("*.rst"))
@@ -183,8 +183,10 @@ def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
         "vector": (0, 0),
         "person_initial_position": (2, 2),
     }
-    assert [row[0].strip('`"') for row in rows("Reset options")] == list(valid)
+    persons = {"persons": Person(Drift((2, 2)))}
+    assert [row[0].strip('`"') for row in rows("Reset options")] == [*valid, *persons]
     env.reset(options=valid)
+    env.reset(options=persons)
     assert not recwarn
     with pytest.warns(UserWarning, match=", ".join(valid)):
         env.reset(options={"speed": 1})

@@ -146,6 +146,12 @@ class TestLabels:
         assert percent(0.123456) == "12.3%"
         assert percent(0.0) == "0%"
         assert signed(-0.5) == "-0.50"
+        assert [signed(value) for value in (0.0, 0.05, 0.1, 0.096)] == [
+            *("+0.00", "+0.05", "+0.10", "+0.10")
+        ]
+        assert [signed(value) for value in (0.0596, -0.0098, 1.2e-5)] == [
+            *("+0.060", "-0.0098", "+1.2e-05")
+        ]
         assert signed(12345.0) == "+1.23e+04"
 
 
@@ -226,7 +232,9 @@ class TestText:
     def test_the_coverage_mission_has_no_persons(self) -> None:
         frame = replace(make_frame(2, persons=()), probability_of_success=0.834)
         line = "step 3/10 | drift x +0.50, y -0.25 cells/step | POS 83.4%"
-        assert render_text(frame).split("\n")[0] == line
+        lines = render_text(frame).split("\n")
+        assert lines[0] == line
+        assert "person" not in lines[-1]
 
     def test_the_width_stays_when_a_drone_starts_to_search(self) -> None:
         idle = make_frame(4, drones=((0, 0), (3, 3)))

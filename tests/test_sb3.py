@@ -331,3 +331,29 @@ def test_step_wait_comes_after_step_async() -> None:
     env.reset()
     with pytest.raises(RuntimeError, match=r"call step_async\(\) first"):
         env.step_wait()
+
+
+@both_views
+def test_infos_hold_the_probability_of_success_if_the_environments_do(
+    view: type[SearchVectorEnv],
+) -> None:
+    key = "probability_of_success"
+    env, plainly = (
+        view(3, autoreset_mode="SameStep", observation="flat", bayesian_update=True, **SMALL)
+        for _ in range(2)
+    )
+    adapted = SB3VecEnv(env)
+    adapted.seed(5)
+    adapted.reset()
+    plainly.reset(seed=5)
+    assert adapted.reset_infos == [{key: 0.0}] * env.num_envs
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(40):
+        actions = random_actions(rng, adapted)
+        _, _, dones, infos = adapted.step(actions.copy())
+        theirs = plainly.step(actions.copy())[-1]
+        for index, info in enumerate(infos):
+            known = theirs["final_info"] if dones[index] else theirs
+            assert info[key] == known[key][index]
+            ended += bool(dones[index]) and info[key] > 0.0
+    assert ended > 5

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from batches import (
     AXES,
+    CATALOGUE,
     CONSTANT,
     DRONES,
     NAN,
@@ -31,7 +32,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, rules
-from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
+from DroneSwarmSearch._internal.streams import (
+    RowGenerator,
+    episode_keys,
+    numbers,
+    stream_keys,
+)
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.persons import Drift
@@ -768,6 +774,11 @@ def test_arrays_of_actions_are_only_read(read_only: bool) -> None:
 
 # Copies.
 
+
+def sampled_situations(rng: RowGenerator) -> dict[str, Any]:
+    return {"situation": rng.integers(0, 3)}
+
+
 COPIED: dict[str, dict[str, Any]] = {
     "plain": {},
     "bayesian": {"bayesian_update": True},
@@ -775,7 +786,22 @@ COPIED: dict[str, dict[str, Any]] = {
     "sampler": {"sampler": everything_sampled},
     "several persons": {PERSON: [(1, 1), (4, 4), (1, 1)], POD: (0.5, 1.0, 0.2)},
     "several persons, bayesian": {PERSON: [(1, 1), (4, 4)], "bayesian_update": True},
+    "persons": {"persons": CATALOGUE[0]},
+    "situations": {"situations": CATALOGUE},
+    "situations, bayesian": {"situations": CATALOGUE[:2], "bayesian_update": True},
+    "coverage": {"situations": CATALOGUE[:2], "mission": "coverage"},
+    "coverage, with a sampler": {
+        "situations": CATALOGUE,
+        "mission": "coverage",
+        "sampler": sampled_situations,
+    },
 }
+
+
+def changes_of(name: str) -> dict[str, Any]:
+    """What a reset of the copied batch changes."""
+    is_catalogue = {"persons", "situations"} & COPIED[name].keys()
+    return {"situation": 0} if is_catalogue else {"vector": (0.2, 0.1)}
 
 
 @pytest.mark.parametrize(
@@ -785,8 +811,10 @@ COPIED: dict[str, dict[str, Any]] = {
 def test_copies_are_equal_and_independent(
     kind: str, name: str, through: Callable[[SearchBatch], SearchBatch]
 ) -> None:
+    detection = {} if "situation" in changes_of(name) else {POD: 0.5}
     batch = SearchBatch(
-        5, **{"grid_size": 6, "n_drones": 2, "timestep_limit": 40, POD: 0.5, **COPIED[name]}
+        5,
+        **{"grid_size": 6, "n_drones": 2, "timestep_limit": 40, **detection, **COPIED[name]},
     )
     batch.reset(range(5))
     rng = np.random.default_rng(1)
@@ -797,7 +825,7 @@ def test_copies_are_equal_and_independent(
         for chosen in actions[20:]:
             batch.step(chosen)
             log.append(seen(batch))
-        batch.reset(given={"vector": (0.2, 0.1)})
+        batch.reset(given=changes_of(name))
         return [*log, seen(batch)]
 
     for chosen in actions[:20]:

@@ -153,13 +153,16 @@ class Swarm(gymnasium.Env):
 
     def _infos_of(self, rewards: np.ndarray, infos: Mapping[str, Any]) -> dict[str, Any]:
         frame = self.env.frame()
-        return {
+        own = {
             "rewards": rewards,
             "Found": bool(infos["Found"]),
             "persons_found": np.array(frame.found),
             "ending": frame.ending or 0,
             "step": frame.step,
         }
+        if "probability_of_success" in infos:
+            own["probability_of_success"] = infos["probability_of_success"]
+        return own
 
 
 def gymnasiums(
@@ -282,7 +285,10 @@ def test_both_views_show_the_same_searches(case: dict[str, Any]) -> None:
         assert np.array_equal(rest[1], terminated.repeat(n))
         assert np.array_equal(rest[2], truncated.repeat(n))
         assert "rewards" not in rest[3]
-        for key in ("Found", "persons_found", "ending", "step"):
+        for key in ("Found", "persons_found", "ending", "step", "probability_of_success"):
+            assert (key in rest[3]) == (key in infos)
+            if key not in infos:
+                continue
             assert plain(rest[3][key]) == plain(infos[key].repeat(n, axis=0)), key
 
 
@@ -1354,9 +1360,7 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
 
 
 @both_views
-@pytest.mark.parametrize(
-    "name", ["grid_sise", "num_rows", "wants_table", "situation_number", "swarms"]
-)
+@pytest.mark.parametrize("name", ["grid_sise", "num_rows", "wants_table", "hypotheses", "swarms"])
 def test_an_unknown_parameter_is_refused_by_the_view(
     view: type[SearchVectorEnv], name: str
 ) -> None:

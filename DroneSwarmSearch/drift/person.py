@@ -11,11 +11,12 @@ p(-1) of a move up or down the axis, the person moves
 `walk` applies this rule to one person, `moves` to arrays of persons.
 
 Another uniform draw decides the hypothesis and the cell at step 0: the first entry of the
-forecast's `start_cumulative` above it. `start` and `starts` apply that rule.
+forecast's `start_cumulative` above it. `start` and `Starts` apply that rule.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
-__all__ = ["moves", "start", "starts", "walk"]
+__all__ = ["Starts", "moves", "start", "walk"]
 
 
 def start(forecast: ProbabilityMatrix, draw: float) -> tuple[int, int]:
@@ -38,28 +39,36 @@ def start(forecast: ProbabilityMatrix, draw: float) -> tuple[int, int]:
     return divmod(index, forecast.grid_size**2)
 
 
-def starts(
-    cumulative: NDArray[np.float64], first: NDArray[Any], last: NDArray[Any], draws: NDArray[Any]
-) -> NDArray[np.int64]:
+class Starts:
     """The array form of `start`, for persons with different forecasts.
 
     Args:
-        cumulative: the `start_cumulative` of all forecasts, one after another.
-        first: the index of the first entry of each person's forecast.
-        last: the index of the last one.
-        draws: a uniform draw from [0, 1) for each person.
-
-    Returns:
-        int64, of the shape of `draws`: hypothesis * grid_size² + cell.
+        forecasts: the forecasts, which are numbered in this order.
     """
-    low, high = first.copy(), last.copy()
-    for _ in range(int((high - low).max(initial=0)).bit_length()):
-        middle = (low + high) >> 1
-        above = cumulative[middle] > draws
-        high = np.where(above, middle, high)
-        low = np.where(above, low, middle + 1)
-    found: NDArray[np.int64] = low - first
-    return found
+
+    def __init__(self, forecasts: Sequence[ProbabilityMatrix]) -> None:
+        cumulative = [forecast.start_cumulative for forecast in forecasts]
+        # Each forecast's entries are a square array, so that two short counts find an entry.
+        self._width = math.isqrt(max(map(len, cumulative)) - 1) + 1
+        entries = np.full((len(cumulative), self._width**2), 2.0)
+        for place, values in zip(entries, cumulative, strict=True):
+            place[: len(values)] = values
+        self._blocks = entries.reshape(-1, self._width)
+        self._ends = self._blocks[:, -1].reshape(-1, self._width).copy()
+
+    def __call__(self, numbers: NDArray[Any], draws: NDArray[Any]) -> NDArray[np.int64]:
+        """Return the hypothesis times grid_size², plus the cell, of each person at step 0.
+
+        Args:
+            numbers: the number of each person's forecast.
+            draws: a uniform draw from [0, 1) for each, of the same shape.
+        """
+        above = draws[..., None]
+        block = np.less_equal(self._ends.take(numbers, 0), above).sum(-1)
+        block += numbers * self._width
+        entry = np.less_equal(self._blocks.take(block, 0), above).sum(-1)
+        found: NDArray[np.int64] = (block - numbers * self._width) * self._width + entry
+        return found
 
 
 def walk(

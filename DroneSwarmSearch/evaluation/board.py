@@ -49,7 +49,7 @@ posterior is its heuristic, which a trained network may improve on. Effort that 
 searches is worth less, and effort that ignores the person's position is worth least (Stone,
 Theory of Optimal Search, 1975; Brown, Operations Research 28:1275, 1980)."""
 
-EXAMPLE = "classic"
+EXAMPLE = "gale"
 """The search of the plots that show only one, if it was evaluated."""
 
 

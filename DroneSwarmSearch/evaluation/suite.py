@@ -86,7 +86,7 @@ class NamedSearch:
         parts = [
             f"{scenario.grid_size} x {scenario.grid_size} cells{width}",
             f"{n} drone{'s' * (n > 1)}",
-            _number_of_persons(persons),
+            f"{'coverage for ' * (scenario.mission == 'coverage')}{_number_of_persons(persons)}",
             *self._motion,
             f"probability of detection {_figures(scenario.detections)}",
             steps,

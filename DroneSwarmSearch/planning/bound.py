@@ -19,12 +19,14 @@ all the sampled bounds hold together with probability `CONFIDENCE`.
 
 If q < 1, the larger function 1 - (1 - q)^s gives another bound, without a sample, because it is
 a product along the trajectory. The smaller bound is returned. Finding all of several persons is at
-most as likely as finding the one who is hardest to find.
+most as likely as finding the one who is hardest to find. In a coverage mission, the probability of
+success is the mean over persons, and so is its bound.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -71,11 +73,13 @@ ITERATIONS_BEFORE = 60
 class SuccessBound:
     """An upper bound on the probability that a policy finds all persons of a search.
 
+    For a coverage mission, the bound is on the cumulative probability of success.
+
     Attributes:
         by_time: the bound after each number of completed steps, 0 to the time limit L:
             float64, shape (L + 1,), non-decreasing.
         relaxed: the value that the relaxation reaches by step L, for the person with the
-            smallest bound.
+            smallest bound; in a coverage mission, the mean over persons.
         gap: the duality gap at step L, which `by_time` includes.
         confidence: probability that `by_time` holds at all steps together; 1 if no
             trajectories were sampled.
@@ -125,6 +129,7 @@ def success_bound(
     checks.real("gap", gap, 0)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
     # Equal persons share one bound.
+    counts = Counter(scenario.situation)
     forecasts = dict(zip(scenario.situation, scenario.forecasts(), strict=True))
     persons = [
         _Person(forecast, person.probability_of_detection, enumerate_trajectories(forecast, limit))
@@ -150,13 +155,16 @@ def success_bound(
         # More time never hurts, so a bound for more steps holds for fewer.
         curves.append(np.minimum.accumulate(curve[::-1])[::-1])
         solutions.append(solution)
+    confidence = CONFIDENCE if sampled_bounds else 1.0
+    values, gaps = [each.value for each in solutions], [each.gap for each in solutions]
+    if scenario.mission == "coverage":
+        shares = [counts[person] / counts.total() for person in forecasts]
+        by_time, relaxed, mean_gap = (
+            np.average(each, axis=0, weights=shares) for each in (curves, values, gaps)
+        )
+        return SuccessBound(by_time, float(relaxed), float(mean_gap), confidence)
     hardest = min(range(len(persons)), key=lambda number: curves[number][-1])
-    return SuccessBound(
-        by_time=np.min(curves, axis=0),
-        relaxed=solutions[hardest].value,
-        gap=solutions[hardest].gap,
-        confidence=CONFIDENCE if sampled_bounds else 1.0,
-    )
+    return SuccessBound(np.min(curves, axis=0), values[hardest], gaps[hardest], confidence)
 
 
 def drone_paths(starts: Sequence[int]) -> Oracle:

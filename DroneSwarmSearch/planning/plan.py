@@ -282,8 +282,8 @@ class Plan:
             after.append(value)
             if cells := schedule[index]:
                 value = value.copy()
-                by_cell = value.reshape(len(value), -1)
-                by_cell[:, cells] = (1.0 - q) * by_cell[:, cells] + q * self._worth[begin + index]
+                for flat in value.reshape(len(value), -1):
+                    flat[cells] = (1.0 - q) * flat[cells] + q * self._worth[begin + index]
             before.append(value)
         return before[::-1], after[::-1]
 

@@ -42,8 +42,8 @@ nearly always lower in a posterior and higher in a forecast."""
 WORTHWHILE = 0.3
 """Fraction of the best cell's success that a cell needs to be a target. A posterior has wide
 flanks where searches hardly ever succeed, and a drone that stops there reaches the middle too
-late. On six searches with 20 or 40 cells a side, 0.25 to 0.5 found more on average than 0 or 0.6,
-but not on each of them."""
+late. On six searches of the suite, values up to 0.3 found equally many on average; 0.5 found 1.5
+percentage points fewer and 0.7 found 3.6 fewer."""
 
 SLIGHT = 1e-20
 """Factor on the value of the other cells: enough to choose among them if all targets are taken."""

@@ -26,8 +26,12 @@ def percent(probability: float) -> str:
 
 
 def signed(value: float) -> str:
-    """A number with its sign: two decimals, or three significant digits from 1000."""
-    return f"{value:+.2f}" if abs(value) < 1000.0 else f"{value:+.3g}"
+    """A number with its sign: two decimals, three significant digits from 1000, two below 0.1."""
+    if abs(value) >= 1000.0:
+        return f"{value:+.3g}"
+    text = f"{value:+.2f}"
+    # The drift of a person at sea is often some thousandths of a cell per step.
+    return text if abs(value) >= 0.095 or float(text) == value else f"{value:+#.2g}"
 
 
 def tick_stride(room_needed: float, pitch: float) -> int:

@@ -137,8 +137,8 @@ def _legend(frame: Frame) -> str:
     """The meaning of the characters."""
     last = len(frame.drones) - 1
     numbers = "0" if last == 0 else f"0-{last}"
-    return (
-        f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"
-        f" | person: {MISSING} missing, {FOUND}0 found by drone 0"
-        f" | {RAMP} probability, 0 to {percent(float(frame.matrix.max()))}"
-    )
+    meanings = [f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"]
+    if frame.persons:
+        meanings.append(f"person: {MISSING} missing, {FOUND}0 found by drone 0")
+    meanings.append(f"{RAMP} probability, 0 to {percent(float(frame.matrix.max()))}")
+    return " | ".join(meanings)

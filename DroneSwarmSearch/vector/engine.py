@@ -157,7 +157,9 @@ class SearchBatch:
         self._rows = np.arange(self._usual.num_rows)
         self.ready = False
         self._changing = False  # stays True after an interrupted step or reset
-        self._episodes = Episodes(self._usual.num_rows)
+        # The fourth stream draws the persons' starts.
+        streams = 3 if self._usual.situations is None else 4
+        self._episodes = Episodes(self._usual.num_rows, streams)
         self._drones = BatchDrones(scenario, self._usual.num_rows)
         self._world = self._new_world()
 

@@ -22,13 +22,14 @@ class Episodes:
 
     Args:
         rows: the number of rows.
+        streams: how many of the streams are used, in the order of `stream_keys`.
 
     Attributes:
         seeded: which rows have begun an episode: bool, (rows,).
     """
 
-    def __init__(self, rows: int) -> None:
-        self._counters = np.zeros((4, rows), np.uint64)  # in the order of `stream_keys`
+    def __init__(self, rows: int, streams: int) -> None:
+        self._counters = np.zeros((streams, rows), np.uint64)
         self._prepared = np.zeros(rows, np.bool_)
         self.seeded: Flags = np.zeros(rows, np.bool_)
 
@@ -40,7 +41,7 @@ class Episodes:
         """Prepare all rows that are not.
 
         Returns:
-            Their numbers, and the counters of their next episodes: uint64, (4, n).
+            Their numbers, and the counters of their next episodes: uint64, (streams, n).
         """
         rows = (~self._prepared).nonzero()[0]
         counters = self._counters[:, rows] + GOLDEN
@@ -53,14 +54,14 @@ class Episodes:
         return mixed(self._counters[2].take(rows))
 
     def reseeded(self, rows: Ints, seeds: Sequence[int | None] | None) -> Words:
-        """The counters of the next episodes of some prepared rows, given new seeds: (4, n).
+        """The counters of some prepared rows' next episodes, given new seeds: (streams, n).
 
         Rows without a seed continue their sequence, or start one from system entropy.
         """
         counters: Words = self._counters[:, rows]
         for index, seed in enumerate([None] * len(rows) if seeds is None else seeds):
             if seed is not None or not self.seeded[rows[index]]:
-                counters[:, index] = stream_keys(seed) + GOLDEN
+                counters[:, index] = stream_keys(seed)[: len(counters)] + GOLDEN
         return counters
 
     def assign(self, rows: Ints, counters: Words) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.drift.person import starts
+from DroneSwarmSearch.drift.person import Starts
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.scenario import checked_persons
@@ -38,6 +38,7 @@ class Situations:
         mixtures: the forecasts, by number.
         detections: each person's probability of detection: a number, or float64,
             (situations,), where situations differ.
+        starts: draws the persons' hypotheses and cells at step 0.
     """
 
     def __init__(self, grid_size: int, persons: Sequence[Persons]) -> None:
@@ -51,22 +52,10 @@ class Situations:
         different = [person for _, person in forecasts.values()]
         self.mixtures = Mixtures.of_persons(different)
         self.detections = [_detections(same_place) for same_place in zip(*persons, strict=True)]
-        cumulative = [ProbabilityMatrix(grid_size, person).start_cumulative for person in different]
-        ends = np.cumsum([len(each) for each in cumulative])
-        self._cumulative = np.concatenate(cumulative)
-        self._first, self._last = np.array([0, *ends[:-1]]), ends - 1
+        self.starts = Starts([ProbabilityMatrix(grid_size, person) for person in different])
 
     def __len__(self) -> int:
         return len(self.persons)
-
-    def starts(self, numbers: Ints, draws: Floats) -> Ints:
-        """See `drift.person.starts`: hypothesis * N² + cell, of the shape of the arguments.
-
-        Args:
-            numbers: the number of each person's forecast.
-            draws: a uniform draw from [0, 1) for each.
-        """
-        return starts(self._cumulative, self._first[numbers], self._last[numbers], draws)
 
 
 def _detections(persons: Sequence[Person]) -> float | Floats:

@@ -62,16 +62,18 @@ class TabulatedForecasts(Forecasts):
     ) -> None:
         self.grid_size = grid_size
         self._steps = steps
-        self._cells = np.array(grid_size**2)  # 0-d: NumPy calculates faster than with an int
+        # 0-d: NumPy calculates faster than with an int
+        self._cells, self._entry_count = np.array(grid_size**2), np.array(steps + 1)
         self._mixtures = mixtures
         self._seed_parameters = seed_parameters
         count, self.hypotheses = mixtures.weights.shape
         shape = (count, steps + 1, self.hypotheses, 2, grid_size)
         self._factors = np.zeros(shape)
-        # Moves right and left in the order that `moves` returns: entries are the last axes.
-        self._moves = np.zeros((2, 2, self.hypotheses, grid_size, count, steps + 1))
-        # Probabilities of +1, and of +1 or -1, times 2**53, rounded up: draws are integers.
-        self._higher, self._either = (np.zeros(shape, np.int64) for _ in range(2))
+        # The probabilities to move right and left along x, then along y.
+        self._moves = np.zeros((count, steps + 1, 2, 2, self.hypotheses, grid_size))
+        # Probabilities of +1, and of +1 or -1, times 2**53, rounded up: draws are integers. The
+        # steps are the last axis: persons often stay, and so do the cache's lines.
+        self._limits = np.zeros((count, self.hypotheses, 2, grid_size, steps + 1, 2), np.int64)
         self._matrices = np.zeros((count, steps + 1, grid_size, grid_size), np.float32)
         # The probability of each hypothesis and cell, if there are starts that are arrays.
         self._joint: Floats | None = None
@@ -82,14 +84,14 @@ class TabulatedForecasts(Forecasts):
         self._filled = 0
         self._latest = 0  # an upper limit of the rows' steps
         self._make_views()
-        width = 2 * grid_size * self.hypotheses
-        self.increments = np.array([1] * persons + [width] * 2 * persons)[:, None]
+        self.increments = np.ones((3 * persons, 1), np.int64)
         self._fill()
 
     def _make_views(self) -> None:
-        self._flat_higher, self._flat_either = self._higher.reshape(-1), self._either.reshape(-1)
+        # One look-up returns both limits as if they were one number.
+        self._flat_limits = self._limits.reshape(-1).view(np.complex128)
         self._by_entry = self._matrices.reshape(-1, self.grid_size, self.grid_size)
-        self._flat_moves = self._moves.reshape(*self._moves.shape[:4], -1)
+        self._flat_moves = self._moves.reshape(-1, *self._moves.shape[2:])
         self._flat_factors = self._factors.reshape(-1, *self._factors.shape[2:])
         self._flat_matrices = self._matrices.reshape(-1)
 
@@ -122,11 +124,10 @@ class TabulatedForecasts(Forecasts):
         return matrices
 
     def _move_limits(self, coordinates: Ints) -> tuple[Ints, Ints]:
-        index = coordinates + self._offsets
-        return (
-            self._flat_higher.take(index, mode="clip"),
-            self._flat_either.take(index, mode="clip"),
-        )
+        index = np.multiply(coordinates, self._entry_count)
+        index += self._offsets
+        limits = self._flat_limits.take(index, mode="clip").view(np.int64)
+        return limits[..., ::2], limits[..., 1::2]
 
     def numbers_of(self, rows: Ints, parameters: DriftParameters) -> Ints:
         known = self._seed_parameters
@@ -139,9 +140,9 @@ class TabulatedForecasts(Forecasts):
         return number.reshape(-1)[len(known) :].reshape(wanted.shape[:2])
 
     def _pointers(self, rows: Ints, numbers: Ints, hypotheses: Ints) -> tuple[Ints, Ints]:
-        entries = numbers * (self._steps + 1)
-        offsets = 2 * self.grid_size * (entries * self.hypotheses + hypotheses)
-        return entries, offsets[:, None] + self.grid_size * np.arange(2)[:, None]
+        steps, axes = self._steps + 1, 2 * (numbers * self.hypotheses + hypotheses)
+        offsets = (axes[:, None] + np.arange(2)[:, None]) * (self.grid_size * steps)
+        return numbers * steps, offsets
 
     def begin(self, rows: Ints) -> None:
         pass  # the pointers are all there is to set
@@ -198,8 +199,8 @@ class TabulatedForecasts(Forecasts):
         return joint
 
     def moves(self, person: int, rows: slice) -> tuple[Floats, Floats, Floats, Floats]:
-        entries = self.entries[person, rows]
-        (right, down), (left, up) = self._flat_moves.take(entries, 4, mode="clip")
+        moves = self._flat_moves.take(self.entries[person, rows], 0, mode="clip")
+        (right, left), (down, up) = np.ascontiguousarray(np.moveaxis(moves, 0, -1))
         return right, left, down, up
 
     def write_matrices(self, person: int | Ints, rows: Rows, out: Singles) -> None:
@@ -242,10 +243,9 @@ class TabulatedForecasts(Forecasts):
         factors = self._factors[here]
         factors[...] = probability
         factors[..., 1, :] *= mixtures.weights[:, None, :, None]
-        self._higher[here] = np.ceil(right * DENOMINATOR)
-        self._either[here] = np.ceil((right + left) * DENOMINATOR)
-        moves = np.stack([right, left]).transpose(0, 4, 3, 5, 1, 2)
-        self._moves[..., first : first + count] = moves
+        self._moves[here] = np.stack([right, left]).transpose(1, 2, 4, 0, 3, 5)
+        limits = np.ceil(np.stack([right, right + left]) * DENOMINATOR).transpose(1, 3, 4, 5, 2, 0)
+        self._limits[..., first : first + count, :] = limits
         self._matrices[here] = matrices_of(factors)
         if self._joint is not None:
             self._fill_joint(self._joint, first, count)
@@ -267,7 +267,7 @@ class TabulatedForecasts(Forecasts):
                 joint[number, 0, hypothesis] = mixtures.weights[number, hypothesis] * prior
         for number in {number for number, _ in mixtures.priors}:
             for step in range(max(first, 1), first + count):
-                (right, down), (left, up) = self._moves[..., number, step - 1]
+                (right, left), (down, up) = self._moves[number, step - 1]
                 joint[number, step] = after_drift(joint[number, step - 1], right, left, down, up)
             matrices = over_hypotheses(joint[number, first : first + count].swapaxes(0, 1))
             self._matrices[number, first : first + count] = matrices

@@ -144,7 +144,7 @@ class BatchState:
 
         Args:
             rows: their numbers.
-            counters: the counters of these episodes, see `Episodes`: uint64, (4, n).
+            counters: the counters of these episodes, see `Episodes`: uint64, (streams, n).
             situation: the number of each row's situation, int64, (all rows,); or None to
                 draw one for each episode.
         """
@@ -252,7 +252,7 @@ class BatchState:
             if hits.size:
                 where = rows.take(hits)
                 chance = self._detection(person, where)
-                if np.less(chance, 1.0).any():
+                if not (isinstance(chance, float) and chance == 1.0):
                     places = now.step[where] * self._persons + person
                     uniforms = numbers(now.detection_keys[where], places.astype(np.uint64))
                     hits = hits[uniforms < chance]

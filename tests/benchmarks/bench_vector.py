@@ -41,6 +41,11 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
         (cases.DRIFT_PER_ROW, cases.MATRICES),
         (cases.DRIFT_PER_EPISODE, cases.MATRICES),
     ),
+    "situations": (
+        (cases.TWO_HYPOTHESES, cases.ONE_HYPOTHESIS),
+        (cases.CATALOGUE, cases.TWO_HYPOTHESES),
+        (cases.CATALOGUE_INDEX, cases.ONE_SITUATION_INDEX),
+    ),
     "views": (
         (cases.SWARM_ENV, cases.MATRICES),
         (cases.SWARM_ENV_INDEX, cases.INDEX),

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from timing import Run
 
-from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 TIMESTEP_LIMIT = 100
@@ -170,6 +170,43 @@ def drift_per_episode(size: Size, num_envs: int) -> Run:
     return batch_with_matrices(size, num_envs, sampler=sampler)
 
 
+def situations(hypotheses: int, count: int, posterior: bool = False) -> Callable[[Size, int], Run]:
+    """A batch of persons with uncertain starts and drifts, each in one of some situations."""
+
+    def make(size: Size, num_envs: int) -> Run:
+        rng, middle = np.random.default_rng(2), size.grid_size / 2
+        drifts = [
+            Drift(
+                rng.normal(middle, size.grid_size / 10, 2),
+                start_sd=size.grid_size / 15,
+                vector=rng.uniform(-0.2, 0.2, 2),
+                vector_sd=0.03,
+                diffusion=0.1,
+            )
+            for _ in range(count * hypotheses)
+        ]
+        own = [drifts[first : first + hypotheses] for first in range(0, len(drifts), hypotheses)]
+        batch = SearchBatch(
+            num_envs,
+            grid_size=size.grid_size,
+            n_drones=size.n_drones,
+            timestep_limit=TIMESTEP_LIMIT,
+            bayesian_update=posterior,
+            situations=[[Person(hypotheses_of)] for hypotheses_of in own],
+            drones_positions=spread_cells(*size),
+        )
+        batch.reset(range(num_envs))
+        buffer = matrix_buffer(size, num_envs) if posterior else None
+
+        def step(actions: NDArray[np.int64]) -> object:
+            batch.step(actions, buffer)
+            return batch.positions
+
+        return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
+
+    return make
+
+
 def gather(size: Size, num_envs: int) -> Run:
     """Only copy each row's matrix from the table: the upper limit for NumPy."""
     buffer = matrix_buffer(size, num_envs)
@@ -230,6 +267,11 @@ POSTERIOR = BenchmarkCase(
 )
 DRIFT_PER_ROW = BenchmarkCase("batch, a drift for each row", drift_per_row)
 DRIFT_PER_EPISODE = BenchmarkCase("batch, a drift for each episode", drift_per_episode)
+ONE_HYPOTHESIS = BenchmarkCase("batch, one hypothesis, posterior", situations(1, 1, True))
+TWO_HYPOTHESES = BenchmarkCase("batch, two hypotheses, posterior", situations(2, 1, True))
+CATALOGUE = BenchmarkCase("batch, 100 situations, posterior", situations(2, 100, True))
+ONE_SITUATION_INDEX = BenchmarkCase("batch, one situation, index", situations(2, 1))
+CATALOGUE_INDEX = BenchmarkCase("batch, 100 situations, index", situations(2, 100))
 SWARM_ENV = BenchmarkCase("SwarmVectorEnv", vector_env(SwarmVectorEnv, True))
 SWARM_ENV_INDEX = BenchmarkCase("SwarmVectorEnv, index", vector_env(SwarmVectorEnv, False))
 DRONE_ENV = BenchmarkCase("DroneVectorEnv", vector_env(DroneVectorEnv, True))

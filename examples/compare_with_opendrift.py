@@ -1,0 +1,259 @@
+"""Compare the map, and a plan made on it, with tracks of the drift model that rescuers use.
+
+    pip install "DroneSwarmSearchEnvironment[opendrift]"
+    python examples/compare_with_opendrift.py --figure opendrift
+
+The tracks are those of OpenDrift's Leeway model. The first table compares the probability matrix
+with the cells of the objects: the total variation distance, that of as many draws from the matrix
+(the sampling floor), how far the means are apart, and how much larger OpenDrift's standard
+deviations are. The second table compares the probability of success that a plan promises with the
+share of the objects that it finds. The full run takes a quarter of an hour, `--fast` half a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from opendrift.models.leeway import Leeway
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, Scale, Scenario, leeway, policies
+from DroneSwarmSearch.evaluation.plot_style import DOUBLE, LOOKS, OTHERS, save, styled
+
+Floats = NDArray[np.float64]
+Pair = tuple[float, float]
+
+CLASSES = (
+    *("LIFE-RAFT-NB-2", "PIW-4", "PIW-1", "PIW-2", "PIW-3", "PIW-6", "PERSON-POWERED-VESSEL-2"),
+    *("SKIFF-4", "FISHING-VESSEL-1"),
+)
+WINDS = ((0.0, 10.0), (-6.0, 4.0))  # the second is oblique to the grid
+HOURS = (1, 3, 6)
+MAP_SIZE, MAP_SECONDS = 101, 60  # cells along each side, seconds per step
+
+SEARCH_SIZE, SEARCH_SCALE, SEARCH_STEPS = 61, Scale(130, 13), 277  # an hour
+DRONES = [(25, 25), (35, 25), (25, 35), (35, 35)]
+DETECTION = 0.8
+
+COLUMNS = ("quantity", "object_class", "wind_east", "wind_north", "hours", "map", "opendrift")
+"""Of the file: "spread", the root of the variance along x and y in metres; "distance", the total
+variation of draws and of OpenDrift's objects from the map; "success", promised and found."""
+
+TRACK_SECONDS = 600  # OpenDrift's time step
+METRES_PER_DEGREE = (111_319.5, 110_574.4)  # at 0° N 0° E, WGS 84
+
+
+class Incident(NamedTuple):
+    """What is known of an object; fields and units as in `leeway.person`."""
+
+    object_class: str
+    wind: Pair
+    current: Pair = (0.0, 0.0)
+    position_sd: float = 250.0
+    diffusivity: float = 10.0
+    adrift: float = 0.0
+
+    def tracks(self, hours: float, options: argparse.Namespace) -> Floats:
+        """OpenDrift's tracks in metres (east, north), every ten minutes: (times, tracks, 2)."""
+        model = Leeway(loglevel=50)
+        sea = dict(zip(("x_wind", "y_wind"), self.wind, strict=True))
+        sea |= zip(("x_sea_water_velocity", "y_sea_water_velocity"), self.current, strict=True)
+        for name, value in {**sea, "land_binary_mask": 0}.items():
+            model.set_config(f"environment:constant:{name}", value)
+        numbers = {row["OBJKEY"]: number for number, row in model.leewayprop.items()}
+        place = {"lon": 0.0, "lat": 0.0, "radius": self.position_sd, "time": datetime(2026, 1, 1)}
+        objects = {"number": options.tracks, "jibe_probability": options.jibing}
+        model.seed_elements(**place, **objects, object_type=numbers[self.object_class])
+        steps = {"time_step": TRACK_SECONDS, "time_step_output": TRACK_SECONDS}
+        model.run(duration=timedelta(hours=hours), **steps, export_variables=["lon", "lat"])
+        degrees = np.stack([model.result.lon.values.T, model.result.lat.values.T], axis=-1)
+        by_current = TRACK_SECONDS * np.arange(len(degrees))[:, None, None] * self.current
+        by_wind = degrees * METRES_PER_DEGREE - by_current
+        # OpenDrift sends "right" objects to the left of the wind: mirror them across the wind.
+        downwind = np.array(self.wind) / np.hypot(*self.wind)
+        mirrored: Floats = 2 * (by_wind @ downwind)[..., None] * downwind - by_wind
+        return mirrored + by_current
+
+    def diffused(self, positions: Floats, seconds: float) -> Floats:
+        """Positions after turbulent diffusion, which OpenDrift's Leeway model does not have."""
+        deviation = np.sqrt(2 * self.diffusivity * seconds)
+        return positions + np.random.normal(0.0, deviation, positions.shape)
+
+
+INCIDENTS = (
+    Incident("PIW-1", (0.0, 10.0), adrift=7200.0),
+    Incident("PIW-3", (-5.0, 6.0), (0.15, -0.1), 500.0, diffusivity=3.0, adrift=3600.0),
+    Incident("LIFE-RAFT-NB-1", (6.0, -3.0), (-0.1, 0.2), diffusivity=5.0, adrift=3600.0),
+    Incident("SKIFF-3", (-4.0, -7.0), (0.1, 0.1), diffusivity=5.0, adrift=7200.0),
+)
+
+
+class Snapshot(NamedTuple):
+    """The map after some hours, and the shares of OpenDrift's objects in its cells."""
+
+    hours: int
+    cell: float  # its side in metres
+    matrix: Floats
+    shares: Floats
+
+
+def cells_of(positions: Floats, start: Floats, cell: float) -> NDArray[np.int64]:
+    """The cells (x, y) of positions in metres (east, north) from the start cell."""
+    return np.floor(start + positions * (1, -1) / cell + 0.5).astype(np.int64)
+
+
+def snapshots(incident: Incident, options: argparse.Namespace) -> list[Snapshot]:
+    """The map and OpenDrift's objects after each of `HOURS`, on a grid that just holds all."""
+    tracks = incident.tracks(HOURS[-1], options)
+    seconds = [3600 * hours for hours in HOURS]
+    positions = [incident.diffused(tracks[each // TRACK_SECONDS], each) for each in seconds]
+    corners = np.array([(each.min(axis=0), each.max(axis=0)) for each in (tracks[0], *positions)])
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    cell = float((high - low).max()) / (MAP_SIZE - 1)
+    start = (MAP_SIZE - 1) / 2 - (low + high) / 2 * (1, -1) / cell
+    known = {**incident._asdict(), "start": start, "scale": Scale(cell, MAP_SECONDS)}
+    (forecast,) = Scenario(MAP_SIZE, persons=[leeway.person(**known)]).forecasts()
+    found = []
+    for hours, each in zip(HOURS, positions, strict=True):
+        x, y = cells_of(each, start, cell).T
+        shares = np.bincount(MAP_SIZE * y + x, minlength=MAP_SIZE**2) / len(each)
+        matrix = forecast.exact(3600 * hours // MAP_SECONDS)
+        found.append(Snapshot(hours, cell, matrix, shares.reshape(matrix.shape)))
+    return found
+
+
+def search(incident: Incident, options: argparse.Namespace) -> Pair:
+    """The probability of success that a plan on the map promises, and the share it finds."""
+    tracks, seconds = incident.tracks(incident.adrift / 3600 + 1.5, options), incident.adrift
+    # In the middle of the search, the objects are around the middle of the grid.
+    drifted = tracks[round((seconds + 1800) / TRACK_SECONDS)].mean(axis=0)
+    start = (SEARCH_SIZE - 1) / 2 - drifted * (1, -1) / SEARCH_SCALE.metres_per_cell
+    known = {**incident._asdict(), "start": start, "scale": SEARCH_SCALE}
+    env = DroneSwarmSearch(
+        SEARCH_SIZE,
+        persons=[leeway.person(**known, probability_of_detection=DETECTION)],
+        n_drones=len(DRONES),
+        timestep_limit=SEARCH_STEPS,
+        mission="coverage",  # nobody is found, so the plan runs to its end
+        bayesian_update=True,
+    )
+    policy = policies.make(options.policy, env.scenario)
+    observations, infos = env.reset(seed=0, drones_positions=DRONES)
+    policy.reset()
+    stray = incident.diffused(np.zeros_like(tracks[0]), seconds)
+    missed = np.ones(len(stray))
+    while env.agents:
+        before, part = divmod(seconds / TRACK_SECONDS, 1)
+        drifted = (1 - part) * tracks[int(before)] + part * tracks[int(before) + 1]
+        x, y = cells_of(drifted + stray, start, SEARCH_SCALE.metres_per_cell).T
+        actions = policy(observations)
+        for drone, action in actions.items():
+            if action == Action.SEARCH:
+                column, row = observations[drone]["observation"][0]
+                missed[(x == column) & (y == row)] *= 1 - DETECTION
+        observations, _, _, _, infos = env.step(actions)
+        stray = incident.diffused(stray, SEARCH_SCALE.seconds_per_step)
+        seconds += SEARCH_SCALE.seconds_per_step
+    return infos["probability_of_success"], 1 - float(missed.mean())
+
+
+def moments(matrix: Floats) -> tuple[Floats, Floats]:
+    """Mean and standard deviation in cells, along x and y."""
+    axes, cells = np.stack([matrix.sum(axis=0), matrix.sum(axis=1)]), np.arange(len(matrix))
+    mean = axes @ cells
+    return mean, np.sqrt(axes @ cells**2 - mean**2)
+
+
+def print_row(
+    name: str, wind: Pair, snapshot: Snapshot, options: argparse.Namespace
+) -> list[tuple[object, ...]]:
+    """Print what a map has in common with the tracks, and return rows with `COLUMNS`."""
+    hours, cell, matrix, shares = snapshot
+    draws = np.random.multinomial(options.tracks, matrix.ravel() / matrix.sum())
+    floor = np.abs(draws.reshape(matrix.shape) / options.tracks - matrix).sum() / 2
+    (mean, sd), (other_mean, other_sd) = moments(matrix), moments(shares)
+    apart, (x, y) = cell * np.hypot(*(other_mean - mean)), other_sd / sd - 1
+    distance = np.abs(shares - matrix).sum() / 2
+    print(
+        f"{name:>23}  {wind!s:<12}  {hours} h  {distance:8.3f}  "
+        f"{floor:.3f}  {apart:3.0f} m  {x:+.1%} {y:+.1%}",
+        flush=True,
+    )
+    spread, other_spread = (cell * np.hypot(*each) for each in (sd, other_sd))
+    return [
+        ("spread", name, *wind, hours, f"{spread:.0f}", f"{other_spread:.0f}"),
+        ("distance", name, *wind, hours, f"{floor:.4f}", f"{distance:.4f}"),
+    ]
+
+
+@styled
+def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure:
+    """Map and tracks of the first class, the spread of all, and what plans promise and find."""
+    drawing = Figure((DOUBLE, 5.4))
+    *pictures, spread, success = drawing.subplots(2, 2).flat
+    name, (*_, shown) = next(iter(maps.items()))
+    for axes, matrix, source in zip(pictures, shown[2:], ("the map", "OpenDrift"), strict=True):
+        axes.imshow(matrix, vmax=shown.matrix.max())
+        axes.set(title=f"{name} after {shown.hours} h: {source}", ylabel="y")
+        axes.set(xlabel=f"x, in cells of {shown.cell:.0f} m")
+        axes.grid(visible=False)
+    for (name, each), look in zip(maps.items(), (*LOOKS.values(), *OTHERS), strict=False):
+        sds = [[e.cell / 1000 * np.hypot(*moments(m)[1]) for m in e[2:]] for e in each]
+        by_map, by_tracks = zip(*sds, strict=True)
+        spread.plot(HOURS, by_map, color=look.colour, label=name)
+        spread.plot(HOURS, by_tracks, look.marker, color=look.colour)
+    spread.set(title="Spread: the map (line), OpenDrift (marker)", xlabel="hours", ylabel="km")
+    spread.legend(fontsize=5.5)
+    bars, pairs = np.arange(len(searches)), np.array([*searches.values()]).T
+    for shift, heights, name in zip((-0.2, 0.2), pairs, ("promised", "found"), strict=True):
+        colour = LOOKS["greedy-matrix" if name == "promised" else "greedy-posterior"].colour
+        success.bar(bars + shift, heights, 0.38, color=colour, label=name)
+    success.set(title="Probability of success of a plan", ylim=(0, 1))
+    success.set_xticks(bars, list(searches))
+    success.legend()
+    return drawing
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tracks", type=int, default=200_000, help="per run (200,000)")
+    parser.add_argument("--jibing", type=float, default=0.04, help="probability per hour (0.04)")
+    parser.add_argument("--policy", default="greedy-posterior", help="makes the plans")
+    parser.add_argument("--figure", type=Path, help="write FIGURE.svg and FIGURE.png")
+    parser.add_argument("--csv", type=Path, help="write the rows to this file")
+    parser.add_argument("--fast", action="store_true", help="two classes and one search")
+    options = parser.parse_args()
+    classes, incidents = (CLASSES[:2], INCIDENTS[:1]) if options.fast else (CLASSES, INCIDENTS)
+    np.random.seed(0)  # OpenDrift draws from it
+
+    maps, searches, rows = {}, {}, []
+    print(f"{'object class':>23}  wind, m/s     time  distance  floor  means  sd of x, y")
+    for name in classes:
+        for wind in WINDS:
+            maps[name] = snapshots(Incident(name, wind), options)  # of the last wind in the end
+            for snapshot in maps[name]:
+                rows += print_row(name, wind, snapshot, options)
+    print(f"\n{'object class':>23}  wind, m/s     promised  found")
+    for incident in incidents:
+        name, wind = incident[:2]
+        promised, found = searches[name] = search(incident, options)
+        print(f"{name:>23}  {wind!s:<12}  {promised:8.1%}  {found:.1%}", flush=True)
+        hours = incident.adrift / 3600
+        rows.append(("success", name, *wind, hours, f"{promised:.4f}", f"{found:.4f}"))
+    if options.figure:
+        for path in save(figure(maps, searches), options.figure):
+            print(f"wrote {path}")
+    if options.csv:
+        with options.csv.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows([COLUMNS, *rows])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""The comparison with OpenDrift: its tracks, and a short run as users run it."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from trainer_examples import module, run
+
+from DroneSwarmSearch import leeway
+
+pytest.importorskip("opendrift")
+
+pytestmark = pytest.mark.slow
+
+EXAMPLE = "compare_with_opendrift"
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    return module(EXAMPLE)
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("wind", [(0.0, 10.0), (-6.0, 4.0), (5.0, 5.0)])
+def test_tracks_drift_as_the_coefficients_state(
+    example: ModuleType, wind: tuple[float, float]
+) -> None:
+    """PIW-4 drifts further to the right than to the left of the wind."""
+    options = argparse.Namespace(tracks=20_000, jibing=0.0)
+    incident = example.Incident("PIW-4", wind, current=(0.2, -0.1), position_sd=0.0)
+    np.random.seed(0)
+    tracks = incident.tracks(2, options)
+    assert tracks.shape == (13, 20_000, 2)
+    assert not tracks[0].any()
+
+    velocity = tracks[-1] / 7200 - incident.current
+    downwind = np.array(wind) / np.hypot(*wind)
+    along, right = velocity @ downwind, velocity @ (downwind[1], -downwind[0])
+    speeds = leeway.CLASSES["PIW-4"].speeds(float(np.hypot(*wind)))
+    assert along.mean() == pytest.approx(speeds.downwind, abs=0.002)
+    assert along.std() == pytest.approx(speeds.downwind_sd, abs=0.002)
+    assert right.mean() == pytest.approx((speeds.right + speeds.left) / 2, abs=0.002)
+    assert speeds.right + speeds.left > 0.02
+
+
+@pytest.mark.filterwarnings("default")
+def test_diffusion_spreads_positions(example: ModuleType) -> None:
+    incident = example.Incident("PIW-1", (0.0, 10.0), diffusivity=5.0)
+    spread = incident.diffused(np.zeros((50_000, 2)), 360.0)
+    assert spread.std(axis=0) == pytest.approx(60.0, rel=0.02)  # the root of 2 K t
+
+
+def test_map_and_plan_agree_with_opendrift(tmp_path: Path) -> None:
+    """Without jibing, which the map leaves out."""
+    options = ["--fast", "--tracks", 20_000, "--jibing", 0, "--figure", tmp_path / "figure"]
+    printed = run(EXAMPLE, *options)
+    row = r"^ *(\S+)  (\(.*\)) +{}$"
+    maps = re.findall(row.format(r"(\d) h +(\S+) +(\S+) +(\d+) m  (\S+)% (\S+)%"), printed, re.M)
+    assert len(maps) == 2 * 2 * 3
+    for name, _, hours, distance, floor, apart, *wider in maps:
+        assert float(distance) < 1.2 * float(floor), name
+        assert float(apart) < 30 * int(hours), name
+        assert all(abs(float(percent)) < 5 for percent in wider), name
+    searches = re.findall(row.format(r"(\S+)%  (\S+)%"), printed, re.M)
+    assert len(searches) == 1
+    for *_, promised, found in searches:
+        assert 40 < float(found) <= float(promised) + 1
+        assert float(promised) < float(found) + 5
+    assert (tmp_path / "figure.svg").exists() and (tmp_path / "figure.png").exists()

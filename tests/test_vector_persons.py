@@ -1,0 +1,376 @@
+"""Batches whose persons have hypotheses, catalogues of situations, and the coverage mission."""
+
+from __future__ import annotations
+
+import pickle
+import random
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from batches import CATALOGUE, CONSTANT, DRONES, PERSON, POD, seen
+from helpers import plain
+from test_vector_engine import Case, Twins, planned, play, random_case, use_threads
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario
+from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbers, stream_keys
+from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.vector import (
+    DroneVectorEnv,
+    SearchBatch,
+    SwarmVectorEnv,
+    beliefs,
+    forecasts,
+    tabulated_forecasts,
+)
+
+SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
+
+# Random cases, each compared with single environments.
+
+
+def random_drift(rng: random.Random, size: int) -> Drift:
+    known: dict[str, Any] = {
+        "vector": (rng.choice([0, 0.3, -0.5, 1.0, -2.5, 1e6]), rng.choice([0, 0.2, -0.0])),
+        "vector_sd": rng.choice([0.0, 0.05, (0.1, 0.0), (0.2, 0.3)]),
+        "diffusion": rng.choice([0.0, 0.1, 0.3, 2 / 3]),
+        "weight": rng.choice([1, 2, 0.3, 1e-3]),
+    }
+    kind = rng.choice(["prior", "cell", "uncertain", "adrift"])
+    if kind == "prior":
+        prior = np.array([[rng.choice([0, 0, 0, 1, 2.5]) for _ in range(size)] for _ in "x" * size])
+        prior[rng.randrange(size), rng.randrange(size)] += 1
+        return Drift(prior, **known)
+    if kind == "cell":
+        return Drift((rng.randrange(size), rng.randrange(size)), **known)
+    start = rng.uniform(-1, size), rng.uniform(-1, size)
+    if kind == "adrift":
+        return Drift(start, adrift=rng.randint(1, 9), **known)
+    return Drift(start, start_sd=rng.choice([0.5, 2.0, (0.3, 1.0)]), **known)
+
+
+def random_situations(rng: random.Random, size: int) -> list[list[Person]]:
+    """Situations with equal and different persons, some without arrays as starts."""
+    drifts = [random_drift(rng, size) for _ in range(6)]
+    if rng.random() < 0.5:
+        drifts = [drift for drift in drifts if drift.prior is None] or [Drift((0, 0))]
+    pool = [rng.choices(drifts, k=rng.randint(1, 3)) for _ in range(rng.randint(1, 4))]
+    persons = rng.randint(1, 3)
+    return [
+        [Person(rng.choice(pool), rng.choice([1.0, 0.6, 0.2, 0.0])) for _ in range(persons)]
+        for _ in range(rng.randint(1, 4))
+    ]
+
+
+def random_search(rng: random.Random) -> Case:
+    case = random_case(rng)
+    parameters = dict(case.parameters)
+    if rng.random() < 0.7:
+        for name in ("vector", PERSON, CONSTANT, POD):
+            del parameters[name]
+        situations = random_situations(rng, parameters["grid_size"])
+        if rng.random() < 0.3:
+            parameters["persons"] = situations[0]
+        else:
+            parameters["situations"] = situations
+            if rng.random() < 0.3:
+                parameters["situation"] = random_situation(rng, len(situations), case.rows)
+    if rng.random() < 0.4:
+        parameters["mission"] = "coverage"
+        schemes = RewardScheme(), RewardScheme.sparse(), RewardScheme(step=-1.0, timeout=-5.0)
+        parameters["reward_scheme"] = rng.choice(schemes)
+    elif rng.random() < 0.4:
+        parameters["reward_scheme"] = RewardScheme.expected(rng.choice([1.0, 7.5]))
+    return replace(case, parameters=parameters)
+
+
+def random_situation(rng: random.Random, count: int, rows: int) -> Any:
+    """One for all rows, or one for each."""
+    if rng.random() < 0.5:
+        return rng.randrange(count)
+    return np.array([rng.randrange(count) for _ in range(rows)])
+
+
+def check_search(case: Case) -> Counter[Ending]:
+    """Compare a batch with its environments; returns how often each ending occurred."""
+    rng, endings = random.Random(case.seed), Counter[Ending]()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
+        patch.setattr(beliefs, "_BEGIN_ROWS", 2)
+        patch.setattr(forecasts, "_CHUNK_BYTES", 500)
+        if case.on_the_fly:
+            patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
+        if case.shared:
+            use_threads(patch)
+        twins = Twins(case.rows, case.parameters)
+        twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
+        for turn in range(case.steps):
+            actions = []
+            for row, frame in enumerate(twins.frames):
+                if not frame.persons:  # the coverage mission: hunt the likeliest cell
+                    y, x = divmod(int(frame.matrix.argmax()), frame.grid_size)
+                    frame = replace(frame, persons=((x, y),), found_by=(None,))
+                actions.append(planned(case.plans, frame, turn + row, rng))
+            twins.step(np.array(actions))
+            endings.update(frame.ending for frame in twins.frames if frame.ending is not None)
+            if rng.random() < case.resets:
+                rows = sorted(rng.sample(range(case.rows), rng.randint(1, case.rows)))
+                given = {}
+                if twins.situations is not None and rng.random() < 0.4:
+                    count = len(twins.situations)
+                    given = {"situation": random_situation(rng, count, case.rows)}
+                twins.reset([rng.choice([None, rng.randrange(99)]) for _ in rows], rows, given)
+    return endings
+
+
+def test_every_row_is_the_single_environment() -> None:
+    endings: Counter[Ending] = Counter()
+    for number in range(45):
+        endings += check_search(random_search(random.Random(number)))
+    assert {ending: endings[ending] for ending in Ending if endings[ending] < 2} == {}
+
+
+@pytest.mark.slow
+def test_every_row_is_the_single_environment_in_thousands_of_cases() -> None:
+    for number in range(45, 3000):
+        check_search(random_search(random.Random(number)))
+
+
+# Situations.
+
+
+def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams() -> None:
+    count, rows, episodes = 3, 40, 60
+    batch = SearchBatch(rows, situations=CATALOGUE, **SIZES)
+    drawn = []
+    for episode in range(episodes):
+        batch.reset(range(rows) if episode == 0 else None)
+        drawn.append(batch.parameters["situation"])
+        keys = np.array([stream_keys(row)[2] for row in range(rows)])
+        of_episode = episode_keys(keys, np.array([episode], np.uint64))
+        first = numbers(of_episode, np.zeros(1, np.uint64))
+        assert drawn[-1].tolist() == (first * count).astype(int).tolist()
+    expected = rows * episodes / count
+    frequencies = np.bincount(np.concatenate(drawn))
+    assert np.abs(frequencies - expected).max() < 4 * np.sqrt(expected * (1 - 1 / count))
+
+
+def test_scenarios_of_rows_reproduce_their_episodes() -> None:
+    batch = SearchBatch(6, situations=CATALOGUE, bayesian_update=True, **SIZES)
+    batch.reset(range(6))
+    assert len(set(batch.parameters["situation"].tolist())) > 1
+    envs = [DroneSwarmSearch(scenario=batch.scenario_of(row)) for row in range(6)]
+    for seed, env in enumerate(envs):
+        env.reset(seed=seed)
+    for _ in range(10):
+        batch.step(np.full((6, 2), Action.SEARCH))
+        for row, env in enumerate(envs):
+            if env.agents:
+                env.step(dict.fromkeys(env.agents, Action.SEARCH))
+                assert plain(vars(batch.frame(row))) == plain(vars(env.frame()))
+    with pytest.raises(ValueError, match=r"differ in situation; scenario_of\(row\)"):
+        _ = batch.scenario
+    batch.reset(given={"situation": 1})
+    assert batch.scenario == batch.scenario_of(3) == envs[0].scenario.replace(persons=CATALOGUE[1])
+
+
+def test_persons_and_a_catalogue_of_one_situation_are_the_same() -> None:
+    scenario = Scenario(**SIZES, persons=CATALOGUE[1])
+    batches = [
+        SearchBatch(4, scenario=scenario),
+        SearchBatch(4, persons=CATALOGUE[1][0], **SIZES),
+        SearchBatch(4, situations=CATALOGUE[1:2], **SIZES),
+        SearchBatch(4, situations=CATALOGUE, situation=1, **SIZES),
+    ]
+    for batch in batches:
+        assert batch.scenario == scenario
+        batch.reset(range(4))
+        batch.step(np.full((4, 2), Action.SEARCH))
+    kept = [[row[:10] for row in seen(batch)] for batch in batches]
+    assert kept[0] == kept[1] == kept[2] == kept[3]
+
+
+def test_a_given_situation_is_for_the_episode_alone() -> None:
+    twins = Twins(5, {"situations": CATALOGUE, "bayesian_update": True, **SIZES})
+    other = SearchBatch(5, situations=CATALOGUE, **SIZES)
+    for given in ({"situation": 2}, {"situation": [0, 1, 2, 2, 1]}):
+        twins.reset(list(range(5)), given=given)
+        other.reset(range(5))
+        assert twins.batch.parameters["situation"].tolist() in ([2] * 5, given["situation"])
+        play(twins, 1)
+        twins.reset()
+        other.reset()
+        drawn = other.parameters["situation"]
+        assert twins.batch.parameters["situation"].tolist() == drawn.tolist()
+        assert len(set(drawn.tolist())) > 1
+
+
+def test_samplers_choose_situations() -> None:
+    def sampler(rng: RowGenerator) -> dict[str, Any]:
+        first = rng.integers(0, 3)
+        return {"situation": (first + 1) % 3, DRONES: [[(0, 0), (5, 5)]] * len(rng)}
+
+    batch, plain_batch = (
+        SearchBatch(50, situations=CATALOGUE, sampler=each, **SIZES) for each in (sampler, None)
+    )
+    for each in (batch, plain_batch):
+        each.reset(range(50))
+    sampled = batch.parameters["situation"]
+    assert set(sampled.tolist()) == {0, 1, 2}
+    assert batch.positions[:, 1].tolist() == [[5, 5]] * 50
+    # The sampler's draws do not depend on the batch's own.
+    shifts = (sampled - plain_batch.parameters["situation"]) % 3
+    assert set(shifts.tolist()) == {0, 1, 2}
+    env = DroneSwarmSearch(scenario=batch.scenario_of(7))
+    env.reset(seed=7, options={DRONES: [(0, 0), (5, 5)]})
+    assert plain(vars(batch.frame(7))) == plain(vars(env.frame()))
+    batch.reset(given={"situation": 0})
+    assert not batch.parameters["situation"].any()
+
+
+def test_parameters_can_be_given_to_the_next_reset() -> None:
+    batch = SearchBatch(4, situations=CATALOGUE, **SIZES)
+    batch.reset([1, 2, 3, 4])
+    before = seen(batch)
+    parameters = batch.parameters
+    assert list(parameters) == ["situation", DRONES]
+    batch.reset([1, 2, 3, 4], given=parameters)
+    assert seen(batch) == before
+
+
+BAD_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
+    ({"situations": []}, ValueError, "situations must hold at least one situation"),
+    ({"situations": 5}, TypeError, "situations must be a sequence of situations"),
+    ({"situations": CATALOGUE[0][0]}, TypeError, "situations must be a sequence of situations"),
+    ({"situations": [[]]}, ValueError, r"situations\[0\] must hold at least one Person"),
+    ({"situations": [CATALOGUE[0], [3]]}, TypeError, r"situations\[1\]\[0\] must be a Person"),
+    (
+        {"situations": [CATALOGUE[0], CATALOGUE[0] * 2]},
+        ValueError,
+        r"same number of persons, got 1 in situations\[0\] and 2 in situations\[1\]",
+    ),
+    (
+        {"situations": [CATALOGUE[0], [Person(Drift((6, 0)))]]},
+        ValueError,
+        r"situations\[1\]\[0\].drifts\[0\].start\[0\] must be a whole number from 0 to 5",
+    ),
+    (
+        {"situations": CATALOGUE, "persons": CATALOGUE[0]},
+        ValueError,
+        "persons cannot be given together with situations",
+    ),
+    ({"situations": CATALOGUE, "vector": (1, 0)}, ValueError, "vector cannot be given together"),
+    (
+        {"situations": CATALOGUE, PERSON: np.zeros((3, 1, 2), int)},
+        ValueError,
+        f"{PERSON} cannot be given together with situations",
+    ),
+    ({"situations": CATALOGUE, POD: 0.5}, ValueError, f"{POD} cannot be given together"),
+    ({"persons": CATALOGUE[0], CONSTANT: 3}, ValueError, f"{CONSTANT} cannot be given together"),
+    ({"persons": [3]}, TypeError, r"persons\[0\] must be a Person"),
+    ({"situation": 0}, ValueError, "situation must be given together with situations, got 0"),
+    ({"situations": CATALOGUE, "situation": 3}, ValueError, "integer from 0 to 2, got 3"),
+    ({"situations": CATALOGUE, "situation": -1}, ValueError, "integer from 0 to 2, got -1"),
+    ({"situations": CATALOGUE, "situation": 1.0}, TypeError, "integer from 0 to 2, got 1.0"),
+    ({"situations": CATALOGUE, "situation": True}, TypeError, "integer from 0 to 2, got True"),
+    ({"situations": CATALOGUE, "situation": [0, 1]}, ValueError, r"array of shape \(3,\)"),
+    ({"situations": CATALOGUE, "situation": [0, 1, 3]}, ValueError, r"situation\[2\] .* got 3"),
+    ({"situations": CATALOGUE, "situation": [0.0] * 3}, TypeError, "or one for each search"),
+    ({"mission": "rescues"}, ValueError, "mission must be one of"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "error", "match"), BAD_ARGUMENTS)
+def test_bad_arguments_are_refused_by_name(
+    arguments: dict[str, Any], error: type[Exception], match: str
+) -> None:
+    for make in (SearchBatch, SwarmVectorEnv, DroneVectorEnv):
+        with pytest.raises(error, match=match):
+            make(3, **SIZES, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "match"),
+    [
+        ({"vector": (0, 0)}, ValueError, "vector cannot be given together with persons"),
+        ({PERSON: (0, 0)}, ValueError, f"{PERSON} cannot be given together with persons"),
+        ({CONSTANT: 1.0}, ValueError, f"{CONSTANT} cannot be given together with persons"),
+        ({"situation": 3}, ValueError, "situation must be an integer from 0 to 2, got 3"),
+        ({"situation": "1"}, TypeError, "situation must be an integer from 0 to 2, got '1'"),
+        ({"persons": CATALOGUE[0]}, ValueError, r"\(situation, drones_positions\), got 'persons'"),
+    ],
+)
+def test_bad_values_in_resets_and_samplers_change_nothing(
+    given: dict[str, Any], error: type[Exception], match: str
+) -> None:
+    batch = SearchBatch(3, situations=CATALOGUE, **SIZES)
+    batch.reset([1, 2, 3])
+    before = pickle.dumps(batch)
+    with pytest.raises(error, match=match):
+        batch.reset([1, 2, 3], given=given)
+    assert pickle.dumps(batch) == before
+    sampled = SearchBatch(3, situations=CATALOGUE, sampler=lambda rng: given, **SIZES)
+    with pytest.raises(error, match=match):
+        sampled.reset([1, 2, 3])
+    usual = SearchBatch(3, **SIZES)
+    with pytest.raises(ValueError, match="situation must be given together with situations"):
+        usual.reset([1, 2, 3], given={"situation": 0})
+
+
+def test_tables_of_situations_that_do_not_fit_in_memory_are_refused() -> None:
+    prior = Person(Drift(np.ones((1000, 1000))))
+    with pytest.raises(ValueError, match=r"starts that are arrays would take at least .* GiB"):
+        SearchBatch(1, grid_size=1000, timestep_limit=10**9, persons=prior)
+
+
+def test_a_catalogue_has_a_table_of_matrices() -> None:
+    batch = SearchBatch(9, situations=CATALOGUE, wants_table=True, **SIZES)
+    batch.reset(range(9))
+    for _ in range(5):
+        batch.step(np.full((9, 2), Action.IDLE))
+    matrices = batch.matrices_of(np.arange(9))
+    assert batch.table[batch.table_index].tobytes() == matrices.tobytes()
+    assert len(batch.table) == 3 * 16
+
+
+# The probability of success, and the coverage mission.
+
+
+def test_success_is_known_only_with_beliefs() -> None:
+    for changes, known in (
+        ({}, False),
+        ({"bayesian_update": True}, True),
+        ({"reward_scheme": RewardScheme.expected()}, True),
+        ({"mission": "coverage"}, True),
+    ):
+        for view in (SwarmVectorEnv, DroneVectorEnv):
+            env = view(3, persons=CATALOGUE[0], **SIZES, **changes)
+            _, infos = env.reset(seed=1)
+            assert ("probability_of_success" in infos) == known
+            assert (env.batch.probability_of_success is not None) == known
+            actions = np.full(env.action_space.shape, Action.SEARCH)
+            infos = env.step(actions)[-1]
+            assert ("probability_of_success" in infos) == known
+            if known:
+                success = infos["probability_of_success"]
+                assert success.shape == (env.num_envs,) and success.dtype == np.float64
+                assert infos["_probability_of_success"].all()
+
+
+def test_a_drone_covers_the_only_cell_and_ends_the_mission() -> None:
+    batch = SearchBatch(3, persons=Person(Drift((0, 0)), 0.9), mission="coverage", **SIZES)
+    batch.reset([1, 2, 3])
+    paid = []
+    for expected in (0.9, 0.99, 0.999):
+        assert not batch.ended.any()
+        batch.step([[Action.SEARCH, Action.IDLE]] * 3)
+        success = batch.probability_of_success
+        assert success is not None
+        np.testing.assert_allclose(success, expected, atol=1e-12)
+        paid.append(batch.rewards[0, 0])
+    assert batch.endings.tolist() == [Ending.COVERED] * 3
+    assert batch.missing.all() and not batch.found.any()
+    np.testing.assert_allclose(paid, [0.9, 0.09, 0.009], atol=1e-12)
+    assert batch.frame(0).persons == ()
