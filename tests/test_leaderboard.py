@@ -188,6 +188,12 @@ class TestPage:
         text = page.markdown(board, "command")
         assert "bound" not in text.replace("share of bound", "bound").lower()
 
+    def test_the_page_states_what_the_network_was_trained_with(self) -> None:
+        packaged = Leaderboard((made_up("ppo", "pond", 40),))
+        assert "an earlier drift model" in page.markdown(packaged, "command")
+        own = Leaderboard((made_up("ppo", "pond", 40),), ("ppo",))
+        assert "an earlier drift model" not in page.markdown(own, "command")
+
     def test_tables_are_aligned_as_plain_text(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 5)))
         for block in re.findall(r"(?:^\|.*\|\n)+", page.markdown(board, "command"), re.MULTILINE):

@@ -52,6 +52,10 @@ Theory of Optimal Search, 1975; Brown, Operations Research 28:1275, 1980)."""
 EXAMPLE = "gale"
 """The search of the plots that show only one, if it was evaluated."""
 
+CALIBRATION = "night"
+"""The search of the reliability diagram, if it was evaluated: most cells are searched again, so the
+prior is far from the posterior."""
+
 
 def ranked_by_theory(names: Sequence[str]) -> list[str]:
     """Sort policies by `THEORY`; those that it does not name come last."""
@@ -351,7 +355,8 @@ def _for_calibration(
     if not single or not specs:
         return None
     by_name = {each.name: each for each in specs}
-    return by_name.get("greedy-posterior", specs[0]), example_search(single)
+    search = next((each for each in single if each.name == CALIBRATION), example_search(single))
+    return by_name.get("greedy-posterior", specs[0]), search
 
 
 def _expected_duration(task: EvaluationTask | BoundTask) -> tuple[bool, bool, int, int]:

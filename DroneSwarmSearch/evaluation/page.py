@@ -44,6 +44,13 @@ PLOTS = {
 }
 """The plots by file name without suffix, with their text alternatives."""
 
+NOTES = {
+    "ppo": "The network `ppo` was trained with an earlier drift model, in which persons wandered "
+    "more between neighbouring cells, and only on searches from a known cell. It searches the same "
+    "cells too often."
+}
+"""What readers should know of the package's policies, by name."""
+
 
 def write(board: Leaderboard, out: Path, command: str) -> list[Path]:
     """Write `leaderboard.md`, `.csv` and `.json`, and plots if Matplotlib is installed.
@@ -161,6 +168,9 @@ def _lines(board: Leaderboard, command: str, plots: Collection[str]) -> Iterator
         "restricted mean time to find divided by the time limit; lower is better."
     )
     yield from (*markdown_table(suite_table(board)), "")
+    for policy in board.policies:
+        if policy in NOTES and policy not in board.added:
+            yield from _paragraph(NOTES[policy])
     yield from _comparisons(board)
     yield from _bounds(board)
     yield from ("## Success over time", "", *_plot("curves", plots), *_plot("one-search", plots))
