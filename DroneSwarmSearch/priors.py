@@ -255,7 +255,8 @@ def _before(edges: Floats, start: list[float], end: list[float]) -> Floats:
         Shape (n, n): for each Y and X.
     """
     (x0, y0), (x1, y1) = start, end
-    to = np.clip((edges - y0) / (y1 - y0), 0.0, 1.0)
+    with np.errstate(over="ignore"):  # clipped; the heights of the ends may be almost equal
+        to = np.clip((edges - y0) / (y1 - y0), 0.0, 1.0)
     first, last = (to[:1], to) if y1 > y0 else (to, to[:1])
     ends = x0 + (x1 - x0) * first, x0 + (x1 - x0) * last
     low, high = np.minimum(*ends)[:, None], np.maximum(*ends)[:, None]
