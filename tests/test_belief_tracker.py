@@ -14,7 +14,7 @@ from helpers import HUNT, SPREAD, careful_actions, planned_actions
 from hypothesis import given, settings
 from small_searches import uncertain_persons
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
@@ -250,3 +250,12 @@ def test_of_hypotheses_is_joint() -> None:
     np.testing.assert_allclose(joint.sum(axis=(1, 2)), expected)
     np.testing.assert_allclose(tracker.belief(0), joint.sum(axis=0))
     np.testing.assert_allclose(tracker.success, 0.6 * joint.sum(axis=0))
+
+
+def test_in_coverage_missions_a_person_who_would_have_been_found_counts_no_more() -> None:
+    persons = [Person(Drift((1, 1))), Person(Drift((3, 3), start_sd=1))]
+    for mission, share in (("coverage", 0.0), ("rescue", 0.5)):
+        tracker = BeliefTracker(Scenario(5, persons=persons, mission=mission))
+        tracker.update([(1, 1)], [Action.SEARCH])
+        other = tracker.belief(1)[1, 1] / 2
+        assert tracker.success[1, 1] == pytest.approx(share + other)

@@ -22,7 +22,7 @@ import pytest
 
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, progress, run
+from DroneSwarmSearch.evaluation import SUITE, evaluate, progress, run
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -186,20 +186,18 @@ def test_all_means_the_whole_suite(capsys, monkeypatch):
 
 @pytest.mark.parametrize("reaches", [True, False])
 @pytest.mark.parametrize("name", ["evaluate", "leaderboard", "bound", "record"])
-def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(
-    capsys, monkeypatch, tmp_path, name, reaches
-):
+def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(capsys, tmp_path, name, reaches):
     person = Person(Drift((3, 3), start_sd=0.3, vector=(0.3 if reaches else 0.0, 0)))
-    search = NamedSearch("storm", "For tests.", Scenario(7, timestep_limit=10, persons=person))
-    for module in ("commands", "board", "suite"):  # they are imported with the real suite
-        monkeypatch.setattr(f"DroneSwarmSearch.evaluation.{module}.SUITE", {"storm": search})
+    storm = tmp_path / "storm.json"
+    data = Scenario(7, timestep_limit=10, persons=person).to_dict()
+    storm.write_text(json.dumps(data), "utf-8")
     few = ["--episodes", 2]
     arguments = {
-        "evaluate": ["random", "storm", *few],
+        "evaluate": ["random", storm, *few],
         "leaderboard": ["--policies", "random", "greedy-matrix", "--no-bound", "--workers", 1]
-        + ["--out", tmp_path / "board", *few],
-        "bound": ["storm"],
-        "record": ["storm", "--policy", "random", "--out", tmp_path / "storm.gif"],
+        + ["--searches", storm, "--out", tmp_path / "board", *few],
+        "bound": [storm],
+        "record": [storm, "--policy", "random", "--out", tmp_path / "storm.gif"],
     }
     printed = answer(capsys, name, *arguments[name]).err
     warning = "warning: storm: 4.8% of a person's forecast lies beyond the grid of 7 x 7 cells"

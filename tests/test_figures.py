@@ -194,3 +194,28 @@ def test_the_model_page_has_the_committed_results() -> None:
             for column in columns
         ]
         assert f"| ({x:g}, {y:g}) | " + " | ".join(cells) + " |" in page
+
+
+def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
+    page = " ".join((DOCS / "model.md").read_text("utf-8").split())
+    with (COMMITTED / "opendrift.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    def of(quantity: str, hours: float | None = None) -> np.ndarray:
+        """The values of the map and of OpenDrift, shape (rows, 2)."""
+        return np.array(
+            [
+                (float(row["map"]), float(row["opendrift"]))
+                for row in rows
+                if row["quantity"] == quantity and hours in (None, float(row["hours"]))
+            ]
+        )
+
+    assert len({row["object_class"] for row in rows if row["quantity"] == "spread"}) == 9
+    for hours, percent in ((1, 1), (6, 7)):
+        ours, theirs = of("spread", hours).T
+        assert np.abs(theirs / ours - 1).max() < percent / 100
+    excess = {hours: float(np.diff(of("distance", hours)).mean()) for hours in (1, 6)}
+    assert f"by {excess[1]:.3f} on average after one hour and by {excess[6]:.3f} after six" in page
+    promised, found = of("success").T
+    assert (np.abs(promised - found - 0.02) < 0.01).all()  # "about two points"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -470,19 +471,14 @@ def python(code: str, *arguments: object) -> str:
 class TestCommand:
     @pytest.mark.parametrize("mission", ["rescue", "coverage"])
     def test_it_films_uncertain_persons(
-        self,
-        mission: str,
-        tmp_path: Path,
-        capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch,
+        self, mission: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         search = at_sea(mission=mission)
-        for module in ("commands", "suite"):  # `commands` is imported with the real suite
-            monkeypatch.setattr(f"DroneSwarmSearch.evaluation.{module}.SUITE", {"storm": search})
-        path = tmp_path / "storm.gif"
-        arguments = ["record", "storm", "--policy", "greedy-posterior", "--out", str(path)]
+        file, path = tmp_path / "storm.json", tmp_path / "storm.gif"
+        file.write_text(json.dumps(search.data), "utf-8")
+        arguments = ["record", str(file), "--policy", "greedy-posterior", "--out", str(path)]
         assert command.main(arguments) == 0
-        pairs = list(frames("greedy-posterior", "storm"))
+        pairs = list(frames("greedy-posterior", search))
         outcome = outcome_in_brief(pairs[-1][1])
         captured = capsys.readouterr()
         assert captured.out == f"{path}: greedy-posterior searching storm, {outcome}\n"

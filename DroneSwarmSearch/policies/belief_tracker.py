@@ -64,6 +64,7 @@ class BeliefTracker:
         self.missing = tuple(range(len(self.forecasts)))
         self._beliefs: tuple[Floats, ...] | None = None  # None before the first search
         self._perhaps_found: tuple[int, ...] = ()  # by the latest searches
+        self._kept = [1.0] * len(self.forecasts)  # see `success`
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BeliefTracker:
         twin = object.__new__(type(self))
@@ -86,12 +87,13 @@ class BeliefTracker:
     def success(self) -> Floats:
         """Probability of success (POS) of searching each cell, the mean over the missing persons.
 
-        float64, shape (N, N), indexed [y, x]: the mean of probability of detection x belief.
+        float64, shape (N, N), indexed [y, x]: the mean of probability of detection x belief. In
+        the coverage mission, nobody says who would have been found, so each person counts as
+        much as the probability that no search so far has found them.
         """
-        detections = self.scenario.detections
-        total = np.zeros((self.scenario.grid_size,) * 2)
+        detections, total = self.scenario.detections, np.zeros((self.scenario.grid_size,) * 2)
         for person in self.missing:
-            total += detections[person] * self.belief(person)
+            total += detections[person] * self._kept[person] * self.belief(person)
         return total / len(self.missing)
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
@@ -169,11 +171,16 @@ class BeliefTracker:
     def _update_beliefs(self, searched: list[int]) -> None:
         """Apply Bayes' rule for unsuccessful searches."""
         beliefs = [self.joint(person) for person in range(len(self.forecasts))]
-        perhaps_found = []
+        perhaps_found, kept = [], self._kept.copy()
         for person in self.missing:
             detection = self.scenario.detections[person]
             chances = over_hypotheses(beliefs[person]).reshape(-1)[searched]
             if detection > 0.0 and chances.any():
                 perhaps_found.append(person)
-            beliefs[person], _ = after_unsuccessful_search(beliefs[person], searched, detection)
+            beliefs[person], missed = after_unsuccessful_search(
+                beliefs[person], searched, detection
+            )
+            if self.scenario.mission == "coverage":
+                kept[person] *= missed
+        self._kept = kept
         self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)
