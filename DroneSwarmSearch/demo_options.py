@@ -149,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="P",
         type=float,
         default=1.0,
-        help="chance that a search of the right cell finds the person, 0 to 1",
+        help="probability that a search of the person's cell finds the person, 0 to 1",
     )
     add(
         "--mission",
@@ -196,7 +196,7 @@ def _add_incident(add: Callable[..., object]) -> None:
         metavar="SECONDS",
         type=float,
         default=0.0,
-        help="from the last known position to the begin of the search",
+        help="from the last known position to the beginning of the search",
     )
     add(
         "--diffusivity",

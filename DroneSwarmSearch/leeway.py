@@ -247,7 +247,7 @@ def person(
         )
 
     Args:
-        object_class: a key of `CLASSES`, or an `ObjectClass` of your own.
+        object_class: a key of `CLASSES`, or your own `ObjectClass`.
         start: the last known position, a cell (x, y); real numbers, also outside the grid, if
             `position_sd` or `adrift` is positive.
         position_sd: its standard deviation along each axis, in metres.

@@ -260,7 +260,7 @@ class Person:
     Attributes:
         drifts: the hypotheses, a tuple of `Drift`; one drift or any sequence of them is
             accepted.
-        probability_of_detection: the chance that a search of the person's cell finds the
+        probability_of_detection: the probability that a search of the person's cell finds the
             person, from 0 to 1.
 
     Raises:
@@ -291,6 +291,11 @@ class Person:
         relative = [drift.weight / largest for drift in self.drifts]
         total = math.fsum(relative)
         return tuple(weight / total for weight in relative)
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """A hashable key of the drifts and weights; equal for equal forecasts."""
+        return (*(drift.key for drift in self.drifts), self.weights)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """Raise a ValueError if the start of a drift does not fit on a grid.

@@ -2,7 +2,7 @@
 
 The searches are data, in `suite_v1.json`, each with the reason for it; `docs/make_suite.py` wrote
 the file. They never change, so that results stay comparable; other parameters make another version
-of the suite, in a file of its own.
+of the suite, in another file.
 """
 
 from __future__ import annotations

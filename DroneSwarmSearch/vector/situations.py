@@ -46,8 +46,7 @@ class Situations:
         forecasts: dict[object, tuple[int, Person]] = {}
         numbers = []
         for person in (person for situation in persons for person in situation):
-            key = (*(drift.key for drift in person.drifts), person.weights)
-            numbers.append(forecasts.setdefault(key, (len(forecasts), person))[0])
+            numbers.append(forecasts.setdefault(person.key, (len(forecasts), person))[0])
         self.numbers: Ints = np.array(numbers).reshape(len(persons), -1).T.copy()
         different = [person for _, person in forecasts.values()]
         self.mixtures = Mixtures.of_persons(different)
