@@ -47,7 +47,8 @@ from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
-from DroneSwarmSearch.policies import GreedyPolicy, PlannerPolicy
+from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
