@@ -7,7 +7,7 @@ parameters or by a situation of the batch's catalogue.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -25,7 +25,7 @@ from DroneSwarmSearch.scenario import (
     resolve_scenario,
 )
 from DroneSwarmSearch.vector.forecasts import DriftParameters
-from DroneSwarmSearch.vector.situations import Situations, checked_situations
+from DroneSwarmSearch.vector.situations import Persons, Situations, checked_situations
 from DroneSwarmSearch.vector.tabulated_forecasts import table_bytes
 
 __all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler"]
@@ -131,34 +131,17 @@ class BatchParameters:
         named = {rows_name: rows}
         checks.fits("the drones", _DRONE_BYTES * rows * n, **named, n_drones=n)
         drift: RowValues = {}
-        catalogue: list[Any] = []
+        catalogue: Sequence[Persons] = []
         if situations is not None:
-            for name in (*REPLACED, "persons"):
-                if not is_default(name, parameters[name]):
-                    raise ValueError(
-                        f"{name} cannot be given together with situations, got "
-                        f"{parameters[name]!r}; each Person has its own"
-                    )
+            _require_defaults(parameters)
             catalogue = checked_situations(situations, size)
             shared = Scenario(**{**parameters, "persons": catalogue[0]})
         elif parameters["persons"] is not None:
             shared = Scenario(**parameters)
-            catalogue = [shared.persons]
+            catalogue = [shared.situation]
         else:
-            start = persons_of_rows(parameters["person_initial_position"], rows, size)
-            vectors = checks.pairs("vector", parameters["vector"], rows)
-            drift = {
-                "vector": np.ascontiguousarray(vectors.T),
-                "person_initial_position": _by_person(start),
-                "disperse_constant": checks.reals(
-                    "disperse_constant", parameters["disperse_constant"], rows, 0
-                ),
-            }
-            first_row = {
-                "vector": drift["vector"][:, 0],
-                "person_initial_position": start[0],
-                "disperse_constant": drift["disperse_constant"][0],
-            }
+            drift = _drift_values(parameters, rows, size)
+            first_row = {name: drift[name].take(0, axis=-1) for name in DRIFT_PARAMETERS}
             shared = Scenario(**{**parameters, **first_row})
         persons = len(shared.situation)
         hypotheses = max((len(p.drifts) for each in catalogue for p in each), default=1)
@@ -324,6 +307,28 @@ class BatchParameters:
         persons = len(scenario.person_initial_position)
         cells = persons_of_rows(value, rows, scenario.grid_size, persons)
         return _by_person(cells)
+
+
+def _require_defaults(parameters: Mapping[str, Any]) -> None:
+    """Raise a ValueError if a parameter is given whose place a catalogue takes."""
+    for name in (*REPLACED, "persons"):
+        if not is_default(name, parameters[name]):
+            raise ValueError(
+                f"{name} cannot be given together with situations, got "
+                f"{parameters[name]!r}; each Person has its own"
+            )
+
+
+def _drift_values(parameters: Mapping[str, Any], rows: int, grid_size: int) -> RowValues:
+    """Validate `DRIFT_PARAMETERS`, each with one value for all rows or one for each."""
+    start = persons_of_rows(parameters["person_initial_position"], rows, grid_size)
+    vector = checks.pairs("vector", parameters["vector"], rows)
+    constant = checks.reals("disperse_constant", parameters["disperse_constant"], rows, 0)
+    return {
+        "vector": np.ascontiguousarray(vector.T),
+        "person_initial_position": _by_person(start),
+        "disperse_constant": constant,
+    }
 
 
 def _by_person(persons: Ints) -> Ints:

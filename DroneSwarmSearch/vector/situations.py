@@ -17,9 +17,10 @@ from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.scenario import checked_persons
 from DroneSwarmSearch.vector.forecasts import Mixtures
 
-__all__ = ["Situations", "checked_situations"]
+__all__ = ["Persons", "Situations", "checked_situations"]
 
 Persons = tuple[Person, ...]
+"""A situation."""
 
 
 class Situations:
