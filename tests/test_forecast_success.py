@@ -42,7 +42,7 @@ def search_for(*persons: Person, **changes: Any) -> NamedSearch:
 
 @pytest.mark.parametrize("name", ["planner", "greedy-posterior"])
 @pytest.mark.parametrize("person", [ACROSS_THE_WIND, TWO_LAST_POSITIONS, PRIOR_MAP])
-def test_is_the_share_of_episodes_with_a_find(person: Person, name: str) -> None:
+def test_the_forecast_is_the_share_of_episodes_with_a_find(person: Person, name: str) -> None:
     of, episodes = search_for(person), 1500
     paths = paths_of(make(name, of.scenario), of)  # until a find, all episodes are alike
     (forecast,) = success_of(of, paths)
@@ -87,7 +87,7 @@ def direction(cells: np.ndarray, step: int) -> Action:
         (Person(Drift((5, 5), vector=(0.1, 0.1), diffusion=0.2), 0.5),),
     ],
 )
-def test_of_a_coverage_mission_is_that_of_its_paths(
+def test_the_success_of_a_coverage_mission_is_that_of_its_paths(
     persons: tuple[Person, ...], name: str, bayesian_update: bool
 ) -> None:
     of = search_for(*persons, mission="coverage", bayesian_update=bayesian_update)
