@@ -54,7 +54,7 @@ NOT_WITH_OBJECT = ("vector", "disperse_constant")
 """Options of an incident, and those whose place they take."""
 
 GRID_USUAL, GRID_MOST = 20, 100
-"""The grid of an incident has at least and at most so many cells along a side, by default."""
+"""By default, the grid of an incident has from `GRID_USUAL` to `GRID_MOST` cells along a side."""
 
 LEFT_OUT = 0.01
 """The share of the forecast that such a grid may leave out."""

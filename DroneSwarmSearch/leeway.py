@@ -238,9 +238,9 @@ def person(
 ) -> Person:
     """A person, raft or boat that drifts with the wind and the current.
 
-    The result has a hypothesis for each side of the wind, or three where the wind is oblique to the
-    axes and the errors downwind and crosswind differ much; and a single one without leeway in a
-    calm. Wind and current are constant::
+    The result has one hypothesis for each side of the wind, or three for each side where the wind
+    is oblique to the axes and the errors downwind and crosswind differ much. In a calm there is no
+    leeway, and a single hypothesis. Wind and current are constant::
 
         person = leeway.person(
             "PIW-1",

@@ -2,7 +2,7 @@
 
 Persons move lazily: nobody observes them, so they walk only when a search, a picture or the
 end of a block of tables needs their cells. Every random draw belongs to an episode, a step
-and a person, so it does not matter when, or how many at once, draws are made.
+and a person, so it does not matter when draws are made, or how many at a time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["WorldState"]
 Matrix = NDArray[np.float32]
 
 _STEPS_AHEAD = 8
-"""Persons walk at least so many steps at once, because each call has a fixed cost."""
+"""The fewest steps that persons walk at a time, because each call has a fixed cost."""
 
 
 class WorldState:

@@ -260,7 +260,7 @@ class Drift:
 
 @dataclass(frozen=True)
 class Person:
-    """A person to find: hypotheses about the drift, of which one is true.
+    """A person to find: one or more hypotheses about the drift, one of which is true.
 
     An episode draws one of the drifts by weight and shows it to nobody::
 

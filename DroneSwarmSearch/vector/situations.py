@@ -1,4 +1,4 @@
-"""The catalogue of a batch: lists of persons, one of which each episode draws.
+"""The catalogue of a batch: situations, each a list of persons. Every episode draws one.
 
 A batch whose rows share `persons` has a catalogue with a single situation.
 """

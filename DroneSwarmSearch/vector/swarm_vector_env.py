@@ -45,8 +45,8 @@ class SwarmVectorEnv(SearchVectorEnv):
       the episode continues.
     - `step`: completed steps.
     - `probability_of_success`: the cumulative probability of success (POS) of all searches so
-      far, the mean over persons. It is there with `bayesian_update`,
-      `RewardScheme.expected()` or the coverage mission.
+      far, the mean over persons. Only with `bayesian_update`, `RewardScheme.expected()` or the
+      coverage mission.
 
     Args:
         num_envs: the number of swarms.
