@@ -54,7 +54,7 @@ NOT_WITH_OBJECT = ("vector", "disperse_constant")
 """Options of an incident, and those whose place they take."""
 
 GRID_USUAL, GRID_MOST = 20, 100
-"""The grid of an incident has at least and at most so many cells along a side, by default."""
+"""By default, the grid of an incident has from `GRID_USUAL` to `GRID_MOST` cells along a side."""
 
 LEFT_OUT = 0.01
 """The share of the forecast that such a grid may leave out."""
@@ -149,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="P",
         type=float,
         default=1.0,
-        help="chance that a search of the right cell finds the person, 0 to 1",
+        help="probability that a search of the person's cell finds the person, 0 to 1",
     )
     add(
         "--mission",
@@ -196,7 +196,7 @@ def _add_incident(add: Callable[..., object]) -> None:
         metavar="SECONDS",
         type=float,
         default=0.0,
-        help="from the last known position to the begin of the search",
+        help="from the last known position to the beginning of the search",
     )
     add(
         "--diffusivity",

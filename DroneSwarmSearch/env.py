@@ -77,8 +77,8 @@ class DroneSwarmSearch(SearchSpaces):
     - "ending": the `Ending` of the episode, or None;
     - "step": completed steps;
     - "probability_of_success": the cumulative probability of success (POS) of all searches so
-      far, the mean over persons; each drone's info has it too. It is there with
-      `bayesian_update`, `RewardScheme.expected()` or the coverage mission.
+      far, the mean over persons; each drone's info has it too. Only with `bayesian_update`,
+      `RewardScheme.expected()` or the coverage mission.
 
     ## Randomness
     Start, drift and detections draw from their own random streams: for one seed, the persons'

@@ -31,8 +31,6 @@ from DroneSwarmSearch.drift.scale import Scale
 __all__ = [
     "CLASSES",
     "KNOT",
-    "Coefficients",
-    "LeewaySpeeds",
     "ObjectClass",
     "current_towards",
     "person",
@@ -57,7 +55,7 @@ SOURCE = (
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of one component of the leeway.
+    """The coefficients of one component of the leeway, see `ObjectClass`.
 
     Attributes:
         slope: in percent of the wind speed at 10 m.
@@ -93,6 +91,9 @@ class LeewaySpeeds(NamedTuple):
 @dataclass(frozen=True)
 class ObjectClass:
     """A kind of object and its leeway.
+
+    The coefficients of each component are a named tuple: `slope`, in percent of the wind speed at
+    10 m; `offset`, in cm/s; and `sd`, the standard deviation in cm/s.
 
     Attributes:
         name: the key in `CLASSES`.
@@ -134,6 +135,11 @@ class ObjectClass:
 
         Args:
             wind_speed: W, at a height of 10 m, in m/s; from 0 to 1000.
+
+        Returns:
+            A named tuple of speeds in m/s: the means `downwind`, `right` and `left`, and the
+            standard deviations `downwind_sd`, `right_sd` and `left_sd`. Crosswind speeds are
+            positive to the right.
 
         Raises:
             TypeError: the wind speed is not a number.
@@ -232,9 +238,9 @@ def person(
 ) -> Person:
     """A person, raft or boat that drifts with the wind and the current.
 
-    The result has a hypothesis for each side of the wind, or three where the wind is oblique to the
-    axes and the errors downwind and crosswind differ much; and a single one without leeway in a
-    calm. Wind and current are constant::
+    The result has one hypothesis for each side of the wind, or three for each side where the wind
+    is oblique to the axes and the errors downwind and crosswind differ much. In a calm there is no
+    leeway, and a single hypothesis. Wind and current are constant::
 
         person = leeway.person(
             "PIW-1",
@@ -247,7 +253,7 @@ def person(
         )
 
     Args:
-        object_class: a key of `CLASSES`, or an `ObjectClass` of your own.
+        object_class: a key of `CLASSES`, or your own `ObjectClass`.
         start: the last known position, a cell (x, y); real numbers, also outside the grid, if
             `position_sd` or `adrift` is positive.
         position_sd: its standard deviation along each axis, in metres.

@@ -19,7 +19,7 @@ All drones act at once, so a search counts even if another drone flies into the 
 person is found, although the searcher gets the reward of the collision.
 
 The episode ends for all drones together if drones collide, a drone leaves the grid or all
-persons are found, and with step number L. In the coverage mission nobody is found, the line on
+persons are found, and with step number L. In the coverage mission nobody is found. The line on
 the time limit does not apply, and the episode also ends once less than 1% is left to find.
 
 `reward` implements the table for one drone; `RewardScheme` holds its figures. Each rule has a

@@ -20,7 +20,7 @@ from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.rules import RewardScheme
 
-__all__ = ["Cell", "Scenario", "checked_persons"]
+__all__ = ["Cell", "Scenario"]
 
 Ints = NDArray[np.int64]
 
@@ -64,13 +64,13 @@ class Scenario:
             one cell per step along each axis, even if the vector is longer.
         person_initial_position: each person's cell (x, y) at step 0, a tuple of cells.
             Lists, arrays and a single cell are accepted too.
-        disperse_constant: how quickly the persons may stray; finite, at least 0 (see
-            `drift.dispersion_rate`).
+        disperse_constant: how quickly the persons may stray from the drift; finite, at least
+            0 (see `drift.dispersion_rate`).
         timestep_limit: steps in an episode; from 1 to 2**53.
-        probability_of_detection: the chance that a search of the right cell finds a
+        probability_of_detection: the probability that a search of a person's cell finds the
             person, from 0 to 1: a number for all persons, or a tuple with one for each.
-        bayesian_update: whether the matrix is the posterior given the searches made, or
-            the drift forecast alone.
+        bayesian_update: whether the matrix is the exact posterior given the searches so far,
+            or the drift forecast alone.
         reward_scheme: the figures of the reward table. The default for the coverage mission
             is `RewardScheme.expected()`.
         persons: the persons to find if their start or drift is uncertain, a tuple of

@@ -2,7 +2,7 @@
 
 Persons move lazily: nobody observes them, so they walk only when a search, a picture or the
 end of a block of tables needs their cells. Every random draw belongs to an episode, a step
-and a person, so it does not matter when, or how many at once, draws are made.
+and a person, so it does not matter when draws are made, or how many at a time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["WorldState"]
 Matrix = NDArray[np.float32]
 
 _STEPS_AHEAD = 8
-"""Persons walk at least so many steps at once, because each call has a fixed cost."""
+"""The fewest steps that persons walk at a time, because each call has a fixed cost."""
 
 
 class WorldState:
@@ -96,8 +96,8 @@ class WorldState:
             self._draw_starts()
         self.success = None if self._posteriors is None else 0.0
         self.is_covered = False
-        self._hidden_posteriors: Posteriors | None = None  # from the first search on
-        self._active_posteriors: Posteriors | None = None  # the same, if they are shown
+        self._hidden_posteriors: Posteriors | None = None  # from the first search on, unless shown
+        self._shown_posteriors: Posteriors | None = None  # from the first search on, if shown
         self._forecast = self._start_forecast  # the source of the matrices, or None
         self._block_end = self._block_steps
         self._loaded_first = 0
@@ -124,8 +124,8 @@ class WorldState:
             if self.step == self._block_end:
                 self.person_cell(0)  # the walk must not leave the block of tables
                 self._block_end += self._block_steps
-            if self._active_posteriors is not None:
-                self._active_posteriors.drift(self.step - 1)
+            if self._shown_posteriors is not None:
+                self._shown_posteriors.drift(self.step - 1)
             self._load_matrices()
         matrix: Matrix = self._returned[self.step - self._loaded_first]
         return matrix
@@ -133,8 +133,8 @@ class WorldState:
     def _load_matrices(self) -> None:
         """Get the matrix of this step and, from tables, those of the following steps too."""
         self._loaded_first = self.step
-        if self._active_posteriors is not None:
-            matrix = self._active_posteriors.matrix(self.missing)
+        if self._shown_posteriors is not None:
+            matrix = self._shown_posteriors.matrix(self.missing)
             matrix.setflags(write=False)
             self._returned: Any = (matrix,)
             self._loaded_end = self.step + 1
@@ -211,17 +211,17 @@ class WorldState:
             posteriors.search(searches)
             self.success = posteriors.probability_of_success()
             self.is_covered = not self.is_rescue and self.success > COVERED_AT
-        if finders and self._active_posteriors is None and len(self.persons) > 1:
+        if finders and self._shown_posteriors is None and len(self.persons) > 1:
             self._forecast = self._shared_forecast(self.missing or self.persons)
             self._loaded_end = self.step + 1
         return finders
 
     def _begun_posteriors(self, posteriors: Posteriors) -> Posteriors:
         """The posteriors, which begin with an episode's first search."""
-        if self._active_posteriors is None and self._hidden_posteriors is None:
+        if self._shown_posteriors is None and self._hidden_posteriors is None:
             posteriors.start(self.step)
             if self._shows_posteriors:
-                self._active_posteriors = posteriors
+                self._shown_posteriors = posteriors
                 self._loaded_end = self.step + 1
             else:
                 self._hidden_posteriors = posteriors
@@ -239,8 +239,8 @@ class WorldState:
 
     def matrix(self) -> Matrix:
         """The matrix of the present step: float32, shape (N, N), indexed [y, x]; a new array."""
-        if self._active_posteriors is not None:
-            return self._active_posteriors.matrix(self.missing)
+        if self._shown_posteriors is not None:
+            return self._shown_posteriors.matrix(self.missing)
         matrix: Matrix = self._loaded[self.step - self._loaded_first]
         return matrix.copy()
 
@@ -251,7 +251,7 @@ class WorldState:
             Float32 arrays of shape (N, N), for reading only, and the index. The same object
             always holds the matrices of the same steps.
         """
-        if self._active_posteriors is not None:
+        if self._shown_posteriors is not None:
             return self._returned, 0
         matrices: Any = self._loaded  # float32, (n, N, N)
         return matrices, self.step - self._loaded_first
@@ -269,8 +269,8 @@ class WorldState:
             assert self._posteriors is not None
             added = self._begun_posteriors(self._posteriors).added_success(searches)
             return dict(zip(searches.values(), added, strict=True))
-        if self._active_posteriors is not None:
-            probabilities = self._active_posteriors.probabilities(searches, self.missing)
+        if self._shown_posteriors is not None:
+            probabilities = self._shown_posteriors.probabilities(searches, self.missing)
             return dict(zip(searches.values(), probabilities, strict=True))
         first = (self.step - self._loaded_first) * self._grid_cells
         item = self._loaded.item
@@ -278,8 +278,8 @@ class WorldState:
 
     def hypotheses(self) -> tuple[tuple[float, ...], ...]:
         """The probability of each hypothesis about each person, as far as the matrix shows it."""
-        if self._active_posteriors is not None:
-            return self._active_posteriors.weights()
+        if self._shown_posteriors is not None:
+            return self._shown_posteriors.weights()
         return tuple(tuple(forecast.weights.tolist()) for forecast in self._forecasts)
 
     def _mean_forecast(self) -> Matrix:

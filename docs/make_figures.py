@@ -47,7 +47,8 @@ from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
-from DroneSwarmSearch.policies import GreedyPolicy, PlannerPolicy
+from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
@@ -828,7 +829,7 @@ SHOWN = {
 
 @figure("opendrift")
 def opendrift(theme: Theme, sampling: Sampling) -> Figure:
-    """Draw the spread of the map and of OpenDrift's objects, and what plans promise and find."""
+    """Draw the spread of the map and of OpenDrift's objects, and forecast and success of plans."""
     with (FIGURES / "opendrift.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     chart = Figure(figsize=(WIDTH, 3.9), layout="constrained")
@@ -860,15 +861,15 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     spread.set_title("spread: map (lines), OpenDrift (dots)")
     plans = [row for row in rows if row["quantity"] == "success"]
     for place, row in enumerate(reversed(plans)):
-        promised, found = float(row["map"]), float(row["opendrift"])
-        success.plot((found, promised), (place, place), color=theme.grey, linewidth=1.2)
-        success.plot(promised, place, "|", color=theme.series[0], markersize=13, markeredgewidth=2)
+        forecast, found = float(row["map"]), float(row["opendrift"])
+        success.plot((found, forecast), (place, place), color=theme.grey, linewidth=1.2)
+        success.plot(forecast, place, "|", color=theme.series[0], markersize=13, markeredgewidth=2)
         success.plot(found, place, "o", color=theme.series[0], markersize=5)
     success.set(xlim=(0, 1), ylim=(-0.6, len(plans) - 0.4))
     success.set_yticks(range(len(plans)), [row["object_class"] for row in reversed(plans)])
     success.tick_params(axis="y", length=0)
     success.xaxis.set_major_formatter(PercentFormatter(1.0))
-    success.set_title("promised (lines), found (dots)")
+    success.set_title("forecast (lines), found (dots)")
     for axes in (spread, success):
         axes.grid(axis="x" if axes is success else "both")
     return chart

@@ -6,7 +6,7 @@
 The tracks are those of OpenDrift's Leeway model. The first table compares the probability matrix
 with the cells of the objects: the total variation distance, that of as many draws from the matrix
 (the sampling floor), how far the means are apart, and how much larger OpenDrift's standard
-deviations are. The second table compares the probability of success that a plan promises with the
+deviations are. The second table compares the forecast probability of success of a plan with the
 share of the objects that it finds. The full run takes a quarter of an hour, `--fast` half a minute.
 """
 
@@ -43,7 +43,7 @@ DETECTION = 0.8
 
 COLUMNS = ("quantity", "object_class", "wind_east", "wind_north", "hours", "map", "opendrift")
 """Of the file: "spread", the root of the variance along x and y in metres; "distance", the total
-variation of draws and of OpenDrift's objects from the map; "success", promised and found."""
+variation of draws and of OpenDrift's objects from the map; "success", forecast and found."""
 
 TRACK_SECONDS = 600  # OpenDrift's time step
 METRES_PER_DEGREE = (111_319.5, 110_574.4)  # at 0° N 0° E, WGS 84
@@ -129,7 +129,7 @@ def snapshots(incident: Incident, options: argparse.Namespace) -> list[Snapshot]
 
 
 def search(incident: Incident, options: argparse.Namespace) -> Pair:
-    """The probability of success that a plan on the map promises, and the share it finds."""
+    """The forecast probability of success of a plan on the map, and the share that it finds."""
     tracks, seconds = incident.tracks(incident.adrift / 3600 + 1.5, options), incident.adrift
     # In the middle of the search, the objects are around the middle of the grid.
     drifted = tracks[round((seconds + 1800) / TRACK_SECONDS)].mean(axis=0)
@@ -194,7 +194,7 @@ def print_row(
 
 @styled
 def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure:
-    """Map and tracks of the first class, the spread of all, and what plans promise and find."""
+    """Map and tracks of the first class, the spread of all, and forecast and success of plans."""
     drawing = Figure((DOUBLE, 5.4))
     *pictures, spread, success = drawing.subplots(2, 2).flat
     name, (*_, shown) = next(iter(maps.items()))
@@ -211,8 +211,8 @@ def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure
     spread.set(title="Spread: the map (line), OpenDrift (marker)", xlabel="hours", ylabel="km")
     spread.legend(fontsize=5.5)
     bars, pairs = np.arange(len(searches)), np.array([*searches.values()]).T
-    for shift, heights, name in zip((-0.2, 0.2), pairs, ("promised", "found"), strict=True):
-        colour = LOOKS["greedy-matrix" if name == "promised" else "greedy-posterior"].colour
+    for shift, heights, name in zip((-0.2, 0.2), pairs, ("forecast", "found"), strict=True):
+        colour = LOOKS["greedy-matrix" if name == "forecast" else "greedy-posterior"].colour
         success.bar(bars + shift, heights, 0.38, color=colour, label=name)
     success.set(title="Probability of success of a plan", ylim=(0, 1))
     success.set_xticks(bars, list(searches))
@@ -239,13 +239,13 @@ def main() -> None:
             maps[name] = snapshots(Incident(name, wind), options)  # of the last wind in the end
             for snapshot in maps[name]:
                 rows += print_row(name, wind, snapshot, options)
-    print(f"\n{'object class':>23}  wind, m/s     promised  found")
+    print(f"\n{'object class':>23}  wind, m/s     forecast  found")
     for incident in incidents:
         name, wind = incident[:2]
-        promised, found = searches[name] = search(incident, options)
-        print(f"{name:>23}  {wind!s:<12}  {promised:8.1%}  {found:.1%}", flush=True)
+        forecast, found = searches[name] = search(incident, options)
+        print(f"{name:>23}  {wind!s:<12}  {forecast:8.1%}  {found:.1%}", flush=True)
         hours = incident.adrift / 3600
-        rows.append(("success", name, *wind, hours, f"{promised:.4f}", f"{found:.4f}"))
+        rows.append(("success", name, *wind, hours, f"{forecast:.4f}", f"{found:.4f}"))
     if options.figure:
         for path in save(figure(maps, searches), options.figure):
             print(f"wrote {path}")

@@ -244,7 +244,7 @@ def test_entries_of_another_mission_are_played_again(
     assert got.coverage is not None
 
 
-def test_files(tmp_path: Any) -> None:
+def test_files_hold_the_measures_of_coverage(tmp_path: Any) -> None:
     got = evaluated(Wanderer(), mission(), episodes=5)
     rescue = evaluated(Wanderer(), mission(mission="rescue"), episodes=5)
     assert got.coverage is not None
@@ -294,7 +294,7 @@ def test_the_infos_of_vector_environments_are_the_source() -> None:
     )
 
 
-def test_leaderboards_say_what_success_is() -> None:
+def test_leaderboards_state_what_success_is() -> None:
     scenario = mission(persons=Person(Drift((4, 3)), 0.8)).scenario
     searches = [
         NamedSearch(name, "For tests.", scenario.replace(mission=name))

@@ -217,5 +217,5 @@ def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
         assert np.abs(theirs / ours - 1).max() < percent / 100
     excess = {hours: float(np.diff(of("distance", hours)).mean()) for hours in (1, 6)}
     assert f"by {excess[1]:.3f} on average after one hour and by {excess[6]:.3f} after six" in page
-    promised, found = of("success").T
-    assert (np.abs(promised - found - 0.02) < 0.01).all()  # "about two points"
+    forecast, found = of("success").T
+    assert (np.abs(forecast - found - 0.02) < 0.01).all()  # "about two points"

@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, Scenario
-from DroneSwarmSearch.policies import GreedyPolicy, Policy, PosteriorGreedyPolicy, RandomPolicy
-from DroneSwarmSearch.policies.greedy import DISCOUNT, WORTHWHILE
+from DroneSwarmSearch.policies import Policy
+from DroneSwarmSearch.policies.greedy import (
+    DISCOUNT,
+    WORTHWHILE,
+    GreedyPolicy,
+    PosteriorGreedyPolicy,
+)
+from DroneSwarmSearch.policies.random_policy import RandomPolicy
 
 Actions = dict[str, int]
 

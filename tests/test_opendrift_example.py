@@ -68,7 +68,7 @@ def test_map_and_plan_agree_with_opendrift(tmp_path: Path) -> None:
         assert all(abs(float(percent)) < 5 for percent in wider), name
     searches = re.findall(row.format(r"(\S+)%  (\S+)%"), printed, re.M)
     assert len(searches) == 1
-    for *_, promised, found in searches:
-        assert 40 < float(found) <= float(promised) + 1
-        assert float(promised) < float(found) + 5
+    for *_, forecast, found in searches:
+        assert 40 < float(found) <= float(forecast) + 1
+        assert float(forecast) < float(found) + 5
     assert (tmp_path / "figure.svg").exists() and (tmp_path / "figure.png").exists()

@@ -13,14 +13,14 @@ from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
-from DroneSwarmSearch.policies import (
+from DroneSwarmSearch.policies.datum import Datum, datums_of
+from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
     ParallelSweepPolicy,
+    PatternPolicy,
     SectorSearchPolicy,
 )
-from DroneSwarmSearch.policies.datum import Datum, datums_of
-from DroneSwarmSearch.policies.patterns import PatternPolicy
 from DroneSwarmSearch.policies.tracks import (
     Point,
     Rectangle,

@@ -24,9 +24,9 @@ from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch
 from DroneSwarmSearch.planning import best_success
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.policies import PosteriorGreedyPolicy
 from DroneSwarmSearch.policies import planner as planner_module
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
 

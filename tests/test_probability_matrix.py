@@ -178,7 +178,7 @@ def moments(probability: np.ndarray) -> tuple[float, float]:
     return mean, math.sqrt(probability @ (cells - mean) ** 2)
 
 
-def test_oracles() -> None:
+def test_means_and_standard_deviations_are_those_of_the_formulas() -> None:
     x, _ = ProbabilityMatrix(40, Drift((20, 20), diffusion=dispersion_rate(10))).marginals(40)
     assert moments(x) == pytest.approx((20.00, 4.22), abs=0.01)
     drift = Drift((20, 20), vector=(0.5, 0), diffusion=dispersion_rate(3))

@@ -204,7 +204,7 @@ def test_copies_continue_identically(duplicate: Any, mission: str) -> None:
             assert env.frame().persons == other.frame().persons
 
 
-def test_nothing_warns() -> None:
+def test_a_person_who_drifts_off_the_grid_causes_no_warning() -> None:
     far = Person(Drift((-3, 5), start_sd=2, vector=(5, 0), diffusion=0.5))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -248,7 +248,7 @@ def test_expected_rewards_add_up_to_the_probability_of_success(name: str, shown:
             assert total == pytest.approx(10 * infos["probability_of_success"])
 
 
-def test_the_probability_of_success_goes_on_after_a_find() -> None:
+def test_the_probability_of_success_continues_after_a_find() -> None:
     """As if the person were still missing, and as the mean over persons."""
     certain = Person(Drift((3, 3)))
     unlikely = Person(Drift((3, 3)), 0.25)
@@ -291,7 +291,7 @@ def test_coverage_finds_nobody_and_has_no_penalty() -> None:
         assert total == pytest.approx(success)
 
 
-def test_coverage_with_a_scheme_of_ones_own() -> None:
+def test_coverage_with_another_reward_scheme() -> None:
     scheme = RewardScheme(step=2.0)
     env = environment(persons=[KNOWN], mission="coverage", reward_scheme=scheme, timestep_limit=2)
     env.reset(seed=0, drones_positions=[(6, 6), (0, 0)])

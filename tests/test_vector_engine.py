@@ -351,18 +351,23 @@ def use_threads(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(threads, "_PART_BYTES", 100)  # so that there are several parts
 
 
+def divide(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """Compute in small parts, and with the forecasts and threads of a case."""
+    patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
+    patch.setattr(beliefs, "_BEGIN_ROWS", 2)
+    patch.setattr(forecasts, "_CHUNK_BYTES", 500)
+    if case.on_the_fly:
+        patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
+    if case.shared:
+        use_threads(patch)
+
+
 def check_case(case: Case) -> Counter[str]:
     """Compare a batch with its environments; returns how often each event happened."""
     rng, events = random.Random(case.seed), Counter[str]()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
-        patch.setattr(beliefs, "_BEGIN_ROWS", 2)
-        patch.setattr(forecasts, "_CHUNK_BYTES", 500)  # so that there are several
         patch.setattr(rules, "_FEW_DRONES", case.few_drones)
-        if case.on_the_fly:
-            patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
-        if case.shared:
-            use_threads(patch)
+        divide(patch, case)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         successful: list[set[int]] = [set() for _ in range(case.rows)]

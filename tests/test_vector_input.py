@@ -143,7 +143,7 @@ def test_rows_must_be_in_rising_order_when_read_together() -> None:
     batch = SearchBatch(3)
     batch.reset([1, 2, 3])
     for read in (batch.matrices_of, lambda rows: batch.probabilities(rows, [0, 0])):
-        with pytest.raises(ValueError, match=r"rows must be .*rising order; got \[2, 1\]"):
+        with pytest.raises(ValueError, match=r"rows must be .*ascending order; got \[2, 1\]"):
             read([2, 1])
     assert batch.probabilities([1, 1, 2], [0, 5, 0]).shape == (3,)
     assert batch.matrices_of([]).shape == (0, 7, 7)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from batches import CATALOGUE, CONSTANT, DRONES, PERSON, POD, seen
 from helpers import plain
-from test_vector_engine import Case, Twins, planned, play, random_case, use_threads
+from test_vector_engine import Case, Twins, divide, planned, play, random_case
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario
 from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbers, stream_keys
@@ -21,9 +21,6 @@ from DroneSwarmSearch.vector import (
     DroneVectorEnv,
     SearchBatch,
     SwarmVectorEnv,
-    beliefs,
-    forecasts,
-    tabulated_forecasts,
 )
 
 SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
@@ -97,13 +94,7 @@ def check_search(case: Case) -> Counter[Ending]:
     """Compare a batch with its environments; returns how often each ending occurred."""
     rng, endings = random.Random(case.seed), Counter[Ending]()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
-        patch.setattr(beliefs, "_BEGIN_ROWS", 2)
-        patch.setattr(forecasts, "_CHUNK_BYTES", 500)
-        if case.on_the_fly:
-            patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
-        if case.shared:
-            use_threads(patch)
+        divide(patch, case)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         for turn in range(case.steps):

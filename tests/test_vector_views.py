@@ -1402,7 +1402,7 @@ def test_unknown_swarms_are_refused(
 ) -> None:
     env = view(2)
     env.reset(seed=1)
-    with pytest.raises(error, match=r"rows must be .* from 0 to 1, in rising order"):
+    with pytest.raises(error, match=r"rows must be .* from 0 to 1, in ascending order"):
         env.observe(rows)
 
 

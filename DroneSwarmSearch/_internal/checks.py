@@ -309,13 +309,15 @@ def array(name: str, value: object, what: str) -> NDArray[Any]:
         raise ValueError(f"{name} must be {what}, got {value!r}") from None
 
 
-def row_numbers(value: object, count: int, *, rising: bool = False, repeated: bool = False) -> Ints:
+def row_numbers(
+    value: object, count: int, *, ascending: bool = False, repeated: bool = False
+) -> Ints:
     """Numbers of the rows of a batch: int64, shape (n,).
 
     Args:
         value: integers from 0 to count - 1.
         count: the number of rows.
-        rising: they must be in rising order.
+        ascending: they must be in ascending order.
         repeated: equal numbers are allowed.
 
     Raises:
@@ -327,7 +329,7 @@ def row_numbers(value: object, count: int, *, rising: bool = False, repeated: bo
         in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
         if in_order and value[0] >= 0 and value[-1] < count:
             return value
-    order = "in rising order" if rising else "without repetitions"
+    order = "in ascending order" if ascending else "without repetitions"
     what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
     given = array("rows", value, "a list or an array of integers")
     if given.ndim == 1 and not given.size:
@@ -340,7 +342,7 @@ def row_numbers(value: object, count: int, *, rising: bool = False, repeated: bo
     wrong = rows[(rows < 0) | (rows >= count)]
     if wrong.size:
         raise ValueError(f"{what}; got {wrong[0]}")
-    steps = np.diff(rows if rising else np.sort(rows))
+    steps = np.diff(rows if ascending else np.sort(rows))
     if (steps < (not repeated)).any():
         raise ValueError(f"{what}; got {value!r}")
     return rows

@@ -72,7 +72,8 @@ def after_search(
         mass: float64, shape (M, N, N): probability of each hypothesis and cell, and that the
             person has not been found.
         cells: the searched cells, y * N + x, all different.
-        probability_of_detection: the chance that a search of the right cell finds.
+        probability_of_detection: the probability that a search of the person's cell finds the
+            person.
 
     Returns:
         The new mass, and the probability that these searches find the person (POS).

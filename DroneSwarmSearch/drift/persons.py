@@ -42,7 +42,7 @@ _SAMPLED_STEPS = 33
 
 
 class AxisDrift(NamedTuple):
-    """The part of a `Drift` along one axis; hashable.
+    """The part of a `Drift` along one axis, on a grid without borders; hashable.
 
     Attributes:
         start: the mean position at the start, in cells; None for an array.
@@ -59,6 +59,15 @@ class AxisDrift(NamedTuple):
     velocity_sd: float
     diffusion: float
     adrift: int
+
+    def displacement(self, step: int) -> float:
+        """The mean distance from the start to the position at a step of the search, in cells."""
+        return self.velocity * float(self.adrift + step)
+
+    def sd(self, step: int) -> float:
+        """The standard deviation of the position at a step of the search, in cells."""
+        tau = float(self.adrift + step)
+        return math.hypot(self.start_sd, math.sqrt(self.diffusion * tau), self.velocity_sd * tau)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,7 +260,7 @@ class Drift:
 
 @dataclass(frozen=True)
 class Person:
-    """A person to find: hypotheses about the drift, of which one is true.
+    """A person to find: one or more hypotheses about the drift, one of which is true.
 
     An episode draws one of the drifts by weight and shows it to nobody::
 
@@ -260,7 +269,7 @@ class Person:
     Attributes:
         drifts: the hypotheses, a tuple of `Drift`; one drift or any sequence of them is
             accepted.
-        probability_of_detection: the chance that a search of the person's cell finds the
+        probability_of_detection: the probability that a search of the person's cell finds the
             person, from 0 to 1.
 
     Raises:
@@ -291,6 +300,11 @@ class Person:
         relative = [drift.weight / largest for drift in self.drifts]
         total = math.fsum(relative)
         return tuple(weight / total for weight in relative)
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """A hashable key of the drifts and weights; equal for equal forecasts."""
+        return (*(drift.key for drift in self.drifts), self.weights)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """Raise a ValueError if the start of a drift does not fit on a grid.
@@ -442,10 +456,9 @@ def _pair(value: float | tuple[float, float]) -> tuple[float, float]:
 
 def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
     """The probability of staying within the grid along an axis, for each of some starts."""
-    tau = float(axis.adrift + step)
-    shift = min(max(axis.velocity * tau, -_LARGE), _LARGE)
+    shift = min(max(axis.displacement(step), -_LARGE), _LARGE)
     mean = np.clip(starts + shift, -_LARGE, _LARGE)
-    deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), axis.velocity_sd * tau)
+    deviation = axis.sd(step)
     if deviation == 0.0:
         within: Floats = ((mean >= -0.5) & (mean < grid_size - 0.5)).astype(np.float64)
         return within

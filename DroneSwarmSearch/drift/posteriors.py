@@ -25,6 +25,7 @@ class _Posterior:
 
     Attributes:
         forecast: see above.
+        detection: see above.
         belief: float64, shape (M, N, N).
         kept: the probability that no search so far finds the person.
     """

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter, OrderedDict
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable
 from functools import cached_property
 from threading import RLock
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
 from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.tables import Axes, Floats, Steps, tabulate
+from DroneSwarmSearch.drift.tables import Axes, Floats, Steps, start_marginals, tabulate
 
 __all__ = ["ProbabilityMatrix", "belief_shape", "matrices_of"]
 
@@ -219,7 +219,7 @@ class ProbabilityMatrix:
         checks.fits("a matrix", 4 * size**2 * len(person.drifts), grid_size=size)
         self._parameters = (size, person)
         drifts = person.drifts
-        self._key = (size, *(drift.key for drift in drifts), person.weights)
+        self._key = (size, person.key)
         self.weights = np.array(person.weights)
         self._separable = all(drift.prior is None for drift in drifts)
         self.block_steps = min(_BLOCK_STEPS, _power_of_two(_BLOCK_BYTES // self._step_bytes()))
@@ -351,7 +351,7 @@ class ProbabilityMatrix:
         steps = tabulate(
             size,
             Axes.of(person.drifts),
-            start_marginals(person.drifts),
+            start_marginals(drift.prior for drift in person.drifts),
             first=first,
             count=count,
             cdf=None if previous is None else previous.steps.cdf,
@@ -387,15 +387,6 @@ class ProbabilityMatrix:
             self.person.drifts, self.weights, block.factors[0], out, strict=True
         ):
             joint[...] = y[:, None] * x if drift.prior is None else weight * drift.prior
-
-
-def start_marginals(drifts: Iterable[Drift]) -> Sequence[Floats | None] | None:
-    """The starts that are arrays, in the form that `tabulate` takes."""
-    marginals: list[Floats | None] = []
-    for drift in drifts:
-        prior = drift.prior
-        marginals += (None, None) if prior is None else (prior.sum(axis=0), prior.sum(axis=1))
-    return marginals if any(start is not None for start in marginals) else None
 
 
 def _power_of_two(number: int) -> int:

@@ -42,6 +42,7 @@ __all__ = [
     "moves_between",
     "reachable",
     "start_distribution",
+    "start_marginals",
     "tabulate",
 ]
 
@@ -255,6 +256,18 @@ def start_distribution(grid_size: int, axes: Axes, starts: Starts = None) -> Flo
         if start is not None:
             cdf[1:-2, axis] = np.minimum(start.cumsum()[:-1], 1.0)
     return cdf
+
+
+def start_marginals(priors: Iterable[Floats | None]) -> Starts:
+    """The starts in the form that `tabulate` takes.
+
+    Args:
+        priors: for each hypothesis, the start if it is an array, shape (N, N), or None.
+    """
+    marginals: list[Floats | None] = []
+    for prior in priors:
+        marginals += (None, None) if prior is None else (prior.sum(axis=0), prior.sum(axis=1))
+    return marginals if any(start is not None for start in marginals) else None
 
 
 def tabulate(

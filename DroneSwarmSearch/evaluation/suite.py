@@ -2,7 +2,7 @@
 
 The searches are data, in `suite_v1.json`, each with the reason for it; `docs/make_suite.py` wrote
 the file. They never change, so that results stay comparable; other parameters make another version
-of the suite, in a file of its own.
+of the suite, in another file.
 """
 
 from __future__ import annotations
@@ -237,10 +237,8 @@ def _uncertainty(person: Person) -> tuple[float, float, float]:
 def _position(drift: Drift) -> tuple[Floats, Floats]:
     """The mean and the variance of the position at the first step, each (x, y)."""
     if drift.prior is None:
-        values = np.array(drift.axes, np.float64)
-        start, start_sd, velocity, velocity_sd, diffusion, adrift = values.T
-        variance = start_sd**2 + diffusion * adrift + (velocity_sd * adrift) ** 2
-        return start + velocity * adrift, variance
+        displacement = np.array([axis.displacement(0) for axis in drift.axes])
+        return drift.start + displacement, np.array([axis.sd(0) for axis in drift.axes]) ** 2
     y, x = np.indices(drift.prior.shape)
     cells = np.array([x, y])
     mean = (drift.prior * cells).sum(axis=(1, 2))

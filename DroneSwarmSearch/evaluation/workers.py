@@ -156,7 +156,7 @@ def _here(waiting: deque[Job], report: Callable[[Job, float], None]) -> Finished
 def _in_processes(
     waiting: deque[Job], count: int, report: Callable[[Job, float], None]
 ) -> Finished:
-    """Run the jobs in processes, each of which belongs to an executor of its own.
+    """Run the jobs in processes, each of which belongs to its own executor.
 
     If a process dies, only the job of its executor fails, so the error can name it.
     """

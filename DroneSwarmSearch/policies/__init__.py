@@ -35,15 +35,8 @@ from DroneSwarmSearch.scenario import Scenario
 __all__ = [
     "POLICIES",
     "BatchPolicy",
-    "CreepingLinePolicy",
-    "ExpandingSquarePolicy",
     "GreedyPolicy",
     "PPOPolicy",
-    "ParallelSweepPolicy",
-    "PlannerPolicy",
-    "PosteriorGreedyPolicy",
-    "RandomPolicy",
-    "SectorSearchPolicy",
     "SwarmPolicy",
     "make",
 ]

@@ -88,7 +88,7 @@ class BeliefTracker:
         """Probability of success (POS) of searching each cell, the mean over the missing persons.
 
         float64, shape (N, N), indexed [y, x]: the mean of probability of detection x belief. In
-        the coverage mission, nobody says who would have been found, so each person counts as
+        the coverage mission, it is unknown who would have been found, so each person counts as
         much as the probability that no search so far has found them.
         """
         detections, total = self.scenario.detections, np.zeros((self.scenario.grid_size,) * 2)

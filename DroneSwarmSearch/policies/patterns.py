@@ -11,7 +11,7 @@ more cells than the drones have time to search once: searching more cells would 
 likelier cells to less likely ones. The track spacing is one cell, the width that a search covers.
 
 With several persons, or hypotheses whose areas lie apart, the mean would lie between them, where
-nobody is. Each person and each group of hypotheses then has a datum of its own. The drones search
+nobody is. Each person and each group of hypotheses then has its own datum. The drones search
 around one after another and divide the remaining time: equally among the missing persons, and by
 weight among the hypotheses.
 """

@@ -55,7 +55,7 @@ class _Searches(NamedTuple):
     """The searches of a step for one person, who may have been found.
 
     Attributes:
-        rows: the row of every search, in rising order.
+        rows: the row of every search, in ascending order.
         cells: the index of its cell in the flat beliefs: shape (M, n).
         before: the probabilities of that cell before the search, of the same shape.
         searched: which rows were searched: bool, shape (all rows,).
@@ -114,7 +114,7 @@ class Beliefs:
         self._spare: list[tuple[Floats, Floats]] = []  # scratch arrays, one pair per thread
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the views, which would become arrays of their own in a copy."""
+        """Leave out the views, which would become separate arrays in a copy."""
         views = ("_first", "_rows", "_origin", "_stride", "_tiles", "_spare")
         return {name: value for name, value in self.__dict__.items() if name not in views}
 
@@ -133,7 +133,7 @@ class Beliefs:
         """Set the beliefs of those of some rows that have none to the forecasts.
 
         Args:
-            rows: their numbers, in rising order, possibly with repetitions.
+            rows: their numbers, in ascending order, possibly with repetitions.
             forecasts: the rows' forecasts.
         """
         new = rows[~self.begun[rows]]
@@ -153,7 +153,7 @@ class Beliefs:
         """Apply searches that find nobody, except for the normalisation.
 
         Args:
-            rows: the row of every search, in rising order; all of them have beliefs.
+            rows: the row of every search, in ascending order; all of them have beliefs.
             cells: the cell of every search, y * N + x; different cells within a row.
             detections: each person's probability of detection: a number, or one for each
                 search.
@@ -285,7 +285,7 @@ class Beliefs:
         """The matrices of some rows with beliefs: float32, (n, N, N).
 
         Args:
-            rows: their numbers, in rising order.
+            rows: their numbers, in ascending order.
             counted: the persons in the mean: bool, shape (persons, n).
         """
         out = np.empty((len(rows), self._size, self._size), np.float32)
@@ -296,7 +296,7 @@ class Beliefs:
         return out
 
     def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
-        """The matrix entry of one cell in each of some rows, in rising order: float32, (n,)."""
+        """The matrix entry of one cell in each of some rows, in ascending order: float32, (n,)."""
         of_cells = [self._probability(person, rows, cells) for person in range(self._persons)]
         values: Singles = means_over_missing(of_cells, counted).astype(np.float32)
         return values
@@ -334,7 +334,7 @@ class Beliefs:
         return means_over_missing(added, np.ones((self._persons, len(rows)), np.bool_))
 
     def _parts(self, rows: Ints) -> Iterator[tuple[int, slice]]:
-        """The tiles of some rows in rising order, and the slice of the rows in each."""
+        """The tiles of some rows in ascending order, and the slice of the rows in each."""
         ends = np.searchsorted(rows, [tile.stop for tile in self._rows]).tolist()
         for tile, here in enumerate(map(slice, [0, *ends], ends)):
             if here.start < here.stop:

@@ -35,7 +35,7 @@ from DroneSwarmSearch.vector.drones import BatchDrones
 from DroneSwarmSearch.vector.episodes import Episodes
 from DroneSwarmSearch.vector.forecasts import Forecasts, Mixtures, OnTheFlyForecasts
 from DroneSwarmSearch.vector.parameters import (
-    SEED_PARAMETERS,
+    DRIFT_PARAMETERS,
     BatchParameters,
     RowValues,
     Sampler,
@@ -71,15 +71,18 @@ class SearchBatch:
         vector: drift in cells per step, (x, y); or one for each row, shape (E, 2).
         person_initial_position: a cell (x, y), or one for each person, shape (persons, 2),
             for every row; or those of each row, shape (E, persons, 2).
-        disperse_constant: how quickly the persons may stray; or one for each row, (E,).
+        disperse_constant: how quickly the persons may stray from the drift; or one for each row,
+            (E,).
         timestep_limit: the steps in an episode.
         probability_of_detection: one number, or one for each person.
-        bayesian_update: whether matrices are posteriors, or the drift forecast alone.
+        bayesian_update: whether matrices are exact posteriors given the searches so far, or
+            drift forecasts alone.
         reward_scheme: the figures of the reward table.
         persons: the persons of every row if their start or drift is uncertain, see `Person`;
             in place of `vector`, `person_initial_position`, `disperse_constant` and
             `probability_of_detection`.
-        mission: "rescue" or "coverage".
+        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
+            success as possible.
         scenario: all parameters from `grid_size` on, in place of them.
         situations: a catalogue in place of `persons`: a sequence of situations, each a
             sequence of `Person`, the same number in each. Every episode draws one of them with
@@ -255,7 +258,7 @@ class SearchBatch:
         if valid:
             self._varies = True
             self._now.assign(rows, wanted)
-        if not valid.keys().isdisjoint(SEED_PARAMETERS):
+        if not valid.keys().isdisjoint(DRIFT_PARAMETERS):
             drift = self._usual.forecasts.drift
             drift[:, rows] = wanted.forecasts.drift[:, rows]
             if isinstance(self._world.forecasts, TabulatedForecasts):
@@ -546,14 +549,14 @@ class SearchBatch:
         """The matrices of some rows: float32, (n, N, N), indexed [y, x].
 
         Args:
-            rows: their numbers, in rising order.
+            rows: their numbers, in ascending order.
 
         Raises:
             ResetNeeded: after an interrupted step or reset.
             TypeError: the rows are not integers.
-            ValueError: there is no such row, or they are not in rising order.
+            ValueError: there is no such row, or they are not in ascending order.
         """
-        rows = checks.row_numbers(rows, self.num_rows, rising=True)
+        rows = checks.row_numbers(rows, self.num_rows, ascending=True)
         self._check_complete("matrices_of")
         return self._world.matrices(rows)
 
@@ -561,16 +564,16 @@ class SearchBatch:
         """The matrix entries of one cell in each of some rows: float32, (n,).
 
         Args:
-            rows: their numbers, in rising order; a row may occur several times.
+            rows: their numbers, in ascending order; a row may occur several times.
             cells: y * N + x, shape (n,).
 
         Raises:
             ResetNeeded: after an interrupted step or reset.
             TypeError: the rows or cells are not integers.
-            ValueError: there is no such row or cell, or the rows are not in rising order.
+            ValueError: there is no such row or cell, or the rows are not in ascending order.
         """
         self._check_complete("probabilities")
-        rows = checks.row_numbers(rows, self.num_rows, rising=True, repeated=True)
+        rows = checks.row_numbers(rows, self.num_rows, ascending=True, repeated=True)
         numbers = checks.cell_numbers(cells, rows.shape, self._scenario.grid_size)
         return self._world.probabilities(rows, numbers)
 

@@ -122,7 +122,7 @@ class RowState:
         self.pointers: Ints = self.counters[2 * n + 1 :]
 
     def __getstate__(self) -> tuple[int, Ints]:
-        return self._persons, self.all  # views would become arrays of their own in a copy
+        return self._persons, self.all  # views would become separate arrays in a copy
 
     def __setstate__(self, state: tuple[int, Ints]) -> None:
         self._persons, self.all = state

@@ -30,6 +30,7 @@ from DroneSwarmSearch.drift.tables import (
     moves_between,
     reachable,
     start_distribution,
+    start_marginals,
 )
 
 __all__ = ["DriftParameters", "Forecasts", "Mixtures", "OnTheFlyForecasts"]
@@ -42,7 +43,7 @@ _ABSENT = Drift((0, 0))
 
 
 class DriftParameters(NamedTuple):
-    """The seed parameters on which the forecasts of a batch depend.
+    """The drift parameters on which the forecasts of a batch depend.
 
     Attributes:
         start: each person's cell at step 0: int64, shape (persons, 2, rows), x first.
@@ -82,7 +83,7 @@ class Mixtures(NamedTuple):
 
     @classmethod
     def of_numbers(cls, forecasts: Floats) -> Mixtures:
-        """The forecasts of seed parameters, see `DriftParameters.as_numbers`: shape (n, 5)."""
+        """The forecasts of drift parameters, see `DriftParameters.as_numbers`: shape (n, 5)."""
         start, drift, constant = np.split(forecasts[:, None], (2, 4), axis=2)
         zeros = np.zeros_like(start)
         diffusion = np.broadcast_to(dispersion_rate(constant), start.shape)
@@ -104,15 +105,11 @@ class Mixtures(NamedTuple):
         }
         return cls(axes, weights, priors)
 
-    def starts(self) -> list[Floats | None] | None:
+    def starts(self) -> Sequence[Floats | None] | None:
         """The starts along each axis in the form that `tables.tabulate` takes."""
         if not self.priors:
             return None
-        starts: list[Floats | None] = []
-        for place in np.ndindex(self.weights.shape):
-            prior = self.priors.get(place)
-            starts += (None, None) if prior is None else (prior.sum(axis=0), prior.sum(axis=1))
-        return starts
+        return start_marginals(map(self.priors.get, np.ndindex(self.weights.shape)))
 
 
 class Forecasts(ABC):
@@ -166,7 +163,7 @@ class Forecasts(ABC):
 
         Args:
             rows: their numbers.
-            parameters: the seed parameters of all rows.
+            parameters: the drift parameters of all rows.
         """
 
     def assign(self, rows: Ints, numbers: Ints, hypotheses: Ints) -> None:
@@ -237,7 +234,7 @@ class OnTheFlyForecasts(Forecasts):
 
     Args:
         grid_size: cells along each side, N.
-        mixtures: the forecasts, none with a start that is an array. For seed parameters, the
+        mixtures: the forecasts, none with a start that is an array. For drift parameters, the
             forecast of person k in row i has the number k * rows + i.
         persons: the number of persons in each row.
         rows: the number of rows.

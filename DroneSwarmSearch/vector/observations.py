@@ -94,7 +94,7 @@ class BatchObservations:
         """The observations of some swarms' sub-environments in new arrays.
 
         Args:
-            rows: the swarms' numbers, in rising order.
+            rows: the swarms' numbers, in ascending order.
             matrices: theirs, if they are known; overwritten.
         """
         if matrices is None and self._writes:
@@ -107,7 +107,7 @@ class BatchObservations:
         """Write the observations of some swarms' sub-environments.
 
         Args:
-            rows: the swarms' numbers, in rising order.
+            rows: the swarms' numbers, in ascending order.
             matrices: theirs, or None if no matrices are written; overwritten.
             out: receives the observations. It may contain the matrices, see `matrices_in`.
         """

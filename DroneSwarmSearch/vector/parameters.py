@@ -1,13 +1,13 @@
 """The parameters of a batch: a scenario that all rows share, and values for each row.
 
 The parameters in `ROW_PARAMETERS` may differ between rows. A reset can change them, and a
-sampler can draw them for every episode. The persons of a row are described either by the seed
+sampler can draw them for every episode. The persons of a row are described either by the drift
 parameters or by a situation of the batch's catalogue.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -25,7 +25,7 @@ from DroneSwarmSearch.scenario import (
     resolve_scenario,
 )
 from DroneSwarmSearch.vector.forecasts import DriftParameters
-from DroneSwarmSearch.vector.situations import Situations, checked_situations
+from DroneSwarmSearch.vector.situations import Persons, Situations, checked_situations
 from DroneSwarmSearch.vector.tabulated_forecasts import table_bytes
 
 __all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler"]
@@ -33,11 +33,11 @@ __all__ = ["ROW_PARAMETERS", "BatchParameters", "RowValues", "Sampler"]
 RowValues = dict[str, NDArray[Any]]
 """Valid values of some of `ROW_PARAMETERS`; the row is the last axis."""
 
-SEED_PARAMETERS = ("vector", "person_initial_position", "disperse_constant")
-"""The parameters of the persons' drift."""
+DRIFT_PARAMETERS = ("vector", "person_initial_position", "disperse_constant")
+"""The parameters of persons whose start and mean drift are known."""
 
-ROW_PARAMETERS = (*SEED_PARAMETERS, "situation", "drones_positions")
-"""The parameters that may differ between rows: `SEED_PARAMETERS`, or the situation."""
+ROW_PARAMETERS = (*DRIFT_PARAMETERS, "situation", "drones_positions")
+"""The parameters that may differ between rows: `DRIFT_PARAMETERS`, or the situation."""
 
 _DRONE_BYTES = 64
 """A lower limit of the memory of each drone in each row."""
@@ -80,7 +80,7 @@ class BatchParameters:
 
     Attributes:
         scenario: the shared parameters; those that differ between rows are row 0's.
-        seed: the values of `SEED_PARAMETERS`; empty with a catalogue.
+        drift: the values of `DRIFT_PARAMETERS`; empty with a catalogue.
         drones: the drones' start cells, y * N + x: int64, (rows, n_drones).
         situations: the catalogue, or None.
         situation: the number of each row's situation, int64, (rows,); None if each episode
@@ -88,7 +88,7 @@ class BatchParameters:
     """
 
     scenario: Scenario
-    seed: RowValues
+    drift: RowValues
     drones: Ints
     situations: Situations | None = None
     situation: Ints | None = None
@@ -130,42 +130,25 @@ class BatchParameters:
         size, n = sizes.grid_size, sizes.n_drones
         named = {rows_name: rows}
         checks.fits("the drones", _DRONE_BYTES * rows * n, **named, n_drones=n)
-        seed: RowValues = {}
-        catalogue: list[Any] = []
+        drift: RowValues = {}
+        catalogue: Sequence[Persons] = []
         if situations is not None:
-            for name in (*REPLACED, "persons"):
-                if not is_default(name, parameters[name]):
-                    raise ValueError(
-                        f"{name} cannot be given together with situations, got "
-                        f"{parameters[name]!r}; each Person has its own"
-                    )
+            _require_defaults(parameters)
             catalogue = checked_situations(situations, size)
             shared = Scenario(**{**parameters, "persons": catalogue[0]})
         elif parameters["persons"] is not None:
             shared = Scenario(**parameters)
-            catalogue = [shared.persons]
+            catalogue = [shared.situation]
         else:
-            start = persons_of_rows(parameters["person_initial_position"], rows, size)
-            vectors = checks.pairs("vector", parameters["vector"], rows)
-            seed = {
-                "vector": np.ascontiguousarray(vectors.T),
-                "person_initial_position": _by_person(start),
-                "disperse_constant": checks.reals(
-                    "disperse_constant", parameters["disperse_constant"], rows, 0
-                ),
-            }
-            first_row = {
-                "vector": seed["vector"][:, 0],
-                "person_initial_position": start[0],
-                "disperse_constant": seed["disperse_constant"][0],
-            }
+            drift = _drift_values(parameters, rows, size)
+            first_row = {name: drift[name].take(0, axis=-1) for name in DRIFT_PARAMETERS}
             shared = Scenario(**{**parameters, **first_row})
         persons = len(shared.situation)
         hypotheses = max((len(p.drifts) for each in catalogue for p in each), default=1)
         bytes_each = 8 * size**2 * shared.keeps_beliefs + _ON_THE_FLY_BYTES * size * on_the_fly
         needed = persons * hypotheses * rows * bytes_each
         checks.fits("the persons' beliefs and forecasts", needed, **named, grid_size=size)
-        made = cls(shared, seed, np.tile(np.arange(n), (rows, 1)))
+        made = cls(shared, drift, np.tile(np.arange(n), (rows, 1)))
         if catalogue:
             made.situations = Situations(size, catalogue)
             mixtures = made.situations.mixtures
@@ -186,9 +169,9 @@ class BatchParameters:
 
     @property
     def forecasts(self) -> DriftParameters:
-        """The seed parameters on which the forecasts depend, without a copy."""
-        start, drift = self.seed["person_initial_position"], self.seed["vector"]
-        return DriftParameters(start, drift, self.seed["disperse_constant"])
+        """The drift parameters on which the forecasts depend, without a copy."""
+        start, vector = self.drift["person_initial_position"], self.drift["vector"]
+        return DriftParameters(start, vector, self.drift["disperse_constant"])
 
     def scenario_of(self, row: int, situation: int) -> Scenario:
         """The parameters of one row in a situation."""
@@ -211,7 +194,7 @@ class BatchParameters:
         Raises:
             ValueError: the rows differ.
         """
-        for name, values in {**self.seed, "situation": situation}.items():
+        for name, values in {**self.drift, "situation": situation}.items():
             if (values != values[..., :1]).any():
                 raise ValueError(
                     f"there is no scenario of all searches, because they differ in {name}; "
@@ -225,7 +208,7 @@ class BatchParameters:
         Args:
             situation: the number of each row's situation: int64, (rows,).
         """
-        values = {name: np.moveaxis(value, -1, 0).copy() for name, value in self.seed.items()}
+        values = {name: np.moveaxis(value, -1, 0).copy() for name, value in self.drift.items()}
         if self.situations is not None:
             values["situation"] = situation.copy()
         y, x = np.divmod(self.drones, self.scenario.grid_size)
@@ -233,8 +216,8 @@ class BatchParameters:
 
     def copy(self) -> BatchParameters:
         """The same parameters in new arrays; the catalogue is shared."""
-        seed = {name: value.copy() for name, value in self.seed.items()}
-        return replace(self, seed=seed, drones=self.drones.copy())
+        drift = {name: value.copy() for name, value in self.drift.items()}
+        return replace(self, drift=drift, drones=self.drones.copy())
 
     def changed(self, values: RowValues) -> BatchParameters:
         """A copy with valid values of some of `ROW_PARAMETERS` in all rows."""
@@ -244,13 +227,13 @@ class BatchParameters:
 
     def assign(self, rows: Ints, other: BatchParameters) -> None:
         """Copy the parameters of some rows from another batch's, except for the situation."""
-        for name, value in self.seed.items():
-            value[..., rows] = other.seed[name][..., rows]
+        for name, value in self.drift.items():
+            value[..., rows] = other.drift[name][..., rows]
         self.drones[rows] = other.drones[rows]
 
     def assign_values(self, rows: Ints, values: RowValues) -> None:
         """Set valid values in some rows, except for the situation."""
-        arrays = {**self.seed, "drones_positions": self.drones.T}
+        arrays = {**self.drift, "drones_positions": self.drones.T}
         for name, value in values.items():
             if name != "situation":
                 arrays[name][..., rows] = value
@@ -289,11 +272,11 @@ class BatchParameters:
         """
         if not isinstance(values, Mapping):
             raise TypeError(f"{name} must be a mapping, got {values!r}")
-        known = ("situation",) if self.situations is not None else SEED_PARAMETERS
+        known = ("situation",) if self.situations is not None else DRIFT_PARAMETERS
         known = (*known, "drones_positions")
         valid: RowValues = {}
         for key, value in values.items():
-            if key in SEED_PARAMETERS and key not in known:
+            if key in DRIFT_PARAMETERS and key not in known:
                 raise ValueError(
                     f"{key} cannot be given together with persons or situations, got {value!r}; "
                     "each Person has its own"
@@ -324,6 +307,28 @@ class BatchParameters:
         persons = len(scenario.person_initial_position)
         cells = persons_of_rows(value, rows, scenario.grid_size, persons)
         return _by_person(cells)
+
+
+def _require_defaults(parameters: Mapping[str, Any]) -> None:
+    """Raise a ValueError if a parameter is given whose place a catalogue takes."""
+    for name in (*REPLACED, "persons"):
+        if not is_default(name, parameters[name]):
+            raise ValueError(
+                f"{name} cannot be given together with situations, got "
+                f"{parameters[name]!r}; each Person has its own"
+            )
+
+
+def _drift_values(parameters: Mapping[str, Any], rows: int, grid_size: int) -> RowValues:
+    """Validate `DRIFT_PARAMETERS`, each with one value for all rows or one for each."""
+    start = persons_of_rows(parameters["person_initial_position"], rows, grid_size)
+    vector = checks.pairs("vector", parameters["vector"], rows)
+    constant = checks.reals("disperse_constant", parameters["disperse_constant"], rows, 0)
+    return {
+        "vector": np.ascontiguousarray(vector.T),
+        "person_initial_position": _by_person(start),
+        "disperse_constant": constant,
+    }
 
 
 def _by_person(persons: Ints) -> Ints:

@@ -1,4 +1,4 @@
-"""The catalogue of a batch: lists of persons, one of which each episode draws.
+"""The catalogue of a batch: situations, each a list of persons. Every episode draws one.
 
 A batch whose rows share `persons` has a catalogue with a single situation.
 """
@@ -17,9 +17,10 @@ from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.scenario import checked_persons
 from DroneSwarmSearch.vector.forecasts import Mixtures
 
-__all__ = ["Situations", "checked_situations"]
+__all__ = ["Persons", "Situations", "checked_situations"]
 
 Persons = tuple[Person, ...]
+"""A situation."""
 
 
 class Situations:
@@ -46,8 +47,7 @@ class Situations:
         forecasts: dict[object, tuple[int, Person]] = {}
         numbers = []
         for person in (person for situation in persons for person in situation):
-            key = (*(drift.key for drift in person.drifts), person.weights)
-            numbers.append(forecasts.setdefault(key, (len(forecasts), person))[0])
+            numbers.append(forecasts.setdefault(person.key, (len(forecasts), person))[0])
         self.numbers: Ints = np.array(numbers).reshape(len(persons), -1).T.copy()
         different = [person for _, person in forecasts.values()]
         self.mixtures = Mixtures.of_persons(different)

@@ -45,8 +45,8 @@ class SwarmVectorEnv(SearchVectorEnv):
       the episode continues.
     - `step`: completed steps.
     - `probability_of_success`: the cumulative probability of success (POS) of all searches so
-      far, the mean over persons. It is there with `bayesian_update`,
-      `RewardScheme.expected()` or the coverage mission.
+      far, the mean over persons. Only with `bayesian_update`, `RewardScheme.expected()` or the
+      coverage mission.
 
     Args:
         num_envs: the number of swarms.
@@ -71,15 +71,17 @@ class SwarmVectorEnv(SearchVectorEnv):
         vector: drift in cells per step, (x, y); or one for each swarm.
         person_initial_position: a cell, or one for each person; or those of each swarm,
             shape (num_envs, persons, 2).
-        disperse_constant: how quickly the persons may stray; or one for each swarm.
+        disperse_constant: how quickly the persons may stray from the drift; or one for each swarm.
         timestep_limit: the steps in an episode.
         probability_of_detection: one number, or one for each person.
-        bayesian_update: whether matrices are posteriors, or the drift forecast alone.
+        bayesian_update: whether matrices are exact posteriors given the searches so far, or
+            drift forecasts alone.
         reward_scheme: the figures of the reward table.
         persons: the persons of every swarm if their start or drift is uncertain, see `Person`;
             in place of `vector`, `person_initial_position`, `disperse_constant` and
             `probability_of_detection`.
-        mission: "rescue" or "coverage".
+        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
+            success as possible.
         scenario: all parameters from `grid_size` on, in place of them.
         situations: a catalogue in place of `persons`: a sequence of situations, each a
             sequence of `Person`, the same number in each. Every episode draws one of them with

@@ -49,7 +49,7 @@ class TabulatedForecasts(Forecasts):
         steps: the last step of an episode.
         mixtures: the forecasts, numbered in this order.
         persons: the number of persons in each row.
-        seed_parameters: the forecasts as five numbers, if they have this form, see `distinct`.
+        drift_parameters: the forecasts as five numbers, if they have this form, see `distinct`.
     """
 
     def __init__(
@@ -58,14 +58,14 @@ class TabulatedForecasts(Forecasts):
         steps: int,
         mixtures: Mixtures,
         persons: int,
-        seed_parameters: Floats | None = None,
+        drift_parameters: Floats | None = None,
     ) -> None:
         self.grid_size = grid_size
         self._steps = steps
         # 0-d: NumPy calculates faster than with an int
         self._cells, self._entry_count = np.array(grid_size**2), np.array(steps + 1)
         self._mixtures = mixtures
-        self._seed_parameters = seed_parameters
+        self._drift_parameters = drift_parameters
         count, self.hypotheses = mixtures.weights.shape
         shape = (count, steps + 1, self.hypotheses, 2, grid_size)
         self._factors = np.zeros(shape)
@@ -96,7 +96,7 @@ class TabulatedForecasts(Forecasts):
         self._flat_matrices = self._matrices.reshape(-1)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the views, which would become arrays of their own in a copy."""
+        """Leave out the views, which would become separate arrays in a copy."""
         views = ("entries", "_offsets", "_now", "_first", "_by_entry")
         return {
             name: value
@@ -130,7 +130,7 @@ class TabulatedForecasts(Forecasts):
         return limits[..., ::2], limits[..., 1::2]
 
     def numbers_of(self, rows: Ints, parameters: DriftParameters) -> Ints:
-        known = self._seed_parameters
+        known = self._drift_parameters
         assert known is not None
         if len(known) == 1:
             return np.zeros((len(self.entries), len(rows)), np.int64)
@@ -281,7 +281,7 @@ def choose_forecasts(
     Args:
         grid_size: cells along each side, N.
         steps: the last step of an episode.
-        parameters: one or more sets of the rows' seed parameters. A row may get any forecast in
+        parameters: one or more sets of the rows' drift parameters. A row may get any forecast in
             any of them. The present ones come last.
         wants_table: tabulate however large the tables are.
     """
@@ -339,6 +339,6 @@ def table_bytes(grid_size: int, steps: int, mixtures: Mixtures) -> int:
 
 
 def distinct(parameters: Sequence[DriftParameters]) -> Floats:
-    """All forecasts of seed parameters without repetitions, as numbers: (forecasts, 5)."""
+    """All forecasts of drift parameters without repetitions, as numbers: (forecasts, 5)."""
     forecasts = np.concatenate([each.as_numbers().reshape(-1, 5) for each in parameters])
     return np.unique(forecasts, axis=0)

@@ -282,9 +282,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """The present observations of some swarms' sub-environments, in new arrays.
 
         Args:
-            rows: the swarms' numbers, in rising order; int64, shape (n,).
+            rows: the swarms' numbers, in ascending order; int64, shape (n,).
         """
-        rows = checks.row_numbers(rows, self.batch.num_rows, rising=True)
+        rows = checks.row_numbers(rows, self.batch.num_rows, ascending=True)
         return self._observations.of_rows(rows)
 
     def action_masks(self, right_of_way: bool = False) -> Flags:

@@ -181,7 +181,7 @@ class BatchState:
         self._forecasts.assign(rows, forecasts, hypotheses)
 
     def assign(self, rows: Ints, parameters: DriftParameters) -> None:
-        """Set the seed parameters of the next episodes of some rows.
+        """Set the drift parameters of the next episodes of some rows.
 
         Args:
             rows: their numbers.
@@ -212,7 +212,7 @@ class BatchState:
         """What searches pay for: float64, (n,); see `world.WorldState.observed`.
 
         Args:
-            rows: the row of every search, in rising order.
+            rows: the row of every search, in ascending order.
             cells: the cell of every search.
         """
         if not self._pays_expectation:
@@ -225,7 +225,7 @@ class BatchState:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
 
         Args:
-            rows: the row of every search, in rising order.
+            rows: the row of every search, in ascending order.
             cells: the cell of every search; different cells within a row.
             drones: the drone of every search, numbered throughout the batch.
 
@@ -359,7 +359,7 @@ class BatchState:
     # The matrices.
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
-        """The matrix entry of one cell in each of some rows, in rising order: float32, (n,)."""
+        """The matrix entry of one cell in each of some rows, in ascending order: float32, (n,)."""
         if self._shown_beliefs is None and self._persons == 1:
             return self._forecasts.probabilities(0, rows, cells)
         values = self._forecasts.probabilities(self._shown_persons(rows), rows, cells)
