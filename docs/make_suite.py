@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch import Drift, Person, Scale, detection, leeway, priors
+from DroneSwarmSearch.evaluation import suite
 from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.scenario import Cell
 
-FILE = Path(__file__).parents[1] / "DroneSwarmSearch" / "evaluation" / "suite_v1.json"
+FILE = Path(suite.__file__).with_name("suite_v1.json")
 VERSION = "v1"
 
 MINUTES = 60

@@ -74,12 +74,16 @@ assert task.supports_discrete_actions() and not task.supports_continuous_actions
 for spec, key, shape in (
     (task.observation_spec(env), ("drones", "observation"), (2, 105)),
     (task.action_mask_spec(env), ("drones", "action_mask"), (2, 6)),
-    (task.info_spec(env), ("drones", "info", "Found"), (2,)),
     (task.action_spec(env), ("drones", "action"), (2,)),
     (task.state_spec(env), "state", (3, 10, 10)),
 ):
     assert list(spec.keys(True, True)) == [key], spec
     assert spec[key].shape == shape
+infos = task.info_spec(env)["drones", "info"]
+assert {name: infos[name].shape for name in infos} == {
+    "Found": (2,),
+    "probability_of_success": (2,),
+}
 
 idle = lambda tensordict: tensordict.set(("drones", "action"), torch.tensor([5, 5]))
 states = [env.rollout(50, idle)["next", "state"] for env in envs]
