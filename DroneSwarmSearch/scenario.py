@@ -203,10 +203,8 @@ class Scenario:
             scheme = RewardScheme(**scheme)
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
-            persons = [
-                Person.from_dict(each) if isinstance(each, Mapping) else each
-                for each in checks.items("persons", persons, "a list of persons")
-            ]
+            given = checks.items("persons", persons, "a list of persons")
+            persons = [_person_from_dict(place, each) for place, each in enumerate(given)]
         return cls(**{**data, "reward_scheme": scheme, "persons": persons})
 
     @cached_property
@@ -400,6 +398,16 @@ def checked_persons(name: str, value: object, grid_size: int) -> tuple[Person, .
         person.check_grid(grid_size, f"{name}[{index}]")
         checked.append(person)
     return tuple(checked)
+
+
+def _person_from_dict(place: int, data: object) -> object:
+    """A person from plain data; anything else is left to the constructor's checks."""
+    if not isinstance(data, Mapping):
+        return data
+    try:
+        return Person.from_dict(data)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"persons[{place}]: {error}") from None
 
 
 def _cells(value: object, grid_size: int) -> tuple[Cell, ...]:

@@ -184,6 +184,9 @@ def test_persons_for_one_episode() -> None:
     assert env.vector == (0.1, 0.1)
     env.reset(vector=(0.2, 0.2))
     assert env.vector == (0.2, 0.2)
+    with pytest.raises(ValueError, match="vector cannot be given together with persons"):
+        env.reset(options={"persons": KNOWN}, vector=(0.3, 0.3))
+    assert env.vector == (0.2, 0.2)
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
