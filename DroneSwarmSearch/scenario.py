@@ -269,11 +269,12 @@ class Scenario:
         """
         return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
 
-    def drone_cells(self, drones_positions: object) -> list[int]:
+    def drone_cells(self, drones_positions: object, name: str = "drones_positions") -> list[int]:
         """Validate the drones' start cells.
 
         Args:
             drones_positions: a cell (x, y) for each drone.
+            name: the parameter's name in error messages.
 
         Returns:
             The cells as numbers, y * N + x.
@@ -282,15 +283,12 @@ class Scenario:
             TypeError: they are not cells.
             ValueError: a cell is off the grid, two are equal, or their number is wrong.
         """
-        return self._drone_cells("drones_positions", drones_positions)
-
-    def _drone_cells(self, name: str, positions: object) -> list[int]:
         n, size = self.n_drones, self.grid_size
-        entries = checks.items(name, positions, f"{n} cells (x, y), one for each drone")
+        entries = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
         if len(entries) != n:
             raise ValueError(
                 f"{name} must hold {n} cells (x, y), one for each drone, "
-                f"got {len(entries)}: {positions!r}"
+                f"got {len(entries)}: {drones_positions!r}"
             )
         first_at: dict[Cell, int] = {}
         for drone, entry in enumerate(entries):
@@ -326,8 +324,15 @@ class Scenario:
         cells: Ints = y * size + x
         ordered = np.sort(cells, axis=1)
         for row in (ordered[:, 1:] == ordered[:, :-1]).any(axis=1).nonzero()[0]:
-            self._drone_cells(f"{name}[{row}]", given[row])
+            self.drone_cells(given[row], f"{name}[{row}]")
         return cells
+
+
+def checked_scenario(scenario: object) -> Scenario:
+    """The scenario itself; a TypeError if it is not a `Scenario`."""
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
+    return scenario
 
 
 def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Scenario:
@@ -342,8 +347,7 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
     """
     if scenario is None:
         return Scenario(**parameters)
-    if not isinstance(scenario, Scenario):
-        raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
+    checked_scenario(scenario)
     for name, value in parameters.items():
         if not is_default(name, value):
             raise ValueError(
