@@ -95,7 +95,7 @@ def coverage(sweep_width: Number, speed: Number, time: Number, area: Number) -> 
 
     Raises:
         TypeError: an argument is not numbers.
-        ValueError: an argument is out of its limits.
+        ValueError: an argument is out of its limits, or the coverage is too large for a float.
     """
     width, rate, duration = (
         _amounts(name, value)
@@ -104,7 +104,21 @@ def coverage(sweep_width: Number, speed: Number, time: Number, area: Number) -> 
     extent = _amounts("area", area)
     if not extent.all():
         raise ValueError(f"area must be finite numbers above 0, got {area!r}")
-    ratio: Number = _plain(width * rate * duration / extent)
+    try:
+        np.broadcast(width, rate, duration, extent)
+    except ValueError:
+        shapes = ", ".join(str(each.shape) for each in (width, rate, duration, extent))
+        raise ValueError(
+            f"sweep_width, speed, time and area must have shapes that broadcast, got {shapes}"
+        ) from None
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = width * rate * duration / extent
+    if not np.isfinite(found).all():
+        raise ValueError(
+            f"area must be larger, so that the coverage is finite, got {area!r} for the swept area "
+            f"{sweep_width!r} * {speed!r} * {time!r}"
+        )
+    ratio: Number = _plain(found)
     return ratio
 
 

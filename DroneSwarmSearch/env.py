@@ -261,6 +261,8 @@ class DroneSwarmSearch(SearchSpaces):
                 vector = options.get("vector")
         if vector is not None:
             scenario = search = scenario.replace(vector=vector)
+            if changes and vector is not None:
+                changes["vector"] = vector  # an error together with persons
         if changes:
             search = search.replace(**changes)
         if drones_positions is not None:

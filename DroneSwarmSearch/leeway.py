@@ -42,7 +42,16 @@ Pair = tuple[float, float]
 KNOT = 1852 / 3600
 """One knot in m/s."""
 
-_FASTEST_WIND = 1000.0
+_FASTEST = 1000.0
+"""The highest speed of wind and current in m/s."""
+
+_FARTHEST = 1e9
+"""The largest distance in metres, and the longest time in seconds."""
+
+_LARGEST_COEFFICIENT = 1e6
+
+_UNTRUNCATED = 40.0
+"""Standard deviations below the mean at which truncation has no effect in floats."""
 
 _NEGLIGIBLE_CORRELATION = 0.25
 """With more, a plan on a map without the correlation finds up to four points less."""
@@ -105,8 +114,8 @@ class ObjectClass:
 
     Raises:
         TypeError: a coefficient is not a number.
-        ValueError: a coefficient is not finite, a standard deviation is negative, or there
-            are not three coefficients.
+        ValueError: a coefficient is beyond a million, a standard deviation is negative, or
+            there are not three coefficients.
     """
 
     name: str
@@ -122,8 +131,11 @@ class ObjectClass:
             values = checks.items(name, getattr(self, name), what)
             if len(values) != 3:
                 raise ValueError(f"{name} must be {what}, got {values!r}")
-            slope, offset = (checks.real(f"{name}[{n}]", values[n]) for n in range(2))
-            sd = checks.real(f"{name}[2]", values[2], 0)
+            largest = _LARGEST_COEFFICIENT
+            slope, offset = (
+                checks.real(f"{name}[{n}]", values[n], -largest, largest) for n in range(2)
+            )
+            sd = checks.real(f"{name}[2]", values[2], 0, largest)
             object.__setattr__(self, name, Coefficients(slope, offset, sd))
 
     def speeds(self, wind_speed: float) -> LeewaySpeeds:
@@ -145,14 +157,11 @@ class ObjectClass:
             TypeError: the wind speed is not a number.
             ValueError: it is out of its limits.
         """
-        wind = checks.real("wind_speed", wind_speed, 0, _FASTEST_WIND)
+        wind = checks.real("wind_speed", wind_speed, 0, _FASTEST)
         k = wind / 20 + 0.5
         slope, offset, sd = self.downwind
-        mean, share = 0.0, 0.0  # of e, in units of s
-        if sd:
-            alpha = -20 * slope / sd
-            mean = _inverse_mills_ratio(alpha)
-            share = math.sqrt(max(1 + alpha * mean - mean**2, 0.0))
+        # The mean and the standard deviation of e, in units of s.
+        mean, share = _truncated_normal(-20 * slope / sd) if sd else (0.0, 0.0)
         downwind = (slope * wind + offset + k * sd * mean) / 100, k * sd * share / 100
         right, left = (
             ((side.slope * wind + side.offset) / 100, k * side.sd / 100)
@@ -261,7 +270,7 @@ def person(
         current: in m/s, (east, north): where it flows to; see `current_towards`.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
         adrift: the time from the last known position to the start of the search, in seconds;
-            rounded to whole steps.
+            at most 1e9; rounded to whole steps.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
         hypotheses_per_side: from 1 to 9. One ignores the correlation of the leeway along x and
@@ -279,16 +288,13 @@ def person(
     kind = _class_of(object_class)
     if not isinstance(scale, Scale):
         raise TypeError(f"scale must be a Scale, got {scale!r}")
-    downwind = checks.pair("wind", wind)
-    if math.hypot(*downwind) > _FASTEST_WIND:
-        raise ValueError(f"wind must be at most {_FASTEST_WIND:g} m/s, got {wind!r}")
-    drifting = checks.pair("current", current)
-    seconds = checks.real("adrift", adrift, 0)
+    downwind, drifting = _velocity("wind", wind), _velocity("current", current)
+    seconds = checks.real("adrift", adrift, 0, _FARTHEST)
     count = hypotheses_per_side
     if count is not None:
         count = checks.integer("hypotheses_per_side", count, 1, 9)
     common = {
-        "start_sd": scale.cells(checks.real("position_sd", position_sd, 0)),
+        "start_sd": scale.cells(checks.real("position_sd", position_sd, 0, _FARTHEST)),
         "diffusion": _diffusion(diffusivity, scale),
         "adrift": scale.whole_steps(seconds),
     }
@@ -306,6 +312,13 @@ def person(
     if grid_size is not None and timestep_limit is not None:
         warn_of_mass_beyond([result], grid_size, timestep_limit, stacklevel=2)
     return result
+
+
+def _velocity(name: str, value: object) -> Pair:
+    velocity = checks.pair(name, value)
+    if math.hypot(*velocity) > _FASTEST:
+        raise ValueError(f"{name} must be at most {_FASTEST:g} m/s, got {value!r}")
+    return velocity
 
 
 def _class_of(object_class: object) -> ObjectClass:
@@ -424,9 +437,12 @@ def _spread(
     return mixture
 
 
-def _inverse_mills_ratio(alpha: float) -> float:
-    """The density of the standard normal distribution over its upper tail."""
+def _truncated_normal(alpha: float) -> Pair:
+    """The mean and the standard deviation of a standard normal number that is at least alpha."""
+    # Limited, so that squares stay finite.
+    alpha = max(alpha, -_UNTRUNCATED)
     tail = 0.5 * math.erfc(alpha / math.sqrt(2))
-    if tail == 0.0:  # far in the tail, where the ratio approaches alpha
-        return alpha
-    return math.exp(-0.5 * alpha**2) / math.sqrt(2 * math.pi) / tail
+    if tail == 0.0:  # far in the tail, where the distribution is a step at alpha
+        return alpha, 0.0
+    ratio = math.exp(-0.5 * alpha**2) / math.sqrt(2 * math.pi) / tail  # the inverse Mills ratio
+    return ratio, math.sqrt(max(1 + alpha * ratio - ratio**2, 0.0))

@@ -48,7 +48,7 @@ def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
         ValueError: a value is out of its limits, the edges cross, or the polygon and the grid
             share no area.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 3)
     _check_simple(corners)
     x, y = corners.T
@@ -87,7 +87,7 @@ def line(grid_size: int, vertices: ArrayLike, *, sd: float = 0.0) -> Floats:
         ValueError: a value is out of its limits, the line has no length, or the line and the
             grid share nothing.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 2)
     error = checks.real("sd", sd, 0)
     total = float(np.hypot(*np.diff(corners, axis=0).T).sum())
@@ -122,7 +122,7 @@ def gaussian(
         TypeError: a value is of the wrong type.
         ValueError: a value is out of its limits, or nothing lies on the grid.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     centre_x, centre_y = checks.pair("mean", mean)
     both = (sd, sd) if checks.is_number(sd) else checks.pair("sd", sd)
     sd_x, sd_y = (checks.positive("sd", each) for each in both)
@@ -164,7 +164,7 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
         TypeError: a value is of the wrong type.
         ValueError: a value is out of its limits, or no point with a weight is on the grid.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     given = _positions("points", points, 1)
     what = f"{len(given)} finite numbers of at least 0, one for each point"
     share = np.ones(len(given))
@@ -180,6 +180,12 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
     if not 0.0 < total < math.inf:
         raise ValueError(f"weights must have a positive, finite sum, got {total}")
     return _normalised("points", _histogram(size, given, share), total)
+
+
+def _checked_size(grid_size: object) -> int:
+    size = checks.integer("grid_size", grid_size, 2)
+    checks.fits("the map", 8 * size**2, grid_size=size)
+    return size
 
 
 def _positions(name: str, value: object, least: int) -> Floats:

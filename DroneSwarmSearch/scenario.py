@@ -203,10 +203,8 @@ class Scenario:
             scheme = RewardScheme(**scheme)
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
-            persons = [
-                Person.from_dict(each) if isinstance(each, Mapping) else each
-                for each in checks.items("persons", persons, "a list of persons")
-            ]
+            given = checks.items("persons", persons, "a list of persons")
+            persons = [_person_from_dict(place, each) for place, each in enumerate(given)]
         return cls(**{**data, "reward_scheme": scheme, "persons": persons})
 
     @cached_property
@@ -271,11 +269,12 @@ class Scenario:
         """
         return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
 
-    def drone_cells(self, drones_positions: object) -> list[int]:
+    def drone_cells(self, drones_positions: object, name: str = "drones_positions") -> list[int]:
         """Validate the drones' start cells.
 
         Args:
             drones_positions: a cell (x, y) for each drone.
+            name: the parameter's name in error messages.
 
         Returns:
             The cells as numbers, y * N + x.
@@ -284,15 +283,12 @@ class Scenario:
             TypeError: they are not cells.
             ValueError: a cell is off the grid, two are equal, or their number is wrong.
         """
-        return self._drone_cells("drones_positions", drones_positions)
-
-    def _drone_cells(self, name: str, positions: object) -> list[int]:
         n, size = self.n_drones, self.grid_size
-        entries = checks.items(name, positions, f"{n} cells (x, y), one for each drone")
+        entries = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
         if len(entries) != n:
             raise ValueError(
                 f"{name} must hold {n} cells (x, y), one for each drone, "
-                f"got {len(entries)}: {positions!r}"
+                f"got {len(entries)}: {drones_positions!r}"
             )
         first_at: dict[Cell, int] = {}
         for drone, entry in enumerate(entries):
@@ -328,8 +324,15 @@ class Scenario:
         cells: Ints = y * size + x
         ordered = np.sort(cells, axis=1)
         for row in (ordered[:, 1:] == ordered[:, :-1]).any(axis=1).nonzero()[0]:
-            self._drone_cells(f"{name}[{row}]", given[row])
+            self.drone_cells(given[row], f"{name}[{row}]")
         return cells
+
+
+def checked_scenario(scenario: object) -> Scenario:
+    """The scenario itself; a TypeError if it is not a `Scenario`."""
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
+    return scenario
 
 
 def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Scenario:
@@ -344,8 +347,7 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
     """
     if scenario is None:
         return Scenario(**parameters)
-    if not isinstance(scenario, Scenario):
-        raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
+    checked_scenario(scenario)
     for name, value in parameters.items():
         if not is_default(name, value):
             raise ValueError(
@@ -400,6 +402,16 @@ def checked_persons(name: str, value: object, grid_size: int) -> tuple[Person, .
         person.check_grid(grid_size, f"{name}[{index}]")
         checked.append(person)
     return tuple(checked)
+
+
+def _person_from_dict(place: int, data: object) -> object:
+    """A person from plain data; anything else is left to the constructor's checks."""
+    if not isinstance(data, Mapping):
+        return data
+    try:
+        return Person.from_dict(data)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"persons[{place}]: {error}") from None
 
 
 def _cells(value: object, grid_size: int) -> tuple[Cell, ...]:

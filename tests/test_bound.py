@@ -13,7 +13,7 @@ from small_searches import SMALL, best, paths_of, search, shortened, success_of
 
 from DroneSwarmSearch import Drift, Person
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
-from DroneSwarmSearch.planning import SuccessBound, success_bound
+from DroneSwarmSearch.planning import SuccessBound, best_success, success_bound
 from DroneSwarmSearch.planning.trajectories import (
     chernoff_bound,
 )
@@ -219,3 +219,10 @@ def test_the_planner_is_close_to_the_bound() -> None:
     reached = success_of(SAMPLED, paths_of(make("planner", SAMPLED.scenario), SAMPLED))[0]
     assert reached > 0.6 * bound.by_limit
     assert bound.by_limit < 0.95
+
+
+@pytest.mark.parametrize("bound", [success_bound, best_success])
+@pytest.mark.parametrize("scenario", [None, Person(Drift((1, 1))), "pond"])
+def test_bounds_need_a_scenario(bound: Any, scenario: Any) -> None:
+    with pytest.raises(TypeError, match="scenario must be a Scenario, got"):
+        bound(scenario, [(0, 0)])

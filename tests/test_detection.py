@@ -102,6 +102,13 @@ def test_coverage_broadcasts():
         (lambda: detection.coverage(1, 1, INF, 1), ValueError, "time must .*got inf"),
         (lambda: detection.coverage(1, 1, 1, 0), ValueError, "area must .*above 0, got 0"),
         (lambda: detection.coverage(1, 1, 1, [1, 0]), ValueError, "area must .*above 0"),
+        (lambda: detection.coverage(1e300, 1e300, 1, 1), ValueError, "area must be larger"),
+        (lambda: detection.coverage(1, 1, 1, 5e-324), ValueError, "area must be larger"),
+        (
+            lambda: detection.coverage([1, 2], [1, 2, 3], 1, 1),
+            ValueError,
+            r"sweep_width, speed, time and area must .*got \(2,\), \(3,\), \(\), \(\)",
+        ),
     ],
 )
 def test_bad_values_are_rejected(call, error, message):

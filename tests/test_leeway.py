@@ -171,6 +171,13 @@ def test_a_class_without_errors_has_one_velocity():
     assert kind.speeds(10) == pytest.approx((0.31, 0, 0.1, 0, -0.1, 0))
 
 
+@pytest.mark.parametrize(("slope", "mean"), [(3, 0.31), (-3, 0.31)])
+def test_tiny_errors_are_almost_none(slope, mean):
+    """Leeway against the wind is impossible: its error is drawn again until there is none."""
+    kind = leeway.ObjectClass("drifter", "", (slope, 1, 1e-300), (1, 0, 0), (-1, 0, 0))
+    assert kind.speeds(10)[:2] == pytest.approx((mean, 0))
+
+
 # Persons.
 
 
@@ -365,17 +372,20 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"start": (30.5, 30)}, ValueError, r"start\[0\] must be a whole number"),
         ({"start": (30, -1)}, ValueError, r"start\[1\] must be a whole number"),
         ({"start": "here"}, TypeError, "start must be a cell"),
-        ({"position_sd": -1}, ValueError, "position_sd must .*at least 0, got -1"),
+        ({"position_sd": -1}, ValueError, "position_sd must .*at least 0 .*got -1"),
         ({"position_sd": (1, 1)}, TypeError, "position_sd must"),
         ({"wind": 10}, TypeError, "wind must be two finite numbers"),
         ({"wind": (10, NAN)}, ValueError, r"wind\[1\] must .*got nan"),
         ({"wind": (1e308, 0)}, ValueError, "wind must be at most 1000 m/s, got"),
         ({"current": (1, 2, 3)}, ValueError, "current must be two finite numbers"),
         ({"current": ("1", 2)}, TypeError, r"current\[0\] must"),
+        ({"current": (0, -1e308)}, ValueError, "current must be at most 1000 m/s, got"),
         ({"diffusivity": -5}, ValueError, "diffusivity must .*at least 0, got -5"),
         ({"diffusivity": 1e6}, ValueError, "diffusivity must be at most 433 m²/s .*got 1000000.0"),
         ({"diffusivity": INF}, ValueError, "diffusivity must .*got inf"),
-        ({"adrift": -1}, ValueError, "adrift must .*at least 0, got -1"),
+        ({"adrift": -1}, ValueError, "adrift must .*at least 0 .*got -1"),
+        ({"adrift": 1e300}, ValueError, "adrift must .*at most 1000000000.0, got 1e[+]300"),
+        ({"position_sd": 1e300}, ValueError, "position_sd must .*got 1e[+]300"),
         ({"adrift": "1 h"}, TypeError, "adrift must .*got '1 h'"),
         ({"scale": 130}, TypeError, "scale must be a Scale, got 130"),
         ({"scale": (130, 13)}, TypeError, "scale must be a Scale"),
@@ -410,7 +420,12 @@ def test_bad_persons_are_rejected(changes, error, message):
         (
             lambda: leeway.ObjectClass("A", "", (1, 2, 3), (1, 2, -3), (1, 2, 3)),
             ValueError,
-            r"right\[2\] must .*at least 0, got -3",
+            r"right\[2\] must .*at least 0 .*got -3",
+        ),
+        (
+            lambda: leeway.ObjectClass("A", "", (1e300, 2, 3), (1, 2, 3), (1, 2, 3)),
+            ValueError,
+            r"downwind\[0\] must .*at most 1000000.0, got 1e[+]300",
         ),
         (
             lambda: leeway.ObjectClass("A", "", (1, 2, 3), (1, 2, 3), ("1", 2, 3)),

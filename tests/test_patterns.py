@@ -234,6 +234,11 @@ class TestDatum:
         assert both.mean == pytest.approx((31, 30), abs=0.05)
         assert one.mean == pytest.approx((5, 6), abs=0.05)
 
+    def test_hypotheses_without_a_weight_have_no_datum(self) -> None:
+        drifts = [Drift((5, 6), weight=1e300), Drift((30, 30), weight=1e-300)]
+        (datum,) = datums_of(ProbabilityMatrix(40, Person(drifts)), 10)
+        assert datum == Datum((5, 6), (0, 0), weight=1.0)
+
     def test_hypotheses_are_joined_by_others_between_them(self) -> None:
         cells = [(5, 20), (33, 20), (12, 20), (26, 20), (19, 20)]
         drifts = [Drift(cell, diffusion=0.5) for cell in cells]

@@ -227,6 +227,10 @@ def test_what_lies_beyond_the_grid_is_cut_off_with_a_warning():
     [
         (lambda: priors.polygon(1, SQUARE), ValueError, "grid_size must .*got 1"),
         (lambda: priors.polygon(9.0, SQUARE), TypeError, "grid_size must .*got 9.0"),
+        (lambda: priors.polygon(10**9, SQUARE), ValueError, "grid_size must be smaller"),
+        (lambda: priors.line(10**9, SQUARE), ValueError, "grid_size must be smaller"),
+        (lambda: priors.gaussian(10**9, (4, 4), 1), ValueError, "grid_size must be smaller"),
+        (lambda: priors.from_points(10**9, SQUARE), ValueError, "grid_size must be smaller"),
         (lambda: priors.polygon(9, SQUARE[:2]), ValueError, "vertices must be at least 3"),
         (lambda: priors.polygon(9, [(0, 0, 0)] * 3), ValueError, r"vertices .*shape \(3, 3\)"),
         (lambda: priors.polygon(9, "abc"), TypeError, "vertices must be at least 3"),

@@ -146,6 +146,8 @@ class TestFrames:
             frames("random", "pnd")
         with pytest.raises(ValueError, match=r"policy must be one of random"):
             frames("greedy", "pond")
+        with pytest.raises(TypeError, match="path must be the path of a file, got None"):
+            record("random", "pond", None)
         with pytest.raises(ValueError, match=r"seed must be an integer of at least 0, got -1"):
             frames("random", "pond", seed=-1)
         with pytest.raises(TypeError, match=r"bayesian_update must be True or False, got 1"):

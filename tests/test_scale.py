@@ -72,7 +72,8 @@ def test_scales_are_values():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: Scale(0, 1), ValueError, "metres_per_cell must .*above 0, got 0"),
+        (lambda: Scale(0, 1), ValueError, "metres_per_cell must .*at least 1e-06 .*got 0"),
+        (lambda: Scale(1, 1e300), ValueError, "seconds_per_step must .*at most 1000000000.0, got"),
         (lambda: Scale(-130, 1), ValueError, "metres_per_cell must .*got -130"),
         (lambda: Scale(130, INF), ValueError, "seconds_per_step must .*got inf"),
         (lambda: Scale(130, NAN), ValueError, "seconds_per_step must .*got nan"),
@@ -90,6 +91,7 @@ def test_scales_are_values():
         (lambda: SCALE.metres(INF), ValueError, "cells must .*got inf"),
         (lambda: SCALE.steps("1"), TypeError, "seconds must .*got '1'"),
         (lambda: SCALE.whole_steps(NAN), ValueError, "seconds must .*got nan"),
+        (lambda: Scale(1, 1e-6).whole_steps(1e307), ValueError, "seconds must .*got 1e[+]307"),
         (lambda: SCALE.seconds(None), TypeError, "steps must .*got None"),
         (lambda: SCALE.diffusion(-1), ValueError, "diffusivity must .*at least 0, got -1"),
         (lambda: SCALE.diffusivity(-0.1), ValueError, "diffusion must .*at least 0, got -0.1"),

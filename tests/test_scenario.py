@@ -147,6 +147,12 @@ def test_dicts_round_trip(parameters):
         ({"grid_size": "9"}, TypeError, "grid_size .* got '9'"),
         ({"reward_scheme": {"finds": 1}}, ValueError, r"reward_scheme .* got 'finds'"),
         ({"reward_scheme": 3}, TypeError, "reward_scheme must be a RewardScheme"),
+        ({"persons": 3}, TypeError, "persons must be a list of persons, got 3"),
+        (
+            {"persons": [{"drifts": [{"start": [1, 1]}]}, {"drifts": [{"start": [1]}]}]},
+            ValueError,
+            r"persons\[1\]: drifts\[0\]: start must be a cell",
+        ),
     ],
 )
 def test_bad_dicts_are_rejected(data, error, message):

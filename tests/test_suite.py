@@ -252,7 +252,8 @@ def test_a_scenario_becomes_a_named_search():
 @pytest.mark.parametrize(
     ("drones", "message"),
     [
-        (((0, 0),), "drones_positions"),
+        (((0, 0),), "drones must hold 2 cells"),
+        (np.array([[0, 0], [1, 5]]), r"drones\[1\] must be a cell"),
         (((0, 0), (0, 0)), r"different cells, got \(0, 0\) for both drone0 and drone1"),
         (((0, 0), (5, 0)), r"from 0 to 4, got \(5, 0\)"),
     ],
@@ -262,8 +263,17 @@ def test_drones_that_do_not_fit_are_refused(drones, message):
         NamedSearch("mine", "Mine.", scenario(), drones)
 
 
+def test_drones_may_be_an_array():
+    named = NamedSearch("mine", "Mine.", scenario(), np.array([[3, 4], [1, 2]]))
+    assert named.drones == ((3, 4), (1, 2))
+
+
 def test_a_search_needs_a_scenario():
     with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
         NamedSearch("mine", "Mine.", None)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"scale must be a Scale or None, got \(100, 10\)"):
         NamedSearch("mine", "Mine.", scenario(), scale=(100, 10))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="name must be a string, got 1"):
+        NamedSearch(1, "Mine.", scenario())  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"drones must be 2 cells .*got 'ab'"):
+        NamedSearch("mine", "Mine.", scenario(), "ab")  # type: ignore[arg-type]

@@ -24,6 +24,7 @@ from DroneSwarmSearch import (
     priors,
 )
 from DroneSwarmSearch.drift import dispersion_rate
+from DroneSwarmSearch.vector import SwarmVectorEnv
 
 SIZE = 12
 DIAGONAL = priors.line(SIZE, [(2, 9), (9, 2)])
@@ -184,6 +185,9 @@ def test_persons_for_one_episode() -> None:
     assert env.vector == (0.1, 0.1)
     env.reset(vector=(0.2, 0.2))
     assert env.vector == (0.2, 0.2)
+    with pytest.raises(ValueError, match="vector cannot be given together with persons"):
+        env.reset(options={"persons": KNOWN}, vector=(0.3, 0.3))
+    assert env.vector == (0.2, 0.2)
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
@@ -260,6 +264,21 @@ def test_the_probability_of_success_continues_after_a_find() -> None:
         kept *= 0.75
         assert infos["persons_found"][0]
         assert infos["probability_of_success"] == pytest.approx((1 + 1 - kept) / 2)
+
+
+def test_the_probability_of_success_never_falls() -> None:
+    """Not even by rounding, in searches that cannot find; in both engines."""
+    for seed in range(10):
+        cells = np.random.default_rng(seed).random((SIZE, SIZE))
+        blind = Person(Drift(cells, vector=(0.3, -0.2), diffusion=0.3), 0.0)
+        env = environment(persons=[blind], bayesian_update=True, n_drones=1)
+        batch = SwarmVectorEnv(1, scenario=env.scenario)
+        env.reset(seed=seed), batch.reset(seed=seed)
+        while env.agents:
+            *_, infos = env.step({"drone0": Action.SEARCH})
+            *_, batch_infos = batch.step(np.full(batch.action_space.shape, Action.SEARCH))
+            assert infos["probability_of_success"] == batch_infos["probability_of_success"][0]
+            assert 0.0 <= infos["probability_of_success"] < 1e-14
 
 
 # The coverage mission.

@@ -59,7 +59,7 @@ def after_unsuccessful_search(
     by_cell = after.reshape(len(after), -1)
     for cell in cells:
         by_cell[:, cell] *= 1.0 - probability_of_detection
-    missed = float(normalise(after))
+    missed = min(float(normalise(after)), 1.0)
     return (after, missed) if missed > 0.0 else (belief, 0.0)
 
 

@@ -84,7 +84,7 @@ class _Posterior:
         total = np.add.accumulate(np.add.reduce(self._rows, 0)).item(-1)
         if total > 0.0:
             np.multiply(self._shaped, 1.0 / total, self._shaped)
-            self.kept *= total
+            self.kept *= min(total, 1.0)  # rounding must not lower the probability of success
         else:  # the searches contradict the belief, which stays
             for cell, value in before.items():
                 cells[cell] = value

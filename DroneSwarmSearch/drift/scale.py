@@ -11,6 +11,10 @@ __all__ = ["Scale"]
 
 Pair = tuple[float, float]
 
+# Within these limits, squares and ratios are far from the limits of floats.
+_SMALLEST, _LARGEST = 1e-6, 1e9
+_LONGEST = 1e300
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -24,12 +28,12 @@ class Scale:
         scale.whole_steps(3600)  # an hour: 277 steps
 
     Attributes:
-        metres_per_cell: side of a cell in metres; above 0.
-        seconds_per_step: duration of a step in seconds; above 0.
+        metres_per_cell: side of a cell in metres; from 1e-6 to 1e9.
+        seconds_per_step: duration of a step in seconds; from 1e-6 to 1e9.
 
     Raises:
         TypeError: a value is not a number.
-        ValueError: a value is not finite or not above 0.
+        ValueError: a value is out of its limits.
     """
 
     metres_per_cell: float
@@ -37,7 +41,8 @@ class Scale:
 
     def __post_init__(self) -> None:
         for name in ("metres_per_cell", "seconds_per_step"):
-            object.__setattr__(self, name, checks.positive(name, getattr(self, name)))
+            number = checks.real(name, getattr(self, name), _SMALLEST, _LARGEST)
+            object.__setattr__(self, name, number)
 
     @classmethod
     def for_drone(cls, speed: float, swath: float) -> Scale:
@@ -49,7 +54,8 @@ class Scale:
 
         Raises:
             TypeError: an argument is not a number.
-            ValueError: an argument is not finite or not above 0.
+            ValueError: an argument is not finite or not above 0, or the scale is out of its
+                limits.
         """
         width = checks.positive("swath", swath)
         return cls(width, width / checks.positive("speed", speed))
@@ -89,8 +95,9 @@ class Scale:
         return checks.real("seconds", seconds) / self.seconds_per_step
 
     def whole_steps(self, seconds: float) -> int:
-        """A duration in steps, rounded to a whole number (a half upward)."""
-        return math.floor(self.steps(seconds) + 0.5)
+        """A duration of at most 1e300 seconds in steps, rounded (a half upward)."""
+        number = checks.real("seconds", seconds, -_LONGEST, _LONGEST)
+        return math.floor(self.steps(number) + 0.5)
 
     def seconds(self, steps: float) -> float:
         """A duration in seconds."""

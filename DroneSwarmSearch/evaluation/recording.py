@@ -74,6 +74,8 @@ def record(
     """
     from DroneSwarmSearch.rendering.side_by_side import SideBySide
 
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path must be the path of a file, got {path!r}")
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r}")

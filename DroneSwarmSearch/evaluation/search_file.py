@@ -38,9 +38,6 @@ def search_from_file(path: Path) -> NamedSearch:
             raise TypeError("the file must hold the parameters of a scenario")
         rest = dict(data)
         name, reason = rest.pop("name", path.stem), rest.pop("reason", _REASON)
-        for key, value in (("name", name), ("reason", reason)):
-            if not isinstance(value, str):
-                raise TypeError(f"{key} must be a string, got {value!r}")
         scale = rest.pop("scale", None)
         if not (scale is None or (isinstance(scale, Mapping) and {*scale} == _SCALE)):
             raise TypeError(f"scale must have {' and '.join(sorted(_SCALE))}, got {scale!r}")

@@ -24,7 +24,7 @@ import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
 __all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search", "versions"]
 
@@ -59,14 +59,17 @@ class NamedSearch:
     scale: Scale | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.scenario, Scenario):
-            raise TypeError(f"scenario must be a Scenario, got {self.scenario!r}")
+        for text in ("name", "reason"):
+            if not isinstance(getattr(self, text), str):
+                raise TypeError(f"{text} must be a string, got {getattr(self, text)!r}")
+        checked_scenario(self.scenario)
         if not (self.scale is None or isinstance(self.scale, Scale)):
             raise TypeError(f"scale must be a Scale or None, got {self.scale!r}")
-        size, n = self.scenario.grid_size, self.scenario.n_drones
-        cells = self.drones or tuple((cell % size, cell // size) for cell in range(n))
-        object.__setattr__(self, "drones", tuple((int(x), int(y)) for x, y in cells))
-        self.scenario.drone_cells(self.drones)
+        size, numbers = self.scenario.grid_size, list(range(self.scenario.n_drones))
+        by_default = isinstance(self.drones, (list, tuple)) and not self.drones
+        if not by_default:
+            numbers = self.scenario.drone_cells(self.drones, "drones")
+        object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in numbers))
 
     @property
     def outline(self) -> str:

@@ -46,7 +46,7 @@ from DroneSwarmSearch.planning.trajectories import (
     enumerate_trajectories,
     sample_trajectories,
 )
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
 __all__ = ["SuccessBound", "drone_paths", "success_bound"]
 
@@ -122,7 +122,7 @@ def success_bound(
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its limits.
     """
-    limit = scenario.timestep_limit
+    limit = checked_scenario(scenario).timestep_limit
     oracle = drone_paths(scenario.drone_cells(drones_positions))
     checks.integer("sample", sample, 1)
     checks.integer("horizons", horizons, 1)

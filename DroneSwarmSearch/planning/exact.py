@@ -18,7 +18,7 @@ from DroneSwarmSearch.drift.belief import after_search, over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
 __all__ = ["best_success"]
 
@@ -37,9 +37,10 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
         known: a probability that some plan is known to reach, which saves work.
 
     Raises:
-        ValueError: the scenario has several persons.
+        TypeError: an argument has the wrong type.
+        ValueError: the scenario has several persons, or the cells do not fit.
     """
-    persons = len(scenario.situation)
+    persons = len(checked_scenario(scenario).situation)
     if persons > 1:
         raise ValueError(f"scenario must have one person, got {persons}")
     return _BranchAndBound(scenario, known).solve(scenario.drone_cells(drones_positions))

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.observations import Observation
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
 __all__ = ["BatchPolicy", "SwarmPolicy"]
 
@@ -45,9 +45,7 @@ class BatchPolicy(ABC):
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        if not isinstance(scenario, Scenario):
-            raise TypeError(f"scenario must be a Scenario, got {scenario!r}")
-        self.scenario = scenario
+        self.scenario = checked_scenario(scenario)
 
     @overload
     def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]: ...

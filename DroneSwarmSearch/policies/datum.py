@@ -74,6 +74,9 @@ def datums_of(forecast: ProbabilityMatrix, step: int) -> list[Datum]:
     hypothesis, so that its datum is its mean.
     """
     joint, weights = forecast.joint(step), forecast.weights.tolist()
+    # A weight may be too small for a float.
+    likely = [number for number, weight in enumerate(weights) if weight > 0.0]
+    joint, weights = joint[likely], [weights[number] for number in likely]
     singles = [_datum(part, weight) for part, weight in zip(joint, weights, strict=True)]
     groups: list[list[int]] = []
     for number, single in enumerate(singles):

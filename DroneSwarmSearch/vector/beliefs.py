@@ -233,7 +233,9 @@ class Beliefs:
                 return
             total = normalise(self._tiles[tile][person], searched)
             possible = total > 0.0
-            self.kept[person, rows] *= np.where(searched, total * possible, 1.0)
+            # Rounding must not lower the probability of success.
+            missed = np.minimum(total, 1.0) * possible
+            self.kept[person, rows] *= np.where(searched, missed, 1.0)
             impossible = searched & ~possible
             if impossible.any():  # the searches contradict the belief: restore it
                 first, last = np.searchsorted(searches.rows, [rows.start, rows.stop])
