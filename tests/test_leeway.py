@@ -181,9 +181,9 @@ def test_tiny_errors_are_almost_none(slope, mean):
 # Persons.
 
 
-@pytest.mark.parametrize("per_side", [1, 2, 3, 5])
-@pytest.mark.parametrize("direction", [0, 30, 135, 260])
-@pytest.mark.parametrize("name", ["PIW-1", "PIW-4", "LIFE-RAFT-NB-2", "SKIFF-4"])
+@pytest.mark.parametrize("per_side", [1, 2, 5])
+@pytest.mark.parametrize("direction", [0, 30, 260])
+@pytest.mark.parametrize("name", ["PIW-1", "PIW-4", "SKIFF-4"])
 def test_a_person_drifts_like_the_full_model(name, direction, per_side):
     """Mean and variances are those of simulated objects; so is the covariance, but with one."""
     wind, current = leeway.wind_from(direction, 9.0), (0.2, -0.1)
