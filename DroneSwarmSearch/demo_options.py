@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import leeway
-from DroneSwarmSearch.drift.persons import Person, warn_of_mass_beyond
+from DroneSwarmSearch.drift.persons import MASS_BEYOND, Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
@@ -55,9 +55,6 @@ NOT_WITH_OBJECT = ("vector", "disperse_constant")
 
 GRID_USUAL, GRID_MOST = 20, 100
 """By default, the grid of an incident has from `GRID_USUAL` to `GRID_MOST` cells along a side."""
-
-LEFT_OUT = 0.01
-"""The share of the forecast that such a grid may leave out."""
 
 
 def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse.Namespace]:
@@ -328,4 +325,4 @@ def _placed(person: Person, grid_size: int, timestep_limit: int) -> Person:
 def _holds(person: Person, grid_size: int, timestep_limit: int) -> bool:
     """Whether a grid holds the forecast at the start, halfway and at the end."""
     steps = (0, timestep_limit // 2, timestep_limit)
-    return all(person.mass_beyond(grid_size, step) <= LEFT_OUT for step in steps)
+    return all(person.mass_beyond(grid_size, step) <= MASS_BEYOND for step in steps)

@@ -24,9 +24,6 @@ __all__ = ["Cell", "Scenario"]
 
 Ints = NDArray[np.int64]
 
-_MAX_STEPS = 2**53
-"""The largest number up to which all integers are exact as floats."""
-
 _DRONE_BYTES = 900
 """Approximate memory of one drone during an episode, including its observations."""
 
@@ -36,7 +33,7 @@ Cell = tuple[int, int]
 _INDEPENDENT: dict[str, Callable[[str, object], object]] = {
     "vector": checks.pair,
     "disperse_constant": lambda name, value: checks.real(name, value, 0),
-    "timestep_limit": lambda name, value: checks.integer(name, value, 1, _MAX_STEPS),
+    "timestep_limit": lambda name, value: checks.integer(name, value, 1, checks.LARGEST_EXACT),
 }
 """The rules of parameters whose limits do not depend on other parameters."""
 

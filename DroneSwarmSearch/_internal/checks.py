@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 __all__ = [
+    "LARGEST_EXACT",
     "array",
     "boolean",
     "cell",
@@ -47,6 +48,9 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+LARGEST_EXACT = 2**53
+"""The largest number up to which all integers are exact as floats."""
 
 
 def boolean(name: str, value: object) -> bool:

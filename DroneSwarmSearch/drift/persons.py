@@ -20,22 +20,19 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.erf import erf
 
-__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
+__all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
 Floats = NDArray[np.float64]
 
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
 
-_LARGEST_EXACT = 2**53
-"""The largest number up to which all integers are exact as floats."""
-
 _LARGE = 1e300
 """Stands for larger numbers, so that differences of two of them stay finite."""
 
 _ROUNDING = 1e-12
 
-_MASS_BEYOND = 0.01
+MASS_BEYOND = 0.01
 """The share of a forecast beyond the grid above which the map is not to be trusted."""
 
 _SAMPLED_STEPS = 33
@@ -117,7 +114,7 @@ class Drift:
 
     def __post_init__(self) -> None:
         start_sd = _deviations("start_sd", self.start_sd)
-        adrift = checks.integer("adrift", self.adrift, 0, _LARGEST_EXACT)
+        adrift = checks.integer("adrift", self.adrift, 0, checks.LARGEST_EXACT)
         start = _start(self.start, start_sd, adrift)
         if isinstance(start, np.ndarray):
             _require_zero("start_sd", max(start_sd), self.start_sd)
@@ -223,8 +220,8 @@ class Drift:
             TypeError: an argument is not an integer.
             ValueError: an argument is out of its limits, or the start does not fit.
         """
-        size = checks.integer("grid_size", grid_size, 2, _LARGEST_EXACT)
-        step = checks.integer("step", step, 0, _LARGEST_EXACT)
+        size = checks.integer("grid_size", grid_size, 2, checks.LARGEST_EXACT)
+        step = checks.integer("step", step, 0, checks.LARGEST_EXACT)
         self.check_grid(size)
         if self.prior is None:
             within = [_within(size, np.array([axis.start]), axis, step)[0] for axis in self.axes]
@@ -362,13 +359,13 @@ def warn_of_mass_beyond(
         TypeError: a size is not an integer.
         ValueError: a size is out of its limits, or a start does not fit on the grid.
     """
-    last = checks.integer("timestep_limit", timestep_limit, 1, _LARGEST_EXACT)
+    last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
     # A forecast comes and goes smoothly, so a few steps are enough.
     steps = {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
     beyond, step = max(
         (person.mass_beyond(grid_size, step), -step) for person in persons for step in steps
     )
-    if beyond > _MASS_BEYOND:
+    if beyond > MASS_BEYOND:
         warnings.warn(
             f"{beyond:.1%} of a person's forecast lies beyond the grid of {grid_size} x "
             f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
