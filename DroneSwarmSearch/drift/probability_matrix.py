@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter, OrderedDict
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from functools import cached_property
 from threading import RLock
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import Axes, Floats, Steps, start_marginals, tabulate
 
-__all__ = ["ProbabilityMatrix", "belief_shape", "matrices_of"]
+__all__ = ["ProbabilityMatrix", "belief_shape", "joint_at_start", "matrices_of"]
 
 _Key = tuple[Hashable, ...]  # the parameters of a forecast
 
@@ -55,6 +55,22 @@ def matrices_of(factors: Floats) -> NDArray[np.float32]:
     for hypothesis in range(1, factors.shape[-3]):
         matrices += y[..., hypothesis, :, :] * x[..., hypothesis, :, :]
     return matrices
+
+
+def joint_at_start(factors: Floats, weights: Floats, priors: Sequence[Floats | None]) -> Floats:
+    """The probability of each hypothesis and cell at step 0: float64, shape (M, N, N).
+
+    Args:
+        factors: as for `matrices_of`: shape (M, 2, N).
+        weights: the probability of each hypothesis, shape (M,).
+        priors: each hypothesis' start if it is an array, shape (N, N).
+    """
+    x, y = factors.swapaxes(0, 1)
+    joint: Floats = y[:, :, None] * x[:, None, :]
+    for hypothesis, prior in enumerate(priors):
+        if prior is not None:
+            joint[hypothesis] = weights[hypothesis] * prior
+    return joint
 
 
 class Block(NamedTuple):
@@ -372,7 +388,8 @@ class ProbabilityMatrix:
         )
         if block.joint is not None:
             if previous is None:
-                self._write_start(block, block.joint[0])
+                priors = [drift.prior for drift in person.drifts]
+                block.joint[0] = joint_at_start(factors[0], self.weights, priors)
             else:
                 assert previous.joint is not None
                 block.joint[0] = previous.joint[-1]
@@ -380,13 +397,6 @@ class ProbabilityMatrix:
                 moves = block.moves_at(first + index)
                 block.joint[index + 1] = after_drift(block.joint[index], *moves)
         return block
-
-    def _write_start(self, block: Block, out: Floats) -> None:
-        """Write the probability of each hypothesis and cell at step 0."""
-        for drift, weight, (x, y), joint in zip(
-            self.person.drifts, self.weights, block.factors[0], out, strict=True
-        ):
-            joint[...] = y[:, None] * x if drift.prior is None else weight * drift.prior
 
 
 def _power_of_two(number: int) -> int:

@@ -11,7 +11,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Rows, Singles
 from DroneSwarmSearch._internal.streams import DENOMINATOR
 from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
-from DroneSwarmSearch.drift.probability_matrix import matrices_of
+from DroneSwarmSearch.drift.probability_matrix import joint_at_start, matrices_of
 from DroneSwarmSearch.drift.tables import Axes, tabulate
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.forecasts import (
@@ -262,10 +262,13 @@ class TabulatedForecasts(Forecasts):
         here = np.s_[:, first : first + count]
         x, y = np.moveaxis(self._factors[here], 3, 0)
         np.multiply(y[..., :, None], x[..., None, :], out=joint[here])
-        if first == 0:
-            for (number, hypothesis), prior in mixtures.priors.items():
-                joint[number, 0, hypothesis] = mixtures.weights[number, hypothesis] * prior
         for number in {number for number, _ in mixtures.priors}:
+            if first == 0:
+                joint[number, 0] = joint_at_start(
+                    self._factors[number, 0],
+                    mixtures.weights[number],
+                    [mixtures.priors.get((number, k)) for k in range(self.hypotheses)],
+                )
             for step in range(max(first, 1), first + count):
                 (right, left), (down, up) = self._moves[number, step - 1]
                 joint[number, step] = after_drift(joint[number, step - 1], right, left, down, up)
