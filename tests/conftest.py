@@ -20,6 +20,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture(autouse=True)
 def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skip the planner's random initial plans, except in tests of the quality of plans."""
+    """Let the planner do little work, except in tests of the quality of plans."""
     if request.node.get_closest_marker("good_plans") is None:
         monkeypatch.setattr(planner, "RANDOM_STARTS", 0)
+        monkeypatch.setattr(planner, "EXPLORED_ROUNDS", 1)
+        monkeypatch.setattr(planner, "EXACT_NODES", 100)

@@ -159,14 +159,17 @@ def forecast_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
     return of.scenario.forecasts()[person]
 
 
-def targets_of(of: NamedSearch, tracker: BeliefTracker | None = None) -> list[Target]:
-    """The missing persons, from the present step to the last one."""
+def targets_of(
+    of: NamedSearch, tracker: BeliefTracker | None = None, worth: np.ndarray | None = None
+) -> list[Target]:
+    """The missing persons, from the present step to the last one; a find is worth 1 by default."""
     tracker = tracker or BeliefTracker(of.scenario)
     return [
         Target(
             MarkovChain(forecast_of(of, person)),
             of.scenario.detections[person],
             tracker.joint(person),
+            np.ones(of.scenario.timestep_limit - tracker.step) if worth is None else worth,
         )
         for person in tracker.missing
     ]
@@ -177,8 +180,7 @@ def success_of(
 ) -> list[float]:
     """The probability that drones on some paths find each missing person."""
     first = 0 if tracker is None else tracker.step
-    value = np.ones(of.scenario.timestep_limit - first)
-    return Plan(targets_of(of, tracker), value, first, paths).success_probabilities()
+    return Plan(targets_of(of, tracker), first, paths).success_probabilities()
 
 
 def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:

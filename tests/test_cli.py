@@ -600,7 +600,7 @@ class Terminal(io.StringIO):
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The time that `progress` sees."""
     now = [100.0]
-    monkeypatch.setattr("DroneSwarmSearch.evaluation.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("DroneSwarmSearch._internal.progress.time.monotonic", lambda: now[0])
     return now
 
 

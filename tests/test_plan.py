@@ -76,9 +76,9 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], weight: float
 ) -> None:
     of, paths, worth = plan_of
-    targets = targets_of(of)
-    targets[-1].weight = weight
-    plan = Plan(targets, worth, 0, paths)
+    targets = targets_of(of, worth=worth)
+    targets[-1].worth = weight * worth
+    plan = Plan(targets, 0, paths)
     found = [
         found_in_each_step(forecast_of(of, person), target.detection, schedule_of(paths))
         for person, target in enumerate(targets)
@@ -86,7 +86,7 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     np.testing.assert_allclose(
         plan.success_probabilities(), [sum(steps) for steps in found], atol=1e-12
     )
-    value = sum(t.weight * float(worth @ steps) for t, steps in zip(targets, found, strict=True))
+    value = sum(float(t.worth @ steps) for t, steps in zip(targets, found, strict=True))
     assert plan.value() == pytest.approx(value, abs=1e-12)
     assert plan.steps == of.scenario.timestep_limit
 
@@ -105,7 +105,7 @@ def test_a_plan_may_start_at_a_later_step() -> None:
     (target,) = targets_of(of)
     target.belief = forecast_of(of).joint(3)
     rest = [Path(path.cells[3:], path.searches[3:]) for path in paths]
-    assert Plan([target], np.ones(3), 3, rest).value() == pytest.approx(late.sum(), rel=1e-12)
+    assert Plan([target], 3, rest).value() == pytest.approx(late.sum(), rel=1e-12)
 
 
 @pytest.mark.parametrize("detection", [1.0, (0.8, 0.35)])
@@ -115,7 +115,7 @@ def test_simulated_plans_find_as_often_as_computed(detection: Any) -> None:
         vector=(0.1, -0.05), disperse_constant=6, timestep_limit=25,
         probability_of_detection=detection,
     )  # fmt: skip
-    plan = Plan(targets_of(of), np.ones(25), 0, idle_paths(starts_of(of), 25))
+    plan = Plan(targets_of(of), 0, idle_paths(starts_of(of), 25))
     plan.improve(min_length=5, min_gain=1e-3, max_rounds=3)
     rows = 4000
     batch = SearchBatch(rows, **of.parameters)
@@ -153,7 +153,7 @@ def test_improvement_never_lowers_the_value_and_keeps_paths_legal(
     of, paths, worth = plan_of
     size = of.scenario.grid_size
     assert_legal(paths, starts_of(of), size)
-    plan = Plan(targets_of(of), worth, 0, paths)
+    plan = Plan(targets_of(of, worth=worth), 0, paths)
     value = plan.value()
     for _ in range(rounds):
         plan.improve(min_length=shortest, min_gain=0.0, max_rounds=1)
@@ -169,10 +169,11 @@ def test_improving_a_path_changes_only_that_path_and_returns_the_gain(
 ) -> None:
     of, paths, worth = plan_of
     drone = data.draw(st.integers(0, len(paths) - 1))
-    length = data.draw(st.integers(1, len(worth)))
-    plan = Plan(targets_of(of), worth, 0, paths)
+    begin = data.draw(st.integers(0, len(worth) - 1))
+    end = data.draw(st.integers(begin + 1, len(worth)))
+    plan = Plan(targets_of(of, worth=worth), 0, paths)
     before = plan.value()
-    gained = plan.improve_path(drone, length, data.draw(st.integers(0, length - 1)))
+    gained = plan.improve_segment(drone, begin, end)
     assert gained >= 0.0
     assert plan.value() - before == pytest.approx(gained, abs=1e-12)
     assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
@@ -188,7 +189,7 @@ def test_the_initial_paths_are_not_changed() -> None:
         timestep_limit=12,
     )  # fmt: skip
     paths = idle_paths([0], 12)
-    plan = Plan(targets_of(of), np.ones(12), 0, paths)
+    plan = Plan(targets_of(of), 0, paths)
     plan.improve(min_length=4, min_gain=0.0, max_rounds=2)
     assert plan.value() > 0.0
     assert not paths[0].searches.any()
@@ -201,8 +202,8 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
         [(3, 2)], grid_size=6, person_initial_position=(0, 0), vector=(1, 0),
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
-    plan = Plan(targets_of(of), np.linspace(2, 1, 5), 0, idle_paths([15], 5))
-    assert plan.improve_path(0, 5) == pytest.approx(0.6 * 1.25)
+    plan = Plan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, idle_paths([15], 5))
+    assert plan.improve_segment(0, 0, 5) == pytest.approx(0.6 * 1.25)
     assert plan.paths[0].cells[3] == 3  # (3, 0), in step 3 as the person
     assert plan.paths[0].searches.tolist() == [False, False, False, True, False]
 
@@ -215,8 +216,8 @@ def test_the_person_with_the_larger_weight_is_searched_first() -> None:
     for weights, expected in (((1.0, 2.0), [0.0, 1.0]), ((2.0, 1.0), [1.0, 0.0])):
         targets = targets_of(of)
         for target, weight in zip(targets, weights, strict=True):
-            target.weight = weight
-        plan = Plan(targets, np.ones(4), 0, idle_paths([3], 4))
+            target.worth = weight * target.worth
+        plan = Plan(targets, 0, idle_paths([3], 4))
         plan.improve(min_length=4, min_gain=1e-3, max_rounds=1)
         assert plan.success_probabilities() == expected
         assert plan.value() == 2.0
@@ -227,7 +228,7 @@ def test_early_finds_are_preferred_if_they_have_a_higher_value() -> None:
         [(2, 0)], grid_size=7, person_initial_position=(2, 0), vector=(0, 0),
         disperse_constant=0, timestep_limit=6,
     )  # fmt: skip
-    plan = Plan(targets_of(of), np.linspace(2, 1, 6), 0, idle_paths([2], 6))
+    plan = Plan(targets_of(of, worth=np.linspace(2, 1, 6)), 0, idle_paths([2], 6))
     plan.improve(min_length=6, min_gain=1e-3, max_rounds=2)
     assert plan.value() == 2.0
     assert plan.paths[0].searches[0]
@@ -238,9 +239,9 @@ def test_each_kind_of_improvement_adds_value() -> None:
         [(0, 0), (9, 9)], grid_size=10, person_initial_position=(5, 5), vector=(0.1, 0),
         disperse_constant=5, timestep_limit=40,
     )  # fmt: skip
-    plan = Plan(targets_of(of), np.ones(40), 0, idle_paths(starts_of(of), 40))
+    plan = Plan(targets_of(of), 0, idle_paths(starts_of(of), 40))
     assert plan.value() == 0.0
-    plan.improve_path(0, 40)
+    plan.improve_segment(0, 0, 40)
     alone = plan.value()
     assert alone > 0.0
     plan.improve(min_length=40, min_gain=0.0, max_rounds=1)

@@ -69,15 +69,19 @@ class MarkovChain:
 
     def forward(self, mass: Floats, step: int) -> Floats:
         """The distribution after a step, given the distribution before it."""
-        along_x, along_y = self._matrices.get(step) or self._made(step)
+        along_x, along_y = self.matrices(step)
         moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
 
     def backward(self, value: Floats, step: int) -> Floats:
         """The expected value before a step in each cell, given the values after it."""
-        along_x, along_y = self._matrices.get(step) or self._made(step)
+        along_x, along_y = self.matrices(step)
         expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
+
+    def matrices(self, step: int) -> tuple[Floats, Floats]:
+        """The transition matrices of a step along x and y, each of shape (M, N, N)."""
+        return self._matrices.get(step) or self._made(step)
 
     def _made(self, step: int) -> tuple[Floats, Floats]:
         """The matrices of a step, after making those of its block in the forecast."""

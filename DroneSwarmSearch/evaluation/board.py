@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import Evaluation, compare
 from DroneSwarmSearch.evaluation.rollout import checked_view
 from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks

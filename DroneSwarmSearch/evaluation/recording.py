@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit

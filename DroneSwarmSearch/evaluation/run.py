@@ -16,18 +16,19 @@ from typing import Any
 import cloudpickle
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.progress import Progress
 from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
 from DroneSwarmSearch.evaluation.rollout import checked_view, play
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 from DroneSwarmSearch.planning.bound import SuccessBound
+from DroneSwarmSearch.policies.planner import PlannerPolicy
 
 __all__ = ["PORTION", "EvaluationTask", "evaluate", "run_tasks"]
 
@@ -319,7 +320,9 @@ def _make(spec: PolicySpec, search: NamedSearch, report: Report) -> Made:
     """Make a policy for a search, and call its `prepare`."""
     policy = spec.make(search.scenario)
     prepare = getattr(policy, "prepare", None)
-    if prepare is not None:
+    if isinstance(policy, PlannerPolicy):
+        policy.prepare(search.drones, report)
+    elif prepare is not None:
         prepare(search.drones)
     try:
         packed: bytes = cloudpickle.dumps(policy)

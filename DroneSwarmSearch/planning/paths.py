@@ -81,7 +81,7 @@ def best_path(
     Returns:
         The path. Ties go to searching, then to moving left, right, up and down.
     """
-    n, size = len(gains), gains.shape[-1]
+    n, height, width = gains.shape
     cells, searches = np.empty(n + 1, np.int64), np.zeros(n, np.bool_)
     cells[0] = here = start
     flat_gains, flat_values = gains.reshape(n, -1), values.reshape(n + 1, -1)
@@ -91,13 +91,13 @@ def best_path(
         best, target = FORBIDDEN, here
         if here not in closed:
             best = flat_gains[step, here] + ahead[here]
-        y, x = divmod(here, size)
+        y, x = divmod(here, width)
         searches[step] = flat_gains[step, here] > 0.0
         for on_grid, cell in (
             (x > 0, here - 1),
-            (x < size - 1, here + 1),
-            (y > 0, here - size),
-            (y < size - 1, here + size),
+            (x < width - 1, here + 1),
+            (y > 0, here - width),
+            (y < height - 1, here + width),
         ):
             if on_grid and ahead[cell] > best and cell not in closed:
                 best, target = ahead[cell], cell

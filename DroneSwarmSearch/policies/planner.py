@@ -8,6 +8,7 @@ after each find, for those still missing.
 from __future__ import annotations
 
 import copy
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.grid import Neighbours, grid_of
+from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.planning.exact import branch_and_bound
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan, Target, idle_paths
+from DroneSwarmSearch.planning.plan import Plan, Report, Target, idle_paths
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
@@ -31,17 +34,28 @@ HORIZON = 500
 """The most steps to plan at once, which bounds time and memory; longer episodes are planned in
 parts."""
 
-EARLY_BONUS = 0.1
-"""How much more a find in the first step is worth than one in the last, in a rescue."""
+EARLY_BONUS = 0.01
+"""How much more a find in the first step is worth than one in the last. Of several plans, the one
+with the largest probability of success by the limit is chosen, without the bonus."""
 
 MIN_GAIN = 5e-4
-"""Improvement stops after a round that gains less, relative to the worth of a find."""
+"""Improvement of an initial plan stops after a round that gains less."""
 
 MAX_ROUNDS = 8
-"""The most rounds for a new plan; few plans need all of them."""
+"""The most rounds for an initial plan; few plans need all of them."""
 
 MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
+
+WORK, WORK_AFTER_FIND = 1.2e8, 2e6
+"""The most work to explore from the best initial plan, for a first plan and after a find: about
+five seconds, and a tenth of one. Many episodes have a find in almost every step."""
+
+MAX_LENGTH_AFTER_FIND = 24
+"""Length of the longest path segments to improve after a find."""
+
+EXPLORED_ROUNDS = 100
+"""Exploring takes at most as much work as this many rounds of improvement."""
 
 RANDOM_STARTS = 32
 """The most random initial plans. Only small searches can afford them, see `RANDOM_BUDGET`."""
@@ -50,12 +64,28 @@ RANDOM_BUDGET = 400_000
 """The largest product of random plans, drones, persons' hypotheses, steps and cells: about a
 second."""
 
-MIN_PROBABILITY = 0.05
-"""Lower limit on a person's probability of being found, for the weights."""
+EXACT_ACTIONS = 16
+"""The most actions of all drones together for which branch and bound follows."""
+
+EXACT_NODES, EXACT_NODES_AFTER_FIND = 20_000, 500
+"""The most partial plans that branch and bound extends: a few seconds."""
+
+ROUNDING = 1e-9
+"""A plan that is better by less is not worth the change."""
+
+FEW_DRONES = 4
+"""The most drones for which idle drones are an initial plan, too."""
+
+INTERVALS, INTERVALS_AFTER_FIND = 15, 5
+"""With several persons: how many times in an episode the drones are assumed to notice finds."""
+
+REVISIONS = 3
+"""With several persons: how often the first plan is improved for revised worths of the finds."""
 
 CACHED_PLANS = 4096
 """The most plans to keep for other searches that reach the same situation."""
 
+Floats = NDArray[np.float64]
 _PlanKey = tuple[Any, ...]
 """Step, drones' cells and missing persons at every plan made in a search. With the scenario it
 determines the plan."""
@@ -80,12 +110,15 @@ class PlannerPolicy(SwarmPolicy):
         self._is_rescue = scenario.mission == "rescue"
         self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
         self._plans: dict[_PlanKey, list[Path]] = {}
+        self._has_bar = True
 
-    def prepare(self, drones_positions: object) -> None:
+    def prepare(self, drones_positions: object, report: Report | None = None) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it.
 
         Args:
             drones_positions: every drone's start cell (x, y).
+            report: called from time to time with the completed fraction of the work; the policy
+                then never shows a progress bar of its own.
 
         Raises:
             TypeError: they are not cells.
@@ -93,7 +126,8 @@ class PlannerPolicy(SwarmPolicy):
                 are equal.
         """
         starts = self.scenario.drone_cells(drones_positions)
-        self._replan(self.begin(), [self._positions[cell] for cell in starts])
+        self._has_bar = self._has_bar and report is None
+        self._replan(self.begin(), [self._positions[cell] for cell in starts], report)
 
     def begin(self) -> _PlanMemory:
         return _PlanMemory(BeliefTracker(self.scenario))
@@ -111,7 +145,7 @@ class PlannerPolicy(SwarmPolicy):
     def _cell_numbers(self, cells: Sequence[Cell]) -> list[int]:
         return [y * self.scenario.grid_size + x for x, y in cells]
 
-    def _replan(self, memory: _PlanMemory, cells: list[Cell]) -> None:
+    def _replan(self, memory: _PlanMemory, cells: list[Cell], report: Report | None = None) -> None:
         """Give a search a plan from its present step on."""
         tracker = memory.tracker
         key = (*memory.key, tracker.step, tuple(cells), tracker.missing)
@@ -119,48 +153,224 @@ class PlannerPolicy(SwarmPolicy):
         if paths is None:
             if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
-            self._plans[key] = paths = self._plan(memory, self._cell_numbers(cells))
+            starts = self._cell_numbers(cells)
+            with Progress("planning", 1.0, self._has_bar and sys.stderr.isatty()) as bar:
+                self._plans[key] = paths = self._plan(memory, starts, report or bar)
         memory.key, memory.paths = key, paths
         memory.first, memory.missing = tracker.step, tracker.missing
 
-    def _plan(self, memory: _PlanMemory, starts: list[int]) -> list[Path]:
-        """The paths of a new plan, improved from the rest of the old one if that is possible."""
+    def _plan(self, memory: _PlanMemory, starts: list[int], report: Report) -> list[Path]:
+        """The paths of a new plan."""
         tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
         part = step // HORIZON
         if part not in self._chains:  # release the matrices of other parts
             self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
-        chains, detections = self._chains[part], self.scenario.detections
-        targets = [
-            Target(chains[person], detections[person], tracker.joint(person))
-            for person in tracker.missing
-        ]
-        bonus = EARLY_BONUS if self._is_rescue else 0.0
-        worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
-
-        def plan_of(paths: list[Path]) -> Plan:
-            return Plan(targets, worth, step, paths)
-
+        initial = [self._greedy_paths(tracker, starts, steps)]
         rest = memory.rest(starts)
         if rest is not None and len(rest[0].searches) == steps:
-            plan = plan_of(rest)
-            self._set_weights(plan)
-            plan.improve(min_length=MIN_LENGTH, min_gain=MIN_GAIN, max_rounds=1)
-            return plan.paths
-        greedy = plan_of(self._greedy_paths(tracker, starts, steps))
-        self._set_weights(greedy)
-        plans, idle = [greedy], plan_of(idle_paths(starts, steps))
-        if len(targets) == 1:  # several persons take long enough with one plan
-            plans.append(idle)
-        hypotheses = sum(len(target.belief) for target in targets)
-        work = len(starts) * hypotheses * steps * self.scenario.grid_size**2
+            initial.append(rest)
+        if self._is_rescue and len(tracker.missing) > 1:
+            return self._for_all(tracker, initial, report)
+        return self._for_one(tracker, initial, report)
+
+    def _targets(self, tracker: BeliefTracker, steps: int) -> list[Target]:
+        """The missing persons, with the same worth of every find."""
+        chains, detections = self._chains[tracker.step // HORIZON], self.scenario.detections
+        worth = np.ones(steps)
+        return [
+            Target(chains[person], detections[person], tracker.joint(person), worth)
+            for person in tracker.missing
+        ]
+
+    def _for_one(
+        self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
+    ) -> list[Path]:
+        """A plan with a large probability of success, at least that of all initial ones.
+
+        In a coverage mission, this is the mean over persons.
+        """
+        step, steps = tracker.step, len(initial[0][0].searches)
+        by_limit = self._targets(tracker, steps)
+        initial_plans = [Plan(by_limit, step, paths) for paths in initial]
+        initial_plan = max(initial_plans, key=Plan.value)
+        targets = self._targets(tracker, steps)
+        if self._is_rescue:
+            for target in targets:
+                target.worth = 1.0 + EARLY_BONUS * (1.0 - np.arange(steps) / steps)
         rng = np.random.default_rng(0)
-        for _ in range(min(RANDOM_STARTS, RANDOM_BUDGET // work)):
-            plans.append(plan_of(idle.paths))
+        if step % HORIZON:
+            improved = Plan(targets, step, initial_plan.paths)
+            self._improve(improved, rng, WORK_AFTER_FIND, report, MAX_LENGTH_AFTER_FIND)
+        else:
+            improved = self._improved_from_many(targets, step, initial, rng, report)
+        best = max(Plan(by_limit, step, improved.paths), initial_plan, key=Plan.value)
+        starts = [int(path.cells[0]) for path in best.paths]
+        if len(targets) == 1 and len(starts) * steps <= EXACT_ACTIONS:
+            (target,) = by_limit
+            optimum = branch_and_bound(
+                target.chain,
+                target.detection,
+                target.belief,
+                range(step, step + steps),
+                starts,
+                known=best.value() + ROUNDING,
+                nodes=EXACT_NODES_AFTER_FIND if step else EXACT_NODES,
+            )
+            if optimum.paths is not None:
+                return optimum.paths
+        return best.paths
+
+    def _improved_from_many(
+        self,
+        targets: list[Target],
+        step: int,
+        initial: list[list[Path]],
+        rng: np.random.Generator,
+        report: Report,
+    ) -> Plan:
+        """The best improved plan of several initial ones."""
+        steps = len(targets[0].worth)
+        starts = [int(path.cells[0]) for path in initial[0]]
+        idle = idle_paths(starts, steps)
+        plans = [Plan(targets, step, paths) for paths in initial]
+        if len(starts) <= FEW_DRONES:
+            plans.append(Plan(targets, step, idle))
+        hypotheses = sum(len(target.belief) for target in targets)
+        size = len(starts) * hypotheses * steps * self.scenario.grid_size**2
+        for _ in range(min(RANDOM_STARTS, RANDOM_BUDGET // size)):
+            plans.append(Plan(targets, step, idle))
             plans[-1].perturb(rng)
-        for plan in plans:
-            plan.improve(min_length=MIN_LENGTH, min_gain=MIN_GAIN, max_rounds=MAX_ROUNDS)
-        return max(plans, key=Plan.value).paths
+        for number, plan in enumerate(plans):
+            plan.improve(
+                min_length=MIN_LENGTH,
+                min_gain=MIN_GAIN,
+                max_rounds=MAX_ROUNDS,
+                report=_part(report, number / len(plans) / 2, (number + 1) / len(plans) / 2),
+            )
+        best = max(plans, key=Plan.value)
+        work = min(WORK, EXPLORED_ROUNDS * best.round_work)
+        best.explore(rng, work, report=_part(report, 0.5, 1.0))
+        return best
+
+    def _improve(
+        self,
+        plan: Plan,
+        rng: np.random.Generator,
+        work: float,
+        report: Report,
+        max_length: int | None = None,
+    ) -> None:
+        """Improve a plan and explore from it."""
+        plan.improve(
+            min_length=MIN_LENGTH,
+            min_gain=MIN_GAIN,
+            max_rounds=MAX_ROUNDS,
+            max_length=max_length,
+            report=_part(report, 0.0, 0.5),
+        )
+        work = min(work, EXPLORED_ROUNDS * plan.round_work)
+        plan.explore(rng, work, report=_part(report, 0.5, 1.0))
+
+    def _for_all(
+        self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
+    ) -> list[Path]:
+        """A plan until the next find, with a large probability of finding all in the end."""
+        step, steps = tracker.step, len(initial[0][0].searches)
+        is_first = step % HORIZON == 0
+        stride = -(-steps // (INTERVALS if is_first else INTERVALS_AFTER_FIND))
+        work = WORK / REVISIONS if is_first else WORK_AFTER_FIND
+        valued = [(paths, *self._worth_of_finds(tracker, paths, stride)) for paths in initial]
+        best, targets, success = max(valued, key=lambda entry: entry[2])
+        rng = np.random.default_rng(0)
+        revisions = REVISIONS if is_first else 1
+        for number in range(revisions):
+            plan = Plan(targets, step, best)
+            part = _part(report, number / revisions, (number + 1) / revisions)
+            self._improve(plan, rng, work, part, None if is_first else MAX_LENGTH_AFTER_FIND)
+            revised, new_success = self._worth_of_finds(tracker, plan.paths, stride)
+            if new_success <= success:
+                break
+            best, targets, success = plan.paths, revised, new_success
+        return best
+
+    def _worth_of_finds(
+        self, tracker: BeliefTracker, paths: list[Path], stride: int
+    ) -> tuple[list[Target], float]:
+        """What it is worth to find each person in each step of a plan.
+
+        As if the drones noticed finds only every few steps, and then followed a greedy swarm.
+
+        Args:
+            tracker: of the plan's first step.
+            paths: the plan.
+            stride: the number of these steps.
+
+        Returns:
+            The targets, and an estimate of the probability of finding all persons. The worths
+            are its derivatives, so that a plan of more value finds all more often.
+        """
+        steps = len(paths[0].searches)
+        targets = self._targets(tracker, steps)
+        plan = Plan(targets, tracker.step, paths)
+        found, masses = plan.found(), plan.masses()
+        twin, persons = copy.deepcopy(tracker), range(len(targets))
+        for target in targets:
+            target.worth = np.zeros(steps)
+            target.unfound = np.zeros((steps + 1, *target.belief.shape))
+        total = 0.0
+        for begin in range(0, steps, stride):
+            end = min(begin + stride, steps)
+            self._fly(twin, paths, begin, end)
+            within = [float(each[begin:end].sum()) for each in found]
+            for first in persons:  # the one found in this interval
+                others = [person for person in persons if person != first]
+                later = self._found_later(twin, first, paths, end, steps)
+                chances = {
+                    person: within[person] / 2 + float(np.vdot(masses[person][end], values))
+                    for person, values in zip(others, later, strict=True)
+                }
+                product = float(np.prod(list(chances.values())))
+                total += within[first] * product
+                targets[first].worth[begin:end] += product
+                for person, values in zip(others, later, strict=True):
+                    rest = within[first] * float(
+                        np.prod([chances[other] for other in others if other != person])
+                    )
+                    targets[person].worth[begin:end] += rest / 2
+                    unfound = targets[person].unfound
+                    assert unfound is not None
+                    unfound[end] += rest * values
+        return targets, total
+
+    def _fly(self, tracker: BeliefTracker, paths: list[Path], begin: int, end: int) -> None:
+        """Update the beliefs for the steps of a plan without a find."""
+        for step in range(begin, end):
+            cells = [self._positions[int(path.cells[step])] for path in paths]
+            actions = [Action.SEARCH if path.searches[step] else Action.IDLE for path in paths]
+            tracker.update(cells, actions)
+
+    def _found_later(
+        self, tracker: BeliefTracker, first: int, paths: list[Path], step: int, steps: int
+    ) -> list[Floats]:
+        """The probability that a greedy swarm finds each other person, by the person's cell.
+
+        Args:
+            tracker: the beliefs at this step.
+            first: the place of the person found among the missing ones.
+            paths: the plan.
+            step: the step of the plan.
+            steps: the number of steps in the plan.
+        """
+        missing = tracker.missing
+        twin = copy.deepcopy(tracker)
+        twin.missing = tuple(person for person in missing if person != missing[first])
+        if step == steps:
+            return [np.zeros_like(twin.joint(person)) for person in twin.missing]
+        starts = [int(path.cells[step]) for path in paths]
+        onward = self._greedy_paths(twin, starts, steps - step)
+        targets = self._targets(twin, steps - step)
+        return Plan(targets, twin.step, onward).values()
 
     def _greedy_paths(self, tracker: BeliefTracker, starts: list[int], steps: int) -> list[Path]:
         """The paths of a greedy swarm that finds nobody, as an initial plan."""
@@ -180,14 +390,10 @@ class PlannerPolicy(SwarmPolicy):
             Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
 
-    def _set_weights(self, plan: Plan) -> None:
-        """Weight every person by the inverse of the plan's probability of finding them."""
-        if len(plan.targets) == 1 or not self._is_rescue:
-            return
-        probabilities = np.maximum(plan.success_probabilities(), MIN_PROBABILITY)
-        weights = (1.0 / probabilities) / np.mean(1.0 / probabilities)
-        for target, weight in zip(plan.targets, weights.tolist(), strict=True):
-            target.weight = weight
+
+def _part(report: Report, begin: float, end: float) -> Report:
+    """The report of a part of the work: from one fraction of the whole to another."""
+    return lambda fraction: report(begin + fraction * (end - begin))
 
 
 @dataclass

@@ -16,7 +16,7 @@ from types import TracebackType
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch.evaluation.progress import Progress
+from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.training.curve import COLUMNS, Curve
 
 __all__ = ["Run"]
