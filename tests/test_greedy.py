@@ -13,6 +13,7 @@ from DroneSwarmSearch.policies import Policy
 from DroneSwarmSearch.policies.greedy import (
     DISCOUNT,
     WORTHWHILE,
+    ForecastGreedyPolicy,
     GreedyPolicy,
     PosteriorGreedyPolicy,
 )
@@ -140,7 +141,7 @@ class TestChoice:
             GreedyPolicy(20)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", [GreedyPolicy, PosteriorGreedyPolicy])
+@pytest.mark.parametrize("kind", [GreedyPolicy, PosteriorGreedyPolicy, ForecastGreedyPolicy])
 @pytest.mark.parametrize("bayesian_update", [False, True])
 @pytest.mark.parametrize(
     ("size", "drones", "changes"),
