@@ -185,16 +185,16 @@ class PosteriorGreedyPolicy(_Greedy):
     def _values(self, memory: BeliefTracker, cells: list[Cell]) -> tuple[Floats, Floats]:
         """The values of the cells as targets, see `_targets`, and of the cells on the way."""
         success = memory.success
-        return _worthwhile(success, success), success
+        return _worthwhile(success), success
 
 
 class ForecastGreedyPolicy(PosteriorGreedyPolicy):
     """Greedy on the posterior at the time of arrival.
 
-    It chooses like `PosteriorGreedyPolicy`, but the value of a cell at distance d is its success
-    d steps from now, if nobody searches before (`BeliefTracker.success_ahead`). Drones therefore
-    fly ahead of a drifting person instead of behind. Cells that a drone cannot reach and search
-    before the time limit have no value.
+    It chooses like `PosteriorGreedyPolicy`, but the value of a cell at distance d is its
+    probability of success d steps from now, if nobody searches before
+    (`BeliefTracker.success_ahead`). So drones meet a drifting person instead of following. Cells
+    that a drone cannot reach and search before the time limit have no value.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -211,12 +211,13 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
         ahead = memory.success_ahead(steps)
         values = ahead[np.minimum(distances, steps), self._rows, self._columns]
         values[distances > steps] = 0.0
-        return _worthwhile(values, ahead[0]), ahead[min(steps, 1)]
+        return _worthwhile(values), ahead[min(steps, 1)]
 
 
-def _worthwhile(values: Floats, success: Floats) -> Floats:
-    """Values of targets, with a slight value for cells that are not worth it, see `WORTHWHILE`."""
-    return np.where(values < WORTHWHILE * success.max(), SLIGHT * values, values)
+def _worthwhile(success: Floats) -> Floats:
+    """The values of cells as targets, given the success there, both of shape (..., N, N)."""
+    best = success.max(axis=(-2, -1), keepdims=True)
+    return np.where(success < WORTHWHILE * best, SLIGHT * success, success)
 
 
 def _moves(
