@@ -259,3 +259,45 @@ def test_in_coverage_missions_a_person_who_would_have_been_found_counts_no_more(
         tracker.update([(1, 1)], [Action.SEARCH])
         other = tracker.belief(1)[1, 1] / 2
         assert tracker.success[1, 1] == pytest.approx(share + other)
+
+
+@pytest.mark.parametrize("searches", [0, 3])
+@pytest.mark.parametrize("mission", ["rescue", "coverage"])
+def test_success_ahead_is_what_idle_drones_see_later(searches: int, mission: str) -> None:
+    prior = np.zeros((7, 7))
+    prior[1, 2:5] = 1, 2, 3
+    persons = [
+        Person([Drift((1, 1), vector=(0.4, 0.2)), Drift(prior, vector=(-0.2, 0.9))], 0.7),
+        Person(Drift((4, 4), start_sd=1, vector=(0.1, -0.3), diffusion=0.2), 0.4),
+    ]
+    tracker = BeliefTracker(Scenario(7, persons=persons, mission=mission, n_drones=2))
+    cells = [(1, 1), (4, 4)]
+    for _ in range(searches):
+        tracker.update(cells, [Action.SEARCH, Action.SEARCH])
+    ahead = tracker.success_ahead(9)
+    assert (ahead.shape, ahead.dtype) == ((10, 7, 7), np.float64)
+    assert np.array_equal(ahead[0], tracker.success)
+    for later in ahead:
+        np.testing.assert_allclose(tracker.success, later, rtol=1e-9, atol=1e-15)
+        tracker.update(cells, [Action.IDLE, Action.IDLE])
+
+
+def test_success_ahead_counts_the_missing_only() -> None:
+    tracker = BeliefTracker(two_persons(disperse_constant=5).scenario)
+    tracker.update([(1, 1), (4, 4)], [Action.IDLE, Action.SEARCH])
+    both = tracker.success_ahead(4)
+    tracker.observe(tracker.matrix([0]))
+    one = tracker.success_ahead(4)
+    assert tracker.missing == (0,)
+    detections = tracker.scenario.detections
+    np.testing.assert_allclose(both.sum(axis=(1, 2)), sum(detections) / 2)
+    np.testing.assert_allclose(one.sum(axis=(1, 2)), detections[0])
+
+
+@pytest.mark.parametrize(
+    ("steps", "error"), [(1.5, TypeError), (True, TypeError), (-1, ValueError)]
+)
+def test_success_ahead_rejects_bad_steps(steps: Any, error: type[Exception]) -> None:
+    tracker = BeliefTracker(Scenario(5))
+    with pytest.raises(error, match="steps must be an integer"):
+        tracker.success_ahead(steps)

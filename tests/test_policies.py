@@ -66,6 +66,7 @@ class TestRegistry:
             "sector-search",
             "greedy-matrix",
             "greedy-posterior",
+            "greedy-forecast",
             "ppo",
             "planner",
         ]

@@ -20,7 +20,11 @@ from typing import Protocol
 
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
-from DroneSwarmSearch.policies.greedy import GreedyPolicy, PosteriorGreedyPolicy
+from DroneSwarmSearch.policies.greedy import (
+    ForecastGreedyPolicy,
+    GreedyPolicy,
+    PosteriorGreedyPolicy,
+)
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -60,6 +64,7 @@ POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "sector-search": SectorSearchPolicy,
     "greedy-matrix": GreedyPolicy,
     "greedy-posterior": PosteriorGreedyPolicy,
+    "greedy-forecast": ForecastGreedyPolicy,
     "ppo": PPOPolicy,
     "planner": PlannerPolicy,
 }

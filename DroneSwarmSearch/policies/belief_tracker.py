@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.belief import (
     after_drift,
     after_unsuccessful_search,
     mean_over_missing,
     over_hypotheses,
 )
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -45,7 +47,8 @@ class BeliefTracker:
     Persons with equal beliefs cannot be distinguished: one that was found may still count as
     missing, which does not change the mean.
 
-    Copies are cheap; they share the forecasts and the arrays, which never change.
+    Copies are cheap; they share the forecasts and the arrays, which never change. Copy a tracker
+    to begin many searches of one scenario: `success_ahead` keeps tables, which copies share.
 
     Args:
         scenario: the parameters of the search.
@@ -60,6 +63,7 @@ class BeliefTracker:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.forecasts = scenario.forecasts()
+        self._chains = [*map(MarkovChain, self.forecasts)]
         self.step = 0
         self.missing = tuple(range(len(self.forecasts)))
         self._beliefs: tuple[Floats, ...] | None = None  # None before the first search
@@ -91,10 +95,33 @@ class BeliefTracker:
         the coverage mission, it is unknown who would have been found, so each person counts as
         much as the probability that no search so far has found them.
         """
-        detections, total = self.scenario.detections, np.zeros((self.scenario.grid_size,) * 2)
+        now: Floats = self.success_ahead(0)[0]
+        return now
+
+    def success_ahead(self, steps: int) -> Floats:
+        """`success` now and in each of the next steps, if nobody searches before that step.
+
+        Args:
+            steps: the number of steps to look ahead, at least 0.
+
+        Returns:
+            float64, shape (steps + 1, N, N), indexed [steps from now, y, x]; a new array.
+
+        Raises:
+            TypeError: `steps` is not an integer.
+            ValueError: it is negative.
+        """
+        steps = checks.integer("steps", steps, 0)
+        ahead = np.zeros((steps + 1, self.scenario.grid_size, self.scenario.grid_size))
         for person in self.missing:
-            total += detections[person] * self._kept[person] * self.belief(person)
-        return total / len(self.missing)
+            belief, chain = self.joint(person), self._chains[person]
+            worth = self.scenario.detections[person] * self._kept[person]
+            ahead[0] += worth * over_hypotheses(belief)
+            for step in range(steps):
+                belief = chain.forward(belief, self.step + step)
+                ahead[step + 1] += worth * over_hypotheses(belief)
+        ahead /= len(self.missing)
+        return ahead
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix that the environment shows while the given persons are missing.

@@ -9,6 +9,7 @@ with few drones in a wide area.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from DroneSwarmSearch.policies.conflicts import MOVES
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["GreedyPolicy", "PosteriorGreedyPolicy"]
+__all__ = ["ForecastGreedyPolicy", "GreedyPolicy", "PosteriorGreedyPolicy"]
 
 DISCOUNT = 0.7
 """Factor on the value of a success for every step that it comes later."""
@@ -101,9 +102,10 @@ class _Greedy(SwarmPolicy):
 
         Args:
             cells: every drone's cell.
-            values: the values of the cells as targets, shape (N, N).
+            values: the values of the cells as targets, shape (N, N), or (n_drones, N, N) if they
+                differ between drones.
         """
-        n, size = len(cells), len(values)
+        n, size = len(cells), self.scenario.grid_size
         x, y = np.array(cells).T
         scores = np.log(np.maximum(values, LEAST)) + self._log_discount[y][:, :, None]
         scores += self._log_discount[x][:, None, :]
@@ -166,17 +168,56 @@ class PosteriorGreedyPolicy(_Greedy):
     Cells below ``WORTHWHILE`` times the greatest value are targets only if no other is left.
     """
 
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self._tracker = BeliefTracker(scenario)
+
     def begin(self) -> BeliefTracker:
-        return BeliefTracker(self.scenario)
+        return copy.deepcopy(self._tracker)
 
     def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.observe(matrix)
-        success = memory.success
-        slight = success < WORTHWHILE * success.max()
-        values = np.where(slight, SLIGHT * success, success)
+        values, success = self._values(memory, cells)
         actions = _moves(cells, self._targets(cells, values), success)
         memory.update(cells, actions)
         return actions
+
+    def _values(self, memory: BeliefTracker, cells: list[Cell]) -> tuple[Floats, Floats]:
+        """The values of the cells as targets, see `_targets`, and of the cells on the way."""
+        success = memory.success
+        return _worthwhile(success), success
+
+
+class ForecastGreedyPolicy(PosteriorGreedyPolicy):
+    """Greedy on the posterior at the time of arrival.
+
+    It chooses like `PosteriorGreedyPolicy`, but the value of a cell at distance d is its
+    probability of success d steps from now, if nobody searches before
+    (`BeliefTracker.success_ahead`). So drones meet a drifting person instead of following. Cells
+    that a drone cannot reach and search before the time limit have no value.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        axis = np.arange(scenario.grid_size)
+        self._distance = np.abs(axis[:, None] - axis)  # [a, b], along one axis
+        self._rows, self._columns = axis[:, None], axis
+
+    def _values(self, memory: BeliefTracker, cells: list[Cell]) -> tuple[Floats, Floats]:
+        x, y = np.array(cells).T
+        distances = self._distance[y][:, :, None] + self._distance[x][:, None, :]
+        steps = max(self.scenario.timestep_limit - memory.step - 1, 0)
+        steps = min(steps, int(distances.max()))
+        ahead = memory.success_ahead(steps)
+        values = ahead[np.minimum(distances, steps), self._rows, self._columns]
+        values[distances > steps] = 0.0
+        return _worthwhile(values), ahead[min(steps, 1)]
+
+
+def _worthwhile(success: Floats) -> Floats:
+    """The values of cells as targets, given the success there, both of shape (..., N, N)."""
+    best = success.max(axis=(-2, -1), keepdims=True)
+    return np.where(success < WORTHWHILE * best, SLIGHT * success, success)
 
 
 def _moves(
