@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import bound_by_time
 
 from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, evaluate
 from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 
 pytest.importorskip("matplotlib")
@@ -37,7 +37,7 @@ def evaluation(
     episodes = Episodes(found, endings, np.full(n, limit), np.zeros(n), Reliability.empty())
     upper = None
     if bound is not None:
-        upper = SuccessBound(np.linspace(0.0, bound, limit + 1), bound, 0.0, 1.0)
+        upper = bound_by_time(np.linspace(0.0, bound, limit + 1))
     return Evaluation(policy, where, 0, "swarm", "dict", episodes, upper)
 
 
