@@ -304,6 +304,30 @@ def searching(shown: Any) -> Any:
     return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
 
 
+@pytest.mark.parametrize(("detection", "last"), [(1.0, 1), (0.5, 50)])
+def test_a_search_ends_when_nobody_is_left_to_find(detection: float, last: int) -> None:
+    """A time limit of a million steps costs nothing then."""
+    steps: list[int] = []
+
+    def counted(shown: Any) -> Any:
+        steps.append(len(shown["row"]))
+        return searching(shown)
+
+    scenario = Scenario(2, persons=Person(Drift((0, 0)), detection), timestep_limit=10**6)
+    success = exact_success(counted, NamedSearch("still", "", scenario))
+    assert len(steps) == last
+    assert success[1] == detection
+    assert success[-1] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_certain_find_leaves_the_other_person() -> None:
+    """By hand: the first search finds one person for sure, the other with probability 1/2."""
+    both = [Person(Drift((0, 0))), Person(Drift((0, 0)), 0.5)]
+    scenario = Scenario(2, persons=both, timestep_limit=5)
+    success = exact_success(searching, NamedSearch("still", "", scenario))
+    np.testing.assert_allclose(success, 1 - 0.5 ** np.arange(6), rtol=0, atol=1e-15)
+
+
 def test_a_crash_ends_the_search() -> None:
     """Two drones search, then meet; a find in the step of the crash counts."""
 
@@ -361,8 +385,11 @@ def test_the_policy_or_the_caller_states_that_it_is_deterministic() -> None:
         is_exact(searching, deterministic="yes")
 
 
-def test_three_persons_are_sampled() -> None:
-    search = named("known", "missed", "hypotheses")
+@pytest.mark.parametrize(
+    ("persons", "limit"), [(["known", "missed", "hypotheses"], 14), (["known", "missed"], 501)]
+)
+def test_many_persons_or_steps_are_sampled(persons: list[str], limit: int) -> None:
+    search = named(*persons, timestep_limit=limit)
     got = evaluate(Climber, search, episodes=5, progress=False)
     assert not got.is_exact
     assert got.success == got.sampled_success
@@ -412,6 +439,9 @@ def test_coverage_missions_are_exact_for_any_number_of_persons() -> None:
     assert got.success.value == got.coverage.probability_of_success[2, -1]
     assert got.time.value == pytest.approx(got.times.mean())
     assert got.sampled_success is None
+    rates = got.coverage_rate, got.repetition_rate, got.mean_return
+    assert all(each is not None and each.is_exact for each in rates)
+    assert got.mean_return.value == pytest.approx(got.episodes.returns.mean())
 
 
 def test_the_environment_finds_the_exact_share() -> None:

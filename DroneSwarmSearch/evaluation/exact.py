@@ -27,19 +27,29 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.rules import OFF_GRID, Action, same_cell
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["MOST_PERSONS", "exact_success"]
+__all__ = ["can_be_exact", "exact_success"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_PERSONS = 2
-"""With more persons there are too many orders and times of finds to enumerate."""
+MOST_FIRST_FINDS = 1000
+"""The most first finds to enumerate: two persons and 500 steps. Beyond that, sampling is faster."""
 
 TOGETHER = 64
 """The most episodes that are played together, which bounds their memory."""
 
+NEGLIGIBLE = 1e-15
+"""A search ends when the probability that anybody is still to be found is not above this."""
+
 _NEVER = (0, 0)
 """A first find that does not occur; see `_Branches`."""
+
+
+def can_be_exact(scenario: Scenario) -> bool:
+    """Whether the success of a deterministic policy can be computed by `exact_success`."""
+    persons = len(scenario.situation)
+    enumerable = persons == 2 and persons * scenario.timestep_limit <= MOST_FIRST_FINDS
+    return scenario.mission == "rescue" and (persons == 1 or enumerable)
 
 
 def exact_success(
@@ -54,7 +64,7 @@ def exact_success(
     Args:
         policy: a callable from observations to actions that depend on nothing but what it has
             observed since the episode began. Its method `reset`, if it has one, is called before.
-        search: a rescue of at most `MOST_PERSONS` persons.
+        search: a search that `can_be_exact`.
         view: what the policy sees and returns, see `evaluate`; validated.
         observation: the layout of its observations.
         report: called with the share of the work done.
@@ -117,6 +127,8 @@ class _Branches:
         starts = scenario.drone_cells(search.drones)
         self._trackers = [BeliefTracker(scenario)] * len(finds)
         self._cells = np.tile(np.array(starts), (len(finds), 1))
+        # The probability that no search since the given find has found anybody.
+        self._kept = np.ones(len(finds))
 
     # What the policy observes, see `rollout.Searches`.
 
@@ -150,7 +162,7 @@ class _Branches:
         return np.array([matrices[id(self._trackers[row])] for row in rows])
 
     def play(self, policy: PolicyLike, view: str, observation: str) -> Floats:
-        """Play every search until drones crash, or to the time limit.
+        """Play every search until drones crash, nobody is left to find, or the time limit.
 
         Returns:
             The probability that each step's searches find each person who is still missing:
@@ -167,12 +179,13 @@ class _Branches:
             for places in self._in_the_same_state(rows):
                 here, first = rows[places], actions[places[0]]
                 _check_equal(actions[places], np.tile(first, (len(here), 1)))
-                chances[here, step] = self._chances(here[0], first)
+                chances[here, step] = now = self._chances(here[0], first)
+                self._kept[here] *= np.prod(1.0 - np.array(now))
                 if self._advance(here, first):
-                    going_on.append(here)
-            if not going_on:
+                    going_on.append(here[self._kept[here] > NEGLIGIBLE])
+            rows = np.sort(np.concatenate([rows[:0], *going_on]))
+            if not rows.size:
                 break
-            rows = np.sort(np.concatenate(going_on))
         return chances
 
     def _in_the_same_state(self, rows: Ints) -> list[Ints]:
@@ -200,6 +213,7 @@ class _Branches:
         for row in rows.tolist():
             step, person = self._finds[row]
             if step == tracker.step:
+                self._kept[row] = 1.0
                 self._trackers[row] = branch = copy.deepcopy(tracker)
                 branch.missing = tuple(each for each in tracker.missing if each != person)
         targets = [

@@ -195,8 +195,11 @@ class Evaluation:
 
     @cached_property
     def mean_return(self) -> Estimate:
-        """The mean return of the team, with its bootstrap interval."""
-        return statistics.bootstrap_mean(self.episodes.returns)
+        """The mean return of the team, with its bootstrap interval.
+
+        It is exact in the coverage mission of a deterministic policy, whose episodes are all equal.
+        """
+        return self._mean(self.episodes.returns)
 
     @cached_property
     def coverage_rate(self) -> Estimate | None:
@@ -217,7 +220,13 @@ class Evaluation:
         return self._mean_per_cell(self.coverage.searches - self.coverage.cells_searched)
 
     def _mean_per_cell(self, counts: Ints) -> Estimate:
-        return statistics.bootstrap_mean(counts / self.search.scenario.grid_size**2)
+        return self._mean(counts / self.search.scenario.grid_size**2)
+
+    def _mean(self, values: Floats) -> Estimate:
+        """The mean over the episodes; exact if all episodes are equal."""
+        if self.is_exact and self.coverage is not None:
+            return ExactValue.of(float(values[0]))
+        return statistics.bootstrap_mean(values)
 
     @property
     def share_of_bound(self) -> Estimate | None:

@@ -21,7 +21,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.episodes import Episodes, is_curve
-from DroneSwarmSearch.evaluation.exact import MOST_PERSONS, exact_success
+from DroneSwarmSearch.evaluation.exact import can_be_exact, exact_success
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.progress import Progress
@@ -64,9 +64,9 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate a policy on a search.
 
-    Success and time are exact if the policy is deterministic and there are one or two persons, or
-    none in the coverage mission. Otherwise, and for all other results, they are estimates from the
-    episodes.
+    Success and time are exact if the policy is deterministic and there is one person, or two and
+    at most 500 steps; in the coverage mission, everything is if the policy is deterministic.
+    Otherwise, results are estimates from the episodes.
 
     Episode i has the seed `seed + i`, so all policies use common random numbers. The policy
     plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
@@ -251,9 +251,8 @@ class EvaluationTask:
 
         In the coverage mission, every episode of a deterministic policy has it.
         """
-        scenario = self.search.scenario
-        is_small = scenario.mission == "rescue" and len(scenario.situation) <= MOST_PERSONS
-        return self._is_deterministic and is_small and self._exact is None
+        possible = self._is_deterministic and can_be_exact(self.search.scenario)
+        return possible and self._exact is None
 
     @property
     def _exact_weight(self) -> int:
