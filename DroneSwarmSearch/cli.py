@@ -32,8 +32,9 @@ EVALUATE = """\
 Evaluate a policy on searches of the suite or of files. Success is the share of episodes in
 which every person is found by the time limit; time is the restricted mean time to find
 (failures count with the limit); return is the mean return of the team. Coverage missions are
-judged by the probability of success (POS) of the searches made. All have 95% intervals. For
-the same seed, all policies use common random numbers.
+judged by the probability of success (POS) of the searches made. Success and time are exact for
+deterministic policies and one or two persons; other figures have 95% intervals. For the same seed,
+all policies use common random numbers.
 """
 
 EVALUATE_EXAMPLES = """\
@@ -265,6 +266,12 @@ def _add_episodes(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)"
+    )
+    parser.add_argument(
+        "--deterministic",
+        action="store_true",
+        default=None,
+        help="your policy always acts alike after the same observations: exact success and time",
     )
 
 

@@ -4,9 +4,9 @@
 
 The network has two linear layers with weights set by hand; one copy runs per drone. Put your
 trained network in its place. It has no memory, so all policies get the posterior, which contains
-the result of every search. On the command line, the same network is
-`examples/evaluate_your_own.py:ScentNetwork` with the options `--view drone --observation planes
---posterior`.
+the result of every search. It draws no random numbers, so its success is exact. On the command
+line, the same network is `examples/evaluate_your_own.py:ScentNetwork` with the options `--view
+drone --observation planes --posterior --deterministic`.
 """
 
 from __future__ import annotations
@@ -70,9 +70,10 @@ def within_one_step(planes: Floats) -> NDArray[np.bool_]:
 
 def summary(result: Evaluation) -> str:
     success = result.success
+    interval = "exact" if success.is_exact else f"{success.low:.1%} to {success.high:.1%}"
     return (
-        f"{result.policy:>16}: found {success.value:6.1%} ({success.low:.1%} to "
-        f"{success.high:.1%}), in {result.time.value:.1f} steps"
+        f"{result.policy:>16}: found {success.value:6.1%} ({interval}), "
+        f"in {result.time.value:.1f} steps"
     )
 
 
@@ -88,12 +89,14 @@ def main() -> None:
         "bayesian_update": True,
     }
 
-    network = evaluate(ScentNetwork, options.search, view="drone", observation="planes", **shared)
+    shown = {"view": "drone", "observation": "planes"}
+    network = evaluate(ScentNetwork, options.search, deterministic=True, **shown, **shared)
     print(summary(network))
     for name in BASELINES:
         baseline = evaluate(name, options.search, **shared)
-        lead, low, high = compare(network, baseline).success.scaled(100.0)
-        print(f"{summary(baseline)}; network's lead {lead:+.1f} ({low:+.1f} to {high:+.1f}) points")
+        lead = compare(network, baseline).success.scaled(100.0)
+        interval = "" if lead.is_exact else f" ({lead.low:+.1f} to {lead.high:+.1f})"
+        print(f"{summary(baseline)}; network's lead {lead.value:+.1f}{interval} points")
 
 
 if __name__ == "__main__":

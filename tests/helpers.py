@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch.planning import SuccessBound
 
 MOVES = {
     Action.LEFT: (-1, 0),
@@ -176,6 +177,12 @@ def observed(env: DroneSwarmSearch) -> dict[str, Any]:
         name: {"observation": (cell, frame.matrix)}
         for name, cell in zip(env.possible_agents, frame.drones, strict=True)
     }
+
+
+def bound_by_time(by_time: Any, *, gap: float = 0.0, confidence: float = 1.0) -> SuccessBound:
+    """A made-up bound."""
+    values = np.array(by_time, np.float64)
+    return SuccessBound(values, relaxed=float(values[-1]), gap=gap, confidence=confidence)
 
 
 def module_at(path: Path) -> ModuleType:

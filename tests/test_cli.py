@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import bound_by_time
 
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
@@ -532,7 +533,7 @@ def bounds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def straight(scenario: Any, drones: Any, report: Any) -> SuccessBound:
         asked.append(f"{scenario.grid_size}:{len(drones)}")
         by_time = np.linspace(0.0, 0.5, scenario.timestep_limit + 1)
-        return SuccessBound(by_time=by_time, relaxed=0.49, gap=0.004, confidence=1.0)
+        return bound_by_time(by_time, gap=0.004)
 
     monkeypatch.setattr("DroneSwarmSearch.evaluation.bounds.success_bound", straight)
     return asked

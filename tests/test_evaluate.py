@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import bound_by_time
 
 from DroneSwarmSearch import (
     Action,
@@ -527,7 +528,7 @@ def made(
 
 
 def limit_of(by_time: Any) -> SuccessBound:
-    return SuccessBound(np.array(by_time), relaxed=0.5, gap=0.001, confidence=1.0)
+    return bound_by_time(by_time, gap=0.001)
 
 
 def test_restricted_mean_time_is_the_area_under_the_share_not_found():
@@ -1221,7 +1222,7 @@ def test_json_has_everything_that_determines_the_results(tmp_path):
     assert data["parameters"]["bayesian_update"] is True
     assert data["parameters"]["person_initial_position"] == [[2, 2], [3, 4]]
     assert data["parameters"]["reward_scheme"] == dataclasses.asdict(RewardScheme())
-    assert data["success"] == got.success._asdict()
+    assert data["success"] == got.success.data
     assert data["success_by_time"]["high"] == got.success_by_time.high.tolist()
     assert data["bound"]["by_time"][-1] == 1.0
     save_json(tmp_path / "two.json", [got, got])

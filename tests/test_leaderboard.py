@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import tables_of
+from helpers import bound_by_time, tables_of
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch import cli as command
@@ -26,9 +26,16 @@ from DroneSwarmSearch.evaluation import (
     leaderboard,
     page,
     run,
+    statistics,
 )
-from DroneSwarmSearch.evaluation.board import THEORY, Leaderboard, PairwiseComparison
+from DroneSwarmSearch.evaluation.board import (
+    EXPECTED_ORDER,
+    Calibration,
+    Leaderboard,
+    PairwiseComparison,
+)
 from DroneSwarmSearch.evaluation.episodes import Reliability
+from DroneSwarmSearch.evaluation.statistics import ExactValue, wilson
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -51,7 +58,7 @@ def _quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def quick(scenario: Scenario, drones: object, *, report: object) -> SuccessBound:
         by_time = (np.arange(scenario.timestep_limit + 1) >= 10) * 0.875
-        return SuccessBound(by_time, 0.875, 0.004, 0.9999)
+        return bound_by_time(by_time, gap=0.004, confidence=0.9999)
 
     monkeypatch.setattr(bounds, "success_bound", quick)
 
@@ -70,9 +77,15 @@ def idler(tmp_path: Path) -> str:
 
 
 def made_up(
-    policy: str, search: str, successes: int, *, step: int = 10, bound: float | None = None
+    policy: str,
+    search: str,
+    successes: int,
+    *,
+    step: int = 10,
+    bound: float | None = None,
+    exact: float | None = None,
 ) -> Evaluation:
-    """100 episodes, of which the first succeed in one step."""
+    """100 episodes, of which the first succeed in one step; with an exact success from there on."""
     where = SUITE[search]
     limit = where.scenario.timestep_limit
     found = np.zeros((100, len(where.scenario.situation)), np.int64)
@@ -81,8 +94,9 @@ def made_up(
     episodes = Episodes(found, endings, np.full(100, limit), np.zeros(100), Reliability.empty())
     known = None
     if bound is not None:
-        known = SuccessBound(np.full(limit + 1, bound), bound, 0.001, 1.0)
-    return Evaluation(policy, where, 0, "swarm", "dict", episodes, known)
+        known = bound_by_time(np.full(limit + 1, bound), gap=0.001, confidence=1.0)
+    curve = None if exact is None else (np.arange(limit + 1) >= step) * exact
+    return Evaluation(policy, where, 0, "swarm", "dict", episodes, known, curve)
 
 
 class TestFigures:
@@ -114,17 +128,74 @@ class TestFigures:
         assert pair.success.high - pair.success.low < 0.75 * apart
         assert pair.verdict == "more successful, faster"
 
-    def test_policies_are_compared_with_the_next_group_of_theory(self) -> None:
-        names = ["mine", "planner", "greedy-matrix", "sector-search", "random"]
+    def test_policies_are_compared_with_those_expected_next(self) -> None:
+        names = ["mine", "planner", "greedy-matrix", "sector-search", "random", "ppo"]
         board = Leaderboard(tuple(made_up(name, "pond", 50) for name in names), ("mine",))
         assert [(pair.first, pair.second) for pair in board.comparisons] == [
             ("mine", "planner"),
+            ("mine", "greedy-matrix"),
+            ("ppo", "planner"),
+            ("ppo", "greedy-matrix"),
             ("planner", "greedy-matrix"),
             ("planner", "sector-search"),
             ("greedy-matrix", "random"),
             ("sector-search", "random"),
         ]
-        assert sorted(name for rank in THEORY for name in rank) == sorted(POLICIES)
+        ranked = [name for group in EXPECTED_ORDER for name in group]
+        assert len({*ranked}) == len(ranked)
+        assert {*POLICIES} - {*ranked} == {"ppo"}
+
+    def test_exact_values_are_compared_without_intervals(self) -> None:
+        board = Leaderboard(
+            (
+                made_up("planner", "pond", 52, exact=0.5),
+                made_up("greedy-posterior", "pond", 60, exact=0.4),
+                made_up("greedy-matrix", "pond", 60, exact=0.4 + 1e-11),
+                made_up("random", "pond", 10),
+            )
+        )
+        first, second, third = board.comparisons
+        assert first.success == ExactValue.of(0.5 - 0.4)
+        assert first.verdict == "more successful, faster"
+        assert second.verdict == "equal"
+        matrix, random = (board.by_name[name, "pond"] for name in ("greedy-matrix", "random"))
+        assert not third.success.is_exact
+        assert third.success.low == pytest.approx(matrix.success.value - random.success.high)
+        best = board.best_known("pond")
+        assert (best.policy, best.success.value) == ("planner", 0.5)
+        planner, *_, last = board.summaries
+        assert planner.success.is_exact
+        assert not last.success.is_exact
+
+    def test_calibration_compares_forecasts_with_shares(self) -> None:
+        board = Leaderboard(
+            (
+                made_up("planner", "pond", 52, exact=0.5),
+                made_up("random", "pond", 10),
+                made_up("planner", "fog", 80, exact=0.6),
+                made_up("random", "fog", 10),
+                made_up("planner", "night", 0, exact=0.0),
+                made_up("random", "night", 10),
+            )
+        )
+        (planner,) = board.calibrations
+        assert planner.policy == "planner"
+        assert planner.forecasts == {"pond": 0.5, "fog": 0.6, "night": 0.0}
+        assert planner.found["fog"] == wilson(80, 100).at(())
+        assert planner.holding == 2  # not fog, where 80 of 100 are found
+        name, deviation = planner.largest_deviation
+        assert (name, deviation) == ("fog", pytest.approx(0.2))
+
+    def test_one_interval_in_twenty_misses_a_true_forecast(self) -> None:
+        """By the binomial distribution, without an evaluation."""
+        rng = np.random.default_rng(0)
+        truths = rng.uniform(0.05, 0.95, 2000)
+        counts = rng.binomial(2000, truths).tolist()
+        names = [str(place) for place in range(2000)]
+        shares = [wilson(count, 2000).at(()) for count in counts]
+        forecasts = dict(zip(names, truths.tolist(), strict=True))
+        calibration = Calibration("planner", forecasts, dict(zip(names, shares, strict=True)))
+        assert 1860 <= calibration.holding <= 1940
 
     @pytest.mark.parametrize(
         ("success", "time", "verdict"),
@@ -148,7 +219,7 @@ class TestFigures:
         board = Leaderboard((within, above))
         assert board.above_bound == (above,)
         text = " ".join(page.markdown(board, "command").split())
-        assert "Intervals above the bound: random on pond." in text
+        assert "Above the bound: random on pond." in text
 
 
 class TestPage:
@@ -162,37 +233,85 @@ class TestPage:
             )
         )
         text = page.markdown(board, "python -m something")
-        overview, suite, order, limits, pond, _ = tables_of(text)
+        overview, times, suite, order, limits = tables_of(text)
         assert overview == [
             ["search", "planner", "random", "bound"],
-            ["pond", "**80.0**", "20.0", "90.0"],
-            ["fog", "**50.0**", "**50.0**", "80.0"],
+            ["pond", "**~80**", "~20", "90.0"],
+            ["fog", "**~50**", "**~50**", "80.0"],
         ]
+        assert times[0] == ["search", "planner", "random", "limit"]
+        assert times[1] == ["pond", "**~16**", "~34", "40"]
         assert [row[0] for row in suite] == ["policy", "planner", "random"]
         assert suite[1][1].startswith("65.0 (")
         assert order[1][:2] == ["planner", "random"]
         assert order[1][2] == "more successful, faster"
         assert order[1][3].startswith("+30.0 (+")
         assert order[1][4].startswith("-")
-        assert limits[1] == ["pond", "90.0", "0.10", "exact"]
-        success = board.by_name["planner", "pond"].success
-        assert pond[1][1] == f"80.0 ({100 * success.low:.1f}-{100 * success.high:.1f})"
-        assert pond[1][3].startswith(f"{80 / 0.9:.1f} (")
+        assert limits[1] == ["pond", "planner", "~80", "90.0", "~89", "0.10", "exact"]
         assert "```sh\npython -m something\n```" in text
+        assert "Success and time are sampled" in text.replace("\n", " ")
         for search in board.searches:
-            assert f"### {search.name}\n" in text
-            assert search.reason.split(",")[0] in text.replace("\n", " ")
+            assert f"- **{search.name}**: " in text
+            assert search.reason.split(",")[0] in text.replace("\n  ", " ")
+
+    def test_exact_figures_have_no_interval_and_sampled_ones_no_noise(self) -> None:
+        board = Leaderboard(
+            (
+                made_up("planner", "pond", 81, exact=0.804, bound=0.9),
+                made_up("random", "pond", 20, bound=0.9),
+                made_up("planner", "fog", 57, exact=0.508, bound=1.0),
+                made_up("random", "fog", 60, bound=1.0),
+            )
+        )
+        text = page.markdown(board, "command")
+        overview, times, suite, order, limits, calibration = tables_of(text)
+        assert overview[1:] == [
+            ["pond", "**80.4**", "~20", "90.0"],
+            ["fog", "50.8", "**~60**", "100.0"],
+        ]
+        assert times[1] == ["pond", f"**{10 + 0.196 * 30:.1f}**", "~34", "40"]
+        assert suite[1][1] == "65.6"
+        assert suite[2][1].startswith("40.0 (")
+        assert order[1][3].startswith("+25.6 (+")
+        assert limits[1][:5] == ["pond", "planner", "80.4", "90.0", "89.3"]
+        assert limits[2][:5] == ["fog", "random", "~60", "100.0", "~60"]
+        found = board.calibrations[0].found.values()
+        mean = statistics.mean_of(found).scaled(100.0)
+        assert calibration[1] == [
+            *("planner", "65.6", f"69.0 ({mean.low:.1f}-{mean.high:.1f})"),
+            *("2 of 2", "+6.2 (fog)"),
+        ]
+        words = " ".join(text.split())
+        assert "Success and time are exact, without sampling error, or have a tilde" in words
+        assert "2 of 2 intervals hold the forecast" in words
+        assert "It says nothing on fog, where it is 100%." in words
+        assert "The mean ratio is 74.7%." in words  # of 80.4 / 90 and 60 / 100
+        assert "The bounds are exact. No exact value and no interval lies above a bound." in words
+
+    def test_exceptions_to_the_expected_order_are_named(self) -> None:
+        names = ("planner", "greedy-posterior", "greedy-matrix", "random")
+        made = [made_up(name, "pond", 9, exact=0.5 - 0.1 * k) for k, name in enumerate(names)]
+        text = " ".join(page.markdown(Leaderboard(tuple(made)), "command").split())
+        assert "One expects the order planner; greedy-posterior; greedy-matrix; random:" in text
+        assert "3 of 3 pairs are in this order. Differences" in text
+        made[1] = made_up("greedy-posterior", "pond", 9, exact=0.6, step=20)
+        text = " ".join(page.markdown(Leaderboard(tuple(made)), "command").split())
+        assert (
+            "2 of 3 pairs are in this order; planner is less successful, faster than "
+            "greedy-posterior." in text
+        )
+
+    def test_the_confidence_is_that_of_all_bounds_together(self) -> None:
+        made = [made_up("planner", name, 9, exact=0.5) for name in ("pond", "fog", "night")]
+        bounds = [bound_by_time(np.full(each.limit + 1, 0.9), confidence=0.999) for each in made]
+        bounded = [each.with_bound(bound) for each, bound in zip(made, bounds, strict=True)]
+        text = " ".join(page.markdown(Leaderboard(tuple(bounded)), "command").split())
+        assert "valid together with at least 99.7% confidence" in text
 
     def test_without_bounds_the_page_does_not_mention_them(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 20)))
         text = page.markdown(board, "command")
         assert "bound" not in text.replace("share of bound", "bound").lower()
-
-    def test_the_page_states_what_the_network_was_trained_with(self) -> None:
-        packaged = Leaderboard((made_up("ppo", "pond", 40),))
-        assert "an earlier drift model" in page.markdown(packaged, "command")
-        own = Leaderboard((made_up("ppo", "pond", 40),), ("ppo",))
-        assert "an earlier drift model" not in page.markdown(own, "command")
 
     def test_tables_are_aligned_as_plain_text(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 5)))
@@ -258,10 +377,10 @@ class TestRun:
         assert board.posterior is not None
         assert board.posterior.search.scenario.bayesian_update
 
-    def test_policies_have_the_order_of_theory(self) -> None:
-        ranked = [name for rank in THEORY for name in rank]
+    def test_policies_have_the_expected_order(self) -> None:
+        ranked = [name for group in EXPECTED_ORDER for name in group if name in POLICIES]
         contest = leaderboard(searches=["pond"], episodes=1, bounds=False, progress=False)
-        assert list(contest.policies) == ranked
+        assert list(contest.policies) == [*ranked, "ppo"]
 
     def test_an_added_policy_can_see_the_posterior(self) -> None:
         def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
@@ -337,7 +456,10 @@ class TestCommand:
         (overview, *_) = tables_of(text)
         for row, each in zip(rows, data["evaluations"], strict=True):
             assert float(row["success"]) == each["success"]["value"]
-            shown = f"{100 * each['success']['value']:.1f}"
+            value = 100 * each["success"]["value"]
+            shown = f"{value:.1f}" if each["success"]["exact"] else f"~{value:.0f}"
+            assert each["success"]["exact"] == (each["policy"] == "greedy-matrix")
+            assert row["exact"] == str(each["success"]["exact"])
             (line,) = [line for line in overview if line[0] == each["search"]]
             place = overview[0].index(each["policy"])
             assert line[place].strip("*") == shown
@@ -357,9 +479,9 @@ class TestCommand:
         assert (
             command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
         )
-        overview, suite, order, *_ = tables_of((out / "leaderboard.md").read_text("utf-8"))
+        overview, _, suite, order, *_ = tables_of((out / "leaderboard.md").read_text("utf-8"))
         assert overview[0] == ["search", idler, "greedy-matrix", "random"]
-        assert overview[1][1] == "0.0"
+        assert overview[1][1] == "~0"
         assert suite[1][:2] == [idler, "0.0 (0.0-43.4)"]
         assert order[1][:2] == [idler, "greedy-matrix"]
 
@@ -424,7 +546,8 @@ class TestCommand:
         output = capsys.readouterr().err
         assert "interrupted" in output
         assert str(tmp_path / "portions") in output
-        assert len(Store(tmp_path / "portions")) == 2
+        # The exact values of two tasks, and two portions.
+        assert len(Store(tmp_path / "portions")) == 4
         assert command.main(["leaderboard", *arguments]) == 0
         # Five tasks, of which two were stored; one was interrupted.
         assert played == 3 + 3

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import bound_by_time
 
 from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, evaluate
 from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 
 pytest.importorskip("matplotlib")
@@ -37,7 +37,7 @@ def evaluation(
     episodes = Episodes(found, endings, np.full(n, limit), np.zeros(n), Reliability.empty())
     upper = None
     if bound is not None:
-        upper = SuccessBound(np.linspace(0.0, bound, limit + 1), bound, 0.0, 1.0)
+        upper = bound_by_time(np.linspace(0.0, bound, limit + 1))
     return Evaluation(policy, where, 0, "swarm", "dict", episodes, upper)
 
 
@@ -89,7 +89,8 @@ class TestCurves:
 
     def test_all_looks_differ(self) -> None:
         looks = [*plot_style.LOOKS.values(), *plot_style.OTHERS]
-        assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 14
+        assert len({look.colour for look in looks}) == len(looks)
+        assert len({look.marker for look in looks}) == len(looks)
 
     def test_each_search_has_a_panel(self) -> None:
         several = [

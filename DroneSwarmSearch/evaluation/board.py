@@ -20,34 +20,35 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, compare
 from DroneSwarmSearch.evaluation.rollout import checked_view
 from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
-from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
+from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, mean_of
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, as_named
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 
 __all__ = [
+    "Calibration",
     "Contest",
     "Leaderboard",
     "PairwiseComparison",
     "PolicySummary",
     "example_search",
+    "in_expected_order",
     "leaderboard",
-    "ranked_by_theory",
 ]
 
-THEORY: tuple[tuple[str, ...], ...] = (
+EXPECTED_ORDER: tuple[tuple[str, ...], ...] = (
     ("planner",),
-    ("ppo", "greedy-forecast", "greedy-posterior"),
+    ("greedy-forecast",),
+    ("greedy-posterior",),
     ("greedy-matrix", "parallel-sweep", "creeping-line", "expanding-square", "sector-search"),
     ("random",),
 )
-"""The order that search theory predicts, best first; policies of one group are not ranked.
+"""The order that one expects, best first; policies of one group are not ranked.
 
-A plan with the person's forecast has the form of an optimal policy. A greedy search with the
-posterior is its heuristic, which a trained network may improve on. Effort that ignores earlier
-searches is worth less, and effort that ignores the person's position is worth least (Stone,
-Theory of Optimal Search, 1975; Brown, Operations Research 28:1275, 1980)."""
+With one person, the only news before the end is "not found", so an optimal policy is an open-loop
+plan, which the planner approximates. The rest is an expectation: effort that ignores what is known
+is worth less. No theorem ranks these policies, since drones must fly between cells."""
 
 EXAMPLE = "gale"
 """The search of the plots that show only one, if it was evaluated."""
@@ -57,9 +58,9 @@ CALIBRATION = "night"
 prior is far from the posterior."""
 
 
-def ranked_by_theory(names: Sequence[str]) -> list[str]:
-    """Sort policies by `THEORY`; those that it does not name come last."""
-    ranked = [name for group in THEORY for name in group if name in names]
+def in_expected_order(names: Sequence[str]) -> list[str]:
+    """Sort policies by `EXPECTED_ORDER`; those that it does not name come last."""
+    ranked = [name for group in EXPECTED_ORDER for name in group if name in names]
     return [*ranked, *(name for name in names if name not in ranked)]
 
 
@@ -87,7 +88,7 @@ class PolicySummary:
 
 @dataclass(frozen=True)
 class PairwiseComparison:
-    """Two policies in the same episodes, the one that theory ranks higher first.
+    """Two policies on all searches, the one that is expected to be better first.
 
     Attributes:
         first: the first policy's name.
@@ -103,18 +104,50 @@ class PairwiseComparison:
 
     @property
     def verdict(self) -> str:
-        """The conclusion that the intervals allow."""
+        """The conclusion that the intervals allow; of exact differences, that of their signs."""
         words = []
-        if self.success.low > 0.0 or self.success.high < 0.0:
-            words.append("more successful" if self.success.low > 0.0 else "less successful")
-        if self.time.low > 0.0 or self.time.high < 0.0:
-            words.append("slower" if self.time.low > 0.0 else "faster")
-        return ", ".join(words) or "not clearly different"
+        for estimate, better, worse in (
+            (self.success, "more successful", "less successful"),
+            (self.time, "slower", "faster"),
+        ):
+            if estimate.low > ROUNDING or estimate.high < -ROUNDING:
+                words.append(better if estimate.low > ROUNDING else worse)
+        is_exact = self.success.is_exact and self.time.is_exact
+        return ", ".join(words) or ("equal" if is_exact else "not clearly different")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The forecast probability of success of a policy, against the share that it found.
+
+    Attributes:
+        policy: its name.
+        forecasts: the exact success on each search, by name.
+        found: the share of successful episodes on each of them.
+    """
+
+    policy: str
+    forecasts: Mapping[str, float]
+    found: Mapping[str, Estimate]
+
+    @property
+    def holding(self) -> int:
+        """The number of intervals of the shares that hold their forecast."""
+        return sum(
+            share.low - ROUNDING <= self.forecasts[name] <= share.high + ROUNDING
+            for name, share in self.found.items()
+        )
+
+    @property
+    def largest_deviation(self) -> tuple[str, float]:
+        """The search with the largest deviation, and found minus forecast on it."""
+        off = {name: share.value - self.forecasts[name] for name, share in self.found.items()}
+        return max(off.items(), key=lambda item: abs(item[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class Leaderboard:
-    """Policies evaluated on searches, all in the same episodes.
+    """Policies evaluated on searches; what is sampled, in the same episodes.
 
     Attributes:
         evaluations: of every policy on every search, search by search.
@@ -158,16 +191,42 @@ class Leaderboard:
 
     @cached_property
     def comparisons(self) -> tuple[PairwiseComparison, ...]:
-        """Every policy against those that theory ranks next.
+        """Every policy against those that are expected next.
 
-        Added policies are compared with the first policy of the theory's order.
+        Policies outside the expected order, such as trained ones, are compared with the first
+        policy of each of the first two groups.
         """
-        groups = [[name for name in group if name in self.policies] for group in THEORY]
+        groups = [[name for name in group if name in self.policies] for group in EXPECTED_ORDER]
         groups = [group for group in groups if group]
-        pairs = [(name, groups[0][0]) for name in self.added if groups]
+        others = [name for name in self.policies if not any(name in group for group in groups)]
+        pairs = [(name, group[0]) for name in others for group in groups[:2]]
         for higher, lower in pairwise(groups):
             pairs += [(first, second) for first in higher for second in lower]
         return tuple(self._comparison(*pair) for pair in pairs)
+
+    @cached_property
+    def calibrations(self) -> tuple[Calibration, ...]:
+        """The calibration of every policy on the searches where its success is exact."""
+        found = []
+        for policy in self.policies:
+            exact = [
+                (each.search.name, each.success.value, each.sampled_success)
+                for each in self.of_policy(policy)
+                if each.is_exact and each.sampled_success is not None
+            ]
+            if exact:
+                forecasts = {name: forecast for name, forecast, _ in exact}
+                found.append(
+                    Calibration(policy, forecasts, {name: share for name, _, share in exact})
+                )
+        return tuple(found)
+
+    def best_known(self, search: str) -> Evaluation:
+        """The evaluation with the largest success on a search."""
+        return max(
+            (self.by_name[policy, search] for policy in self.policies),
+            key=lambda each: each.success.value,
+        )
 
     @property
     def above_bound(self) -> tuple[Evaluation, ...]:
@@ -175,7 +234,7 @@ class Leaderboard:
         return tuple(
             each
             for each in self.evaluations
-            if each.bound is not None and each.success.low > each.bound.by_limit
+            if each.bound is not None and each.success.low > each.bound.by_limit + ROUNDING
         )
 
     def compute_intervals(self) -> None:
@@ -220,6 +279,7 @@ def leaderboard(
     added: Sequence[object] = (),
     view: str = "swarm",
     observation: str = "dict",
+    deterministic: bool | None = None,
     posterior: bool = False,
     episodes: int = 2000,
     seed: int = 0,
@@ -229,7 +289,7 @@ def leaderboard(
     bounds: bool = True,
     progress: bool = True,
 ) -> Leaderboard:
-    """Evaluate policies on searches, all in the same episodes.
+    """Evaluate policies on searches; what is sampled, in the same episodes.
 
     Args:
         policies: names of policies of this package; None for all.
@@ -238,6 +298,7 @@ def leaderboard(
         added: further policies, in any form that `evaluate` takes.
         view: what the added policies see, see `evaluate`.
         observation: the layout of their observations, see `evaluate`.
+        deterministic: whether the added policies are, see `evaluate`.
         posterior: whether the added policies see the posterior instead of the prior. Their
             returns then depend on another matrix; success and time stay comparable.
         episodes: of every policy on every search.
@@ -261,6 +322,7 @@ def leaderboard(
         added,
         view=view,
         observation=observation,
+        deterministic=deterministic,
         posterior=posterior,
         episodes=episodes,
         seed=seed,
@@ -281,6 +343,7 @@ class Contest:
         *,
         view: str,
         observation: str,
+        deterministic: bool | None,
         posterior: bool,
         bounds: bool,
         store: Store | None,
@@ -292,7 +355,7 @@ class Contest:
         view, observation = checked_view(view, observation)
         updated = checks.boolean("posterior", posterior) or None
         bounds = checks.boolean("bounds", bounds)
-        names = ranked_by_theory([*POLICIES]) if policies is None else policies
+        names = in_expected_order([*POLICIES]) if policies is None else policies
         of_package = [PolicySpec.of(name) for name in names]
         of_user = [PolicySpec.of(each) for each in added]
         named = [as_named(each) for each in (SUITE if searches is None else searches)]
@@ -302,6 +365,7 @@ class Contest:
         own: dict[str, Any] = {
             "view": view,
             "observation": observation,
+            "deterministic": deterministic,
             "bayesian_update": updated,
         }
         self._added = tuple(each.name for each in of_user)
@@ -311,7 +375,11 @@ class Contest:
             for each in (*of_user, *of_package)
         ]
         pair = _for_calibration(of_package, named)
-        self._posterior = EvaluationTask(*pair, bayesian_update=True, **shared) if pair else None
+        self._posterior = None
+        if pair:  # only for its calibration, which is sampled
+            self._posterior = EvaluationTask(
+                *pair, bayesian_update=True, deterministic=False, **shared
+            )
         self._bounds = {each.name: BoundTask(each, store) for each in named if bounds}
 
     def run(self, *, workers: int, ray: str | None, progress: bool) -> Leaderboard:

@@ -71,6 +71,7 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
                 bayesian_update=True if options.posterior else None,
                 view=options.view,
                 observation=options.observation,
+                deterministic=options.deterministic,
                 store=store,
             )
             for each in searches
@@ -108,6 +109,7 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
             options.add,
             view=options.view,
             observation=options.observation,
+            deterministic=options.deterministic,
             posterior=options.posterior,
             episodes=options.episodes,
             seed=options.seed,
@@ -239,6 +241,8 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
         f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
         f"{SUITE_VERSION}, {shown} shown; 95% intervals in parentheses."
     ]
+    if any(each.is_exact for each in evaluations):
+        notes.append("Success, POS, time and the rates of cells are exact without an interval.")
     if rescues:
         notes.append(
             "Success: every person found within the time limit. Time: until the last person is "
@@ -314,7 +318,7 @@ def _print_leaderboard(board: Leaderboard) -> None:
     """Print the two main tables of a leaderboard."""
     for title, (headers, *rows) in (
         ("Success in %; the best policy of each search has a star", page.overview(board, "{}*")),
-        ("All searches, with 95% intervals", page.suite_table(board)),
+        ("All searches; with 95% intervals, or exact", page.suite_table(board)),
     ):
         print(f"\n{title}\n")
         print_table(headers, rows, words=1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["POS_EDGES", "Coverage", "Episodes", "Reliability"]
+__all__ = ["POS_EDGES", "Coverage", "Episodes", "Reliability", "is_curve"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,6 +21,12 @@ Ints = NDArray[np.int64]
 POS_EDGES = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, math.inf)
 """The edges of the bins. Probabilities of single cells are small, so nearly all searches would
 lie in the first of several bins of equal width."""
+
+
+def is_curve(success: Floats) -> bool:
+    """Whether probabilities of success after each step are possible: they never fall."""
+    is_share = (success >= 0.0) & (success <= 1.0)
+    return bool(is_share.all() and (np.diff(success) >= 0.0).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +131,20 @@ class Coverage:
     searches: Ints
     cells_searched: Ints
 
+    def common_curve(self) -> Floats:
+        """The POS after each step of a deterministic policy, equal in all episodes: (L + 1,).
+
+        Raises:
+            ValueError: the episodes differ.
+        """
+        first: Floats = self.probability_of_success[0]
+        if (self.probability_of_success != first).any():
+            raise ValueError(
+                "deterministic must be False for a policy that acts differently after the same "
+                "observations"
+            )
+        return first
+
     @property
     def data(self) -> dict[str, Any]:
         """Plain data, which JSON keeps exactly."""
@@ -159,7 +179,7 @@ class Coverage:
             success.ndim == 2
             and searches.shape == cells.shape == (len(success),)
             and searches.dtype.kind == cells.dtype.kind == "i"
-            and ((success >= 0.0) & (success <= 1.0)).all()
+            and is_curve(success)
             and ((cells >= 0) & (cells <= searches)).all()
         ):
             raise ValueError("data must be that of coverage, but it is inconsistent")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import sys
 import textwrap
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -14,17 +15,18 @@ import numpy as np
 import DroneSwarmSearch
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation.board import (
+    EXPECTED_ORDER,
     Leaderboard,
-    PolicySummary,
     example_search,
-    ranked_by_theory,
+    in_expected_order,
 )
 from DroneSwarmSearch.evaluation.results import Evaluation, save_csv
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
-from DroneSwarmSearch.evaluation.tables import figure, markdown_table, percent, signed
+from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, mean_of
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, versions
+from DroneSwarmSearch.evaluation.tables import markdown_table, percent, signed
 from DroneSwarmSearch.policies import POLICIES
 
-__all__ = ["PLOTS", "Table", "markdown", "overview", "suite_table", "write"]
+__all__ = ["PLOTS", "Table", "markdown", "overview", "suite_table", "times", "write"]
 
 Table = list[list[str]]
 """Rows of cells; the first row is the heading."""
@@ -32,24 +34,20 @@ Table = list[list[str]]
 WIDTH = 98
 """Characters in a line of text."""
 
+TRIVIAL = 0.9995
+"""A bound from here on is printed as 100%."""
+
 PLOTS = {
-    "success": "For every search, a row with the success of each policy, its interval, and the "
-    "bound as a black bar.",
+    "success": "For every search, a row with the success of each policy, with an interval if it is "
+    "sampled, and the bound as a black bar.",
     "curves": "For every search, a panel with the success of each policy over time, and the bound "
     "as a dashed line above the curves.",
     "one-search": "The success of each policy over time on one search.",
     "episode": "Two maps of one episode, the prior and the posterior, with the drones' tracks.",
-    "reliability": "A reliability diagram of the prior and the posterior: the points of the "
-    "posterior lie on the diagonal.",
+    "reliability": "A reliability diagram: the share of searches that found, against the forecast, "
+    "for the prior and for the posterior, with the diagonal of perfect calibration.",
 }
 """The plots by file name without suffix, with their text alternatives."""
-
-NOTES = {
-    "ppo": "The network `ppo` was trained with an earlier drift model, in which persons wandered "
-    "more between neighbouring cells, and only on searches from a known cell. It searches the same "
-    "cells too often."
-}
-"""What readers should know of the package's policies, by name."""
 
 
 def write(board: Leaderboard, out: Path, command: str) -> list[Path]:
@@ -85,9 +83,9 @@ def _data(board: Leaderboard, command: str) -> dict[str, Any]:
         "all_searches": [
             {
                 "policy": each.policy,
-                "success": each.success._asdict(),
-                "restricted_mean_time_over_limit": each.time._asdict(),
-                "share_of_bound": each.share_of_bound and each.share_of_bound._asdict(),
+                "success": each.success.data,
+                "restricted_mean_time_over_limit": each.time.data,
+                "share_of_bound": each.share_of_bound and each.share_of_bound.data,
             }
             for each in board.summaries
         ],
@@ -95,11 +93,21 @@ def _data(board: Leaderboard, command: str) -> dict[str, Any]:
             {
                 "first": each.first,
                 "second": each.second,
-                "success": each.success._asdict(),
-                "restricted_mean_time_over_limit": each.time._asdict(),
+                "success": each.success.data,
+                "restricted_mean_time_over_limit": each.time.data,
                 "verdict": each.verdict,
             }
             for each in board.comparisons
+        ],
+        "calibrations": [
+            {
+                "policy": each.policy,
+                "forecasts": dict(each.forecasts),
+                "found": {name: share.data for name, share in each.found.items()},
+                "intervals_holding": each.holding,
+                "largest_deviation": dict([each.largest_deviation]),
+            }
+            for each in board.calibrations
         ],
         "evaluations": [each.data for each in board.evaluations],
     }
@@ -120,7 +128,7 @@ def _draw(board: Leaderboard, out: Path) -> list[Path]:
     if len(board.searches) > 1:
         here = [board.by_name[policy, example.name] for policy in board.policies]
         figures["one-search"] = plots.success_over_time(here)
-    of_package = [name for name in ranked_by_theory(board.policies) if name in POLICIES]
+    of_package = [name for name in in_expected_order(board.policies) if name in POLICIES]
     if of_package:
         figures["episode"] = maps.episode(of_package[0], example, seed=board.evaluations[0].seed)
     if board.posterior is not None:
@@ -148,47 +156,55 @@ def _lines(board: Leaderboard, command: str, plots: Collection[str]) -> Iterator
     yield from ("# Leaderboard", "")
     yield from _paragraph(
         f"{_count(len(board.policies), 'policy', 'policies')} on "
-        f"{_count(len(board.searches), 'search', 'searches')} of suite {SUITE_VERSION}, "
-        f"{episodes:,} episodes each with the seeds {first.seed:,} to "
-        f"{first.seed + episodes - 1:,}. All policies use common random numbers. Made with "
+        f"{_count(len(board.searches), 'search', 'searches')} of suite {SUITE_VERSION}. "
+        f"{_legend(board)} Sampled figures are from {episodes:,} episodes with the seeds "
+        f"{first.seed:,} to {first.seed + episodes - 1:,}, the same for all policies. Made with "
         f"DroneSwarmSearch {DroneSwarmSearch.__version__} and NumPy {np.__version__} by"
     )
     yield from ("```sh", command, "```", "", "## Success", "")
     coverage = ""
     if _has_coverage(board):
-        coverage = "In coverage missions, the mean probability of success of the searches made. "
+        coverage = (
+            " In coverage missions nobody is found: success is then the probability of success "
+            "(POS) of the searches made."
+        )
     yield from _paragraph(
-        "The share of episodes, in percent, in which every person was found within the time limit. "
-        f"{coverage}The best policy of each search is in bold."
+        "The probability, in percent, that every person is found within the time limit; the best "
+        f"of each search is in bold.{coverage}"
     )
     yield from (*markdown_table(overview(board)), "", *_plot("success", plots))
-    yield from ("## All searches", "")
+    yield from ("## Time", "")
     yield from _paragraph(
-        "Means over the searches with equal weights, with 95% confidence intervals. Time is the "
-        "restricted mean time to find divided by the time limit; lower is better."
+        "The restricted mean time to find in steps: the mean step at which the last person is "
+        "found, with failures counting as the time limit. It distinguishes policies that succeed "
+        "equally often. The lowest is in bold."
     )
+    yield from (*markdown_table(times(board)), "")
+    yield from (*_plot("curves", plots), *_plot("one-search", plots))
+    yield from ("## All searches", "")
+    yield from _paragraph("Means over the searches with equal weights; of times, lower is better.")
     yield from (*markdown_table(suite_table(board)), "")
-    for policy in board.policies:
-        if policy in NOTES and policy not in board.added:
-            yield from _paragraph(NOTES[policy])
     yield from _comparisons(board)
     yield from _bounds(board)
-    yield from ("## Success over time", "", *_plot("curves", plots), *_plot("one-search", plots))
-    yield from ("## Individual searches", "")
+    yield from _calibration(board, plots)
+    yield from ("## Searches", "")
     for search in board.searches:
-        yield from _search(board, search)
+        yield from _item(f"**{search.name}**: {search.reason} {search.outline}.")
+    yield ""
     if "episode" in plots:
         yield from ("## One episode", "", *_plot("episode", plots))
-    if "reliability" in plots and board.posterior is not None:
-        yield from ("## Calibration", "")
-        yield from _paragraph(
-            f"The searches of {board.posterior.policy} on {board.posterior.search.name}, binned by "
-            "their forecast probability of success (POS). The posterior is calibrated. The prior "
-            "ignores earlier searches: its forecasts are too high where drones search again, and "
-            "too low elsewhere."
-        )
-        yield from _plot("reliability", plots)
-    yield from _definitions(board)
+    yield "Add your own policy: `python -m DroneSwarmSearch leaderboard --add module:callable`."
+
+
+def _legend(board: Leaderboard) -> str:
+    """How exact and sampled figures look, as far as the page has them."""
+    exact = [each.is_exact for each in board.evaluations]
+    if all(exact):
+        return "Success and time are exact: they have no sampling error."
+    sampled = "a tilde and no decimals, or a 95% confidence interval"
+    if not any(exact):
+        return f"Success and time are sampled, and have {sampled}."
+    return f"Success and time are exact, without sampling error, or have {sampled}."
 
 
 def overview(board: Leaderboard, best: str = "**{}**") -> Table:
@@ -198,35 +214,54 @@ def overview(board: Leaderboard, best: str = "**{}**") -> Table:
         board: the results.
         best: the format for the best policy of each search.
     """
-    rows = [["search", *board.policies, *["bound"] * bool(board.bounds)]]
+    rows = _by_search(board, lambda each: each.success.scaled(100.0), max, best)
+    if board.bounds:
+        rows[0].append("bound")
+        for row in rows[1:]:
+            row.append(_percent(board.bounds[row[0]].by_limit))
+    return rows
+
+
+def times(board: Leaderboard) -> Table:
+    """A table of the restricted mean times in steps, in the form of `overview`."""
+    rows = _by_search(board, lambda each: each.time, min, "**{}**")
+    rows[0].append("limit")
+    for row, search in zip(rows[1:], board.searches, strict=True):
+        row.append(f"{search.scenario.timestep_limit:,}")
+    return rows
+
+
+def _by_search(
+    board: Leaderboard,
+    figure_of: Callable[[Evaluation], Estimate],
+    best_of: Callable[[Iterable[float]], float],
+    best: str,
+) -> Table:
+    """A figure of every policy, a column for each, on every search, a row for each."""
+    rows = [["search", *board.policies]]
     for search in board.searches:
-        shares = [
-            _percent(board.by_name[name, search.name].success.value) for name in board.policies
+        figures = [figure_of(board.by_name[name, search.name]) for name in board.policies]
+        most = best_of(each.value for each in figures)
+        row = [
+            best.format(_short(each)) if abs(each.value - most) < ROUNDING else _short(each)
+            for each in figures
         ]
-        most = max(shares, key=float)
-        row = [search.name, *(best.format(each) if each == most else each for each in shares)]
-        bounds = [board.bounds[search.name]] if board.bounds else []
-        rows.append([*row, *(_percent(bound.by_limit) for bound in bounds)])
+        rows.append([search.name, *row])
     return rows
 
 
 def suite_table(board: Leaderboard) -> Table:
     """A table of the summaries in percent: a row for each policy."""
-    return _results("time, % of limit", [(each, percent(each.time)) for each in board.summaries])
-
-
-def _results(time: str, entries: list[tuple[PolicySummary | Evaluation, str]]) -> Table:
-    """A table with a row for each policy, from its results and its time as text."""
-    bounded = all(each.share_of_bound is not None for each, _ in entries)
-    rows = [["policy", "success, %", time, *["share of bound, %"] * bounded]]
-    for each, shown in entries:
+    bounded = all(each.share_of_bound is not None for each in board.summaries)
+    rows = [["policy", "success, %", "time, % of limit", *["share of bound, %"] * bounded]]
+    for each in board.summaries:
         share = [percent(each.share_of_bound)] * bounded
-        rows.append([each.policy, percent(each.success), shown, *share])
+        rows.append([each.policy, percent(each.success), percent(each.time), *share])
     return rows
 
 
 def _comparisons(board: Leaderboard) -> Iterator[str]:
-    """Whether the policies are in the order that theory predicts."""
+    """Whether the policies are in the expected order."""
     if not board.comparisons:
         return
     rows = [["policy", "compared with", "verdict", "success, points", "time, points"]]
@@ -234,76 +269,133 @@ def _comparisons(board: Leaderboard) -> Iterator[str]:
         row = [each.first, each.second, each.verdict]
         row += [signed(each.success.scaled(100)), signed(each.time.scaled(100))]
         rows.append(row)
+    groups = [[name for name in group if name in board.policies] for group in EXPECTED_ORDER]
+    order = "; ".join(", ".join(group) for group in groups if group)
+    ranked = {name for group in groups for name in group}
+    others = [name for name in board.policies if name not in ranked]
+    expected = ""
+    if len([group for group in groups if group]) > 1:
+        expected = (
+            f"One expects the order {order}: the more of what is known a policy uses, the better. "
+            f"No theorem says so for drones that must fly between cells. {_exceptions(board)} "
+        )
+    unranked = ""
+    if others:
+        unranked = f"{', '.join(others)}: not ranked in advance. "
     yield from ("## Pairwise comparisons", "")
     yield from _paragraph(
-        "Search theory predicts the order planner, greedy-posterior, greedy-matrix and the "
-        "patterns, random. It makes no prediction for trained networks. The table shows paired "
-        "differences (policy minus compared policy) in percentage points, with 95% confidence "
-        "intervals. A negative difference in time means that the policy is faster."
+        f"{expected}{unranked}Differences (policy minus compared policy) are means over the "
+        "searches, in percentage points; below 0 in time, the policy is faster."
     )
     yield from (*markdown_table(rows, words=3), "")
 
 
+def _exceptions(board: Leaderboard) -> str:
+    """Which comparisons contradict the expected order, and where single searches do."""
+    ranked = {name for group in EXPECTED_ORDER for name in group}
+    expected = [each for each in board.comparisons if each.first in ranked]
+    against = [
+        f"{each.first} is {each.verdict} than {each.second}"
+        for each in expected
+        if each.success.high < -ROUNDING
+    ]
+    clear = sum(each.success.low > ROUNDING for each in expected)
+    text = (
+        f"In the mean over all searches, {clear} of {_count(len(expected), 'pair', 'pairs')} "
+        f"{'is' if clear == 1 else 'are'} in this order"
+    )
+    return f"{text}; {', '.join(against)}." if against else f"{text}."
+
+
 def _bounds(board: Leaderboard) -> Iterator[str]:
-    """The bounds, and whether any policy exceeds them."""
+    """The bounds beside the best known success, and whether any policy exceeds them."""
     if not board.bounds:
         return
-    rows = [["search", "bound, %", "duality gap, points", "confidence, %"]]
+    rows = [
+        ["search", "best policy", "best known, %", "bound, %", "their ratio, %"]
+        + ["duality gap, points", "confidence, %"]
+    ]
+    ratios = []
     for name, bound in board.bounds.items():
         sure = "exact" if bound.confidence >= 1.0 else f"{100 * bound.confidence:.4g}"
-        rows.append([name, _percent(bound.by_limit), f"{100 * bound.gap:.2f}", sure])
+        best = board.best_known(name)
+        share = best.share_of_bound
+        ratios += [] if share is None else [share.value]
+        shown = ["-" if share is None else _short(share.scaled(100.0))]
+        rows.append([name, best.policy, _short(best.success.scaled(100.0))])
+        rows[-1] += [_percent(bound.by_limit), *shown, f"{100 * bound.gap:.2f}", sure]
     above = [f"{each.policy} on {each.search.name}" for each in board.above_bound]
-    holds = "No policy's interval lies above the bound of any search."
+    holds = "No exact value and no interval lies above a bound."
     if above:
-        holds = f"Intervals above the bound: {', '.join(above)}."
+        holds = f"Above the bound: {', '.join(above)}."
+    trivial = [name for name, bound in board.bounds.items() if bound.by_limit >= TRIVIAL]
+    says_nothing = ""
+    if trivial:
+        says_nothing = f" It says nothing on {', '.join(trivial)}, where it is 100%."
+    together = 1.0 - sum(1.0 - bound.confidence for bound in board.bounds.values())
+    sure = "exact" if together >= 1.0 else f"valid together with at least {100 * together:.4g}%"
+    sure += "" if together >= 1.0 else " confidence"
+    mean = f" The mean ratio is {100 * fmean(ratios):.1f}%." if ratios else ""
     yield from ("## Bounds", "")
     yield from _paragraph(
-        "No policy can exceed these probabilities of success. The bound includes the duality gap "
-        f"of its relaxation and the sampling error. {holds}"
+        "The optimal success lies between the best known and the bound, which belongs to a relaxed "
+        f"problem and includes its duality gap and sampling error.{mean}{says_nothing} The bounds "
+        f"are {sure}. {holds}"
+    )
+    yield from (*markdown_table(rows, words=2), "")
+
+
+def _calibration(board: Leaderboard, plots: Collection[str]) -> Iterator[str]:
+    """Forecasts of success against the shares found, and those of single searches."""
+    shows_plot = "reliability" in plots and board.posterior is not None
+    if not (board.calibrations or shows_plot):
+        return
+    yield from ("## Calibration", "")
+    if board.calibrations:
+        yield from _success_forecasts(board)
+    if shows_plot:
+        assert board.posterior is not None
+        prior = board.by_name[board.posterior.policy, board.posterior.search.name]
+        errors = [100 * each.reliability.expected_error for each in (board.posterior, prior)]
+        yield from _paragraph(
+            f"The single searches of {board.posterior.policy} on {board.posterior.search.name}, "
+            "binned by their forecast: the expected calibration error is "
+            f"{errors[0]:.2f} points with the posterior and {errors[1]:.2f} with the prior, which "
+            "ignores earlier searches."
+        )
+        yield from _plot("reliability", plots)
+
+
+def _success_forecasts(board: Leaderboard) -> Iterator[str]:
+    """The forecast success of every policy against the share that it found."""
+    rows = [
+        ["policy", "forecast, %", "found, %", "intervals that hold", "largest deviation, points"]
+    ]
+    for each in board.calibrations:
+        name, deviation = each.largest_deviation
+        forecast = fmean(each.forecasts.values())
+        found = mean_of(each.found.values())
+        rows.append([each.policy, _percent(forecast), percent(found)])
+        rows[-1].append(f"{each.holding} of {len(each.found)}")
+        rows[-1].append(f"{100 * deviation:+.1f} ({name})")
+    held = sum(each.holding for each in board.calibrations)
+    total = sum(len(each.found) for each in board.calibrations)
+    several = ""
+    if any(len(each.scenario.situation) > 1 for each in board.searches):
+        several = (
+            " With two persons, the forecast is the probability that both are found, over every "
+            "order and time of the first find. The planner also forecasts the find of each person "
+            "under its present plan; that is no forecast of finding both, since it replans after a "
+            "find."
+        )
+    yield from _paragraph(
+        "A policy's forecast probability of success is its exact success, computed from its own "
+        "posteriors; what it found is the share of sampled episodes. "
+        f"{held} of {_count(total, 'interval holds', 'intervals hold')} the forecast; of 95% "
+        "intervals, about one in twenty should miss. All policies play the same episodes, so "
+        f"misses come together.{several}"
     )
     yield from (*markdown_table(rows), "")
-
-
-def _search(board: Leaderboard, search: NamedSearch) -> Iterator[str]:
-    """One search: its reason, its parameters and the results of all policies."""
-    yield from (f"### {search.name}", "", *_paragraph(search.reason))
-    yield from _paragraph(f"{search.outline}.")
-    evaluations = [board.by_name[policy, search.name] for policy in board.policies]
-    rows = _results("time to find, steps", [(each, figure(each.time)) for each in evaluations])
-    yield from (*markdown_table(rows), "")
-
-
-def _definitions(board: Leaderboard) -> Iterator[str]:
-    yield from ("## Definitions", "")
-    entries = [
-        "**success**: the share of episodes in which every person was found within the time limit, "
-        "with Wilson's score interval (1927).",
-        "**time to find**: mean step at which the last person was found, counting failed episodes "
-        "as the time limit (restricted mean survival time; Royston and Parmar, 2013), with a "
-        "bootstrap interval (Efron, 1979). It distinguishes policies that succeed equally often.",
-        "**differences**: taken episode by episode, with Newcombe's interval for paired shares "
-        "(1998) and a bootstrap interval for times. They are more precise than two separate "
-        "intervals suggest.",
-        "**all searches**: the intervals of the searches, combined by the square root of "
-        "the sum of squares (MOVER; Zou and Donner, 2008).",
-        "Add your own policy: `python -m DroneSwarmSearch leaderboard --add module:callable`.",
-    ]
-    if _has_coverage(board):
-        entries.insert(
-            2,
-            "**coverage missions**: nobody is found. Success is the mean probability of success "
-            "(POS) of the searches made, and time the expected time to find or the time limit, "
-            "both with bootstrap intervals.",
-        )
-    if board.bounds:
-        share = (
-            "**share of bound**: success divided by the bound. The bound is that of a relaxed "
-            "problem, so even an optimal policy may stay below 100%."
-        )
-        entries.insert(2, share)
-    for entry in entries:
-        first, *others = textwrap.wrap(entry, WIDTH - 2, break_on_hyphens=False)
-        yield from (f"- {first}", *(f"  {line}" for line in others))
 
 
 def _has_coverage(board: Leaderboard) -> bool:
@@ -312,6 +404,12 @@ def _has_coverage(board: Leaderboard) -> bool:
 
 def _paragraph(text: str) -> list[str]:
     return [*textwrap.wrap(text, WIDTH, break_on_hyphens=False), ""]
+
+
+def _item(text: str) -> list[str]:
+    """A bullet point."""
+    first, *others = textwrap.wrap(text, WIDTH - 2, break_on_hyphens=False)
+    return [f"- {first}", *(f"  {line}" for line in others)]
 
 
 def _plot(name: str, plots: Collection[str]) -> list[str]:
@@ -324,3 +422,8 @@ def _count(count: int, one: str, several: str) -> str:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.1f}"
+
+
+def _short(estimate: Estimate) -> str:
+    """An exact figure; or a sampled one without the digits that its interval does not support."""
+    return f"{estimate.value:.1f}" if estimate.is_exact else f"~{estimate.value:.0f}"

@@ -50,10 +50,21 @@ class PolicySpec:
     @property
     def is_batch_policy(self) -> bool:
         """Whether it only takes the observations that `policies.BatchPolicy` takes."""
+        return issubclass(self._kind, policies.BatchPolicy)
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether its actions follow from its observations; `SwarmPolicy` requires that."""
+        return issubclass(self._kind, policies.SwarmPolicy)
+
+    @property
+    def _kind(self) -> type:
+        """The class of the policy's objects, or of the callable."""
         kind: Any = self.policy
         if isinstance(kind, str):
             kind = PPOPolicy if kind.endswith(".npz") else policies.POLICIES[kind]
-        return issubclass(kind if inspect.isclass(kind) else type(kind), policies.BatchPolicy)
+        found: type = kind if inspect.isclass(kind) else type(kind)
+        return found
 
     @property
     def is_reusable(self) -> bool:

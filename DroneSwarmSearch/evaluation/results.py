@@ -19,7 +19,7 @@ import DroneSwarmSearch
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation import statistics
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Coverage, Episodes, Reliability
-from DroneSwarmSearch.evaluation.statistics import Band, Estimate
+from DroneSwarmSearch.evaluation.statistics import Band, Estimate, ExactValue
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
@@ -83,6 +83,8 @@ class Evaluation:
         observation: the layout of its observations.
         episodes: what happened.
         bound: the upper bound for this search, or None.
+        exact: the probability of success within t steps, t = 0..L, without sampling error:
+            float64, (L + 1,); None if it is not known. Success, curve and time follow from it.
     """
 
     policy: str
@@ -92,13 +94,15 @@ class Evaluation:
     observation: str
     episodes: Episodes
     bound: SuccessBound | None = None
+    exact: Floats | None = None
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
         measure = "success" if self.coverage is None else "POS"
+        interval = "exact" if self.is_exact else f"{low:.1f} to {high:.1f}"
         return (
             f"<Evaluation of {self.policy} on {self.search.name}: {len(self.episodes):,} episodes, "
-            f"{value:.1f}% {measure} ({low:.1f} to {high:.1f})>"
+            f"{value:.1f}% {measure} ({interval})>"
         )
 
     def with_bound(self, bound: SuccessBound | None) -> Evaluation:
@@ -114,6 +118,11 @@ class Evaluation:
     def limit(self) -> int:
         """The time limit L."""
         return self.search.scenario.timestep_limit
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether success, its curve and the time are exact."""
+        return self.exact is not None
 
     @property
     def coverage(self) -> Coverage | None:
@@ -146,10 +155,13 @@ class Evaluation:
 
     @cached_property
     def success_by_time(self) -> Band:
-        """The share of successes within t steps, t = 0..L, with Wilson's interval: (L + 1,).
+        """The success within t steps, t = 0..L, with its interval: (L + 1,).
 
-        In the coverage mission, the mean POS after t steps, with its bootstrap interval.
+        If it is not exact, the share of successes with Wilson's interval; in the coverage
+        mission, the mean POS with its bootstrap interval.
         """
+        if self.exact is not None:
+            return Band(self.exact, self.exact, self.exact)
         if self.coverage is not None:
             return statistics.bootstrap_means(self.coverage.probability_of_success)
         found_by = self.found_by
@@ -158,18 +170,36 @@ class Evaluation:
 
     @property
     def success(self) -> Estimate:
-        """The success by the time limit, with its interval."""
+        """The success by the time limit, exact or with its interval."""
+        if self.exact is not None:
+            return ExactValue.of(float(self.exact[-1]))
         return self.success_by_time.at(-1)
 
     @cached_property
     def time(self) -> Estimate:
-        """The restricted mean time to find, in steps, with its bootstrap interval."""
+        """The restricted mean time to find, in steps, exact or with its bootstrap interval."""
+        if self.exact is not None:
+            return ExactValue.of(math.fsum((1.0 - self.exact[:-1]).tolist()))
         return statistics.bootstrap_mean(self.times)
 
     @cached_property
+    def sampled_success(self) -> Estimate | None:
+        """The share of episodes that succeeded, with Wilson's interval, also if success is exact.
+
+        Its interval holds the exact success in about 95% of evaluations: the exact success is
+        the forecast, the share what was found. None in the coverage mission.
+        """
+        if self.coverage is not None:
+            return None
+        return statistics.wilson(np.count_nonzero(self.found_by), len(self.episodes)).at(())
+
+    @cached_property
     def mean_return(self) -> Estimate:
-        """The mean return of the team, with its bootstrap interval."""
-        return statistics.bootstrap_mean(self.episodes.returns)
+        """The mean return of the team, with its bootstrap interval.
+
+        It is exact in the coverage mission of a deterministic policy, whose episodes are all equal.
+        """
+        return self._mean(self.episodes.returns)
 
     @cached_property
     def coverage_rate(self) -> Estimate | None:
@@ -190,7 +220,13 @@ class Evaluation:
         return self._mean_per_cell(self.coverage.searches - self.coverage.cells_searched)
 
     def _mean_per_cell(self, counts: Ints) -> Estimate:
-        return statistics.bootstrap_mean(counts / self.search.scenario.grid_size**2)
+        return self._mean(counts / self.search.scenario.grid_size**2)
+
+    def _mean(self, values: Floats) -> Estimate:
+        """The mean over the episodes; exact if all episodes are equal."""
+        if self.is_exact and self.coverage is not None:
+            return ExactValue.of(float(values[0]))
+        return statistics.bootstrap_mean(values)
 
     @property
     def share_of_bound(self) -> Estimate | None:
@@ -224,11 +260,12 @@ class Evaluation:
             "episodes": len(self.episodes),
             "seed": self.seed,
             "confidence": statistics.CONFIDENCE,
-            "success": self.success._asdict(),
-            "restricted_mean_time": self.time._asdict(),
-            "mean_return": self.mean_return._asdict(),
-            **{name: rate._asdict() for name, rate in self._rates.items()},
-            "share_of_bound": self.share_of_bound and self.share_of_bound._asdict(),
+            "success": self.success.data,
+            "sampled_success": self.sampled_success and self.sampled_success.data,
+            "restricted_mean_time": self.time.data,
+            "mean_return": self.mean_return.data,
+            **{name: rate.data for name, rate in self._rates.items()},
+            "share_of_bound": self.share_of_bound and self.share_of_bound.data,
             "endings": {ending.name.lower(): count for ending, count in self.endings.items()},
             "success_by_time": {name: curve.tolist() for name, curve in by_time._asdict().items()},
             "bound": self.bound and bound_data(self.bound),
@@ -264,12 +301,14 @@ class Evaluation:
             "episodes": len(self.episodes),
             "seed": self.seed,
             "timestep_limit": self.limit,
+            "exact": self.is_exact,
         }
         for name, estimate in (
             ("success", self.success),
             ("restricted_mean_time", self.time),
             ("mean_return", self.mean_return),
             ("share_of_bound", self.share_of_bound),
+            ("sampled_success", self.sampled_success),
             *self._rates.items(),
         ):
             value, low, high = estimate or ("", "", "")
@@ -282,16 +321,19 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two policies in the same episodes: differences, first minus second.
+    """Two policies on one search: differences, first minus second.
+
+    If both evaluations are exact, so are the differences; if one is, the interval is that of the
+    other. If neither is, they are taken in the same episodes.
 
     Attributes:
         policies: their names.
         search: the search's name.
-        success: the difference in the share of successes, with Newcombe's interval for paired
-            shares; in the coverage mission the difference in the mean POS, with a paired
-            bootstrap interval. Above 0, the first policy is better.
-        time: the difference in the restricted mean time to find, in steps, with a paired
-            bootstrap interval. Below 0, the first policy is faster.
+        success: the difference in success; of two samples, with Newcombe's interval for paired
+            shares, and in the coverage mission with a paired bootstrap interval. Above 0, the
+            first policy is better.
+        time: the difference in the restricted mean time to find, in steps; of two samples, with a
+            paired bootstrap interval. Below 0, the first policy is faster.
     """
 
     policies: tuple[str, str]
@@ -301,14 +343,14 @@ class Comparison:
 
 
 def compare(first: Evaluation, second: Evaluation) -> Comparison:
-    """Compare two policies in the same episodes.
+    """Compare two policies on one search.
 
-    Both policies use common random numbers, so the intervals of the differences are narrower
-    than those of two independent samples. One policy may have seen the prior and the other the
-    posterior.
+    Two samples use common random numbers, so the intervals of the differences are narrower than
+    those of independent samples. One policy may have seen the prior and the other the posterior.
 
     Raises:
-        ValueError: the evaluations are not of the same episodes of one search.
+        ValueError: the evaluations are of different searches; or one of them is not exact, and
+            they are of different episodes.
     """
     one, other = (each.search.with_posterior(False) for each in (first, second))
     if one.fingerprint != other.fingerprint:
@@ -316,23 +358,25 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             "second must be of the same search as first, with the same parameters, got "
             f"{second.search.name!r} and {first.search.name!r}"
         )
+    names = (first.policy, second.policy), first.search.name
     mine, theirs = ((each.seed, len(each.episodes)) for each in (first, second))
-    if mine != theirs:
+    if mine != theirs and not (first.is_exact and second.is_exact):
         raise ValueError(
             f"second must be of the same episodes as first, {mine[1]} from seed {mine[0]}, "
             f"got {theirs[1]} from seed {theirs[0]}"
+        )
+    if first.is_exact or second.is_exact:
+        return Comparison(
+            *names,
+            statistics.difference(first.success, second.success),
+            statistics.difference(first.time, second.time),
         )
     if first.coverage is not None and second.coverage is not None:
         gained = (each.probability_of_success[:, -1] for each in (first.coverage, second.coverage))
         success = statistics.bootstrap_mean(np.subtract(*gained))
     else:
         success = statistics.paired_difference(first.found_by > 0, second.found_by > 0)
-    return Comparison(
-        (first.policy, second.policy),
-        first.search.name,
-        success,
-        statistics.bootstrap_mean(first.times - second.times),
-    )
+    return Comparison(*names, success, statistics.bootstrap_mean(first.times - second.times))
 
 
 # Files.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +21,19 @@ from DroneSwarmSearch.evaluation.workers import Report
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
+from DroneSwarmSearch.vector.observations import BatchObservations
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
-__all__ = ["VIEWS", "checked_view", "play", "reset_policy"]
+__all__ = ["VIEWS", "Searches", "Stage", "checked_view", "play", "reset_policy", "stage_of"]
 
 Ints = NDArray[np.int64]
 PolicyLike = Callable[[Any], Any]
 
 VIEWS = ("swarm", "drone", "parallel")
+
+TOP_CELLS = 8
+"""Cells in the layout "top-cells", as the vector environments show them by default."""
 
 _SEARCH, _IDLE = int(Action.SEARCH), int(Action.IDLE)
 
@@ -73,23 +76,24 @@ def play(
         ValueError: the policy returns actions out of range or of a wrong shape.
     """
     if view != "parallel":
-        return _play(policy, _VectorStage(search, len(seeds), view, observation), seeds, report)
-    stage = _ParallelStage(search)
-    parts = []
+        batch = SearchBatch(len(seeds), **search.parameters)
+        return _play(policy, batch, stage_of(batch, view, observation), seeds, report)
+    batch = SearchBatch(1, **search.parameters)
+    stage, parts = stage_of(batch, view, observation), []
     for done, seed in enumerate(seeds, 1):
-        parts.append(_play(policy, stage, [seed], lambda share: None))
+        parts.append(_play(policy, batch, stage, [seed], lambda share: None))
         report(done / len(seeds))
     return Episodes.joined(parts)
 
 
 def _play(
     policy: PolicyLike,
-    stage: _VectorStage | _ParallelStage,
+    batch: SearchBatch,
+    stage: Stage,
     seeds: Sequence[int],
     report: Report,
 ) -> Episodes:
-    """Play all episodes of a stage together."""
-    batch = stage.batch
+    """Play all episodes of a batch together."""
     scenario = batch.scenario
     limit, detections = scenario.timestep_limit, np.array(scenario.detections)
     batch.reset(seeds)
@@ -103,11 +107,7 @@ def _play(
     while rows.size:
         step += 1
         actions = np.full((n, drones), _IDLE)
-        returned = policy(stage.observe(rows))
-        try:
-            actions[rows] = stage.read(returned, len(rows))
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"the policy's {error}") from None
+        actions[rows] = stage.actions(policy, rows)
 
         missing, persons = batch.missing, batch.person_cells
         searchers, searching = (actions == _SEARCH).nonzero()
@@ -173,32 +173,72 @@ def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
     reset(seed=seed)
 
 
-# Observations and actions of each view. `seeds` returns the argument for the policy's `reset`,
-# `observe` the observations of some rows, and `read` the validated actions of n rows: int64,
-# (n, n_drones).
+# Observations and actions of each view.
+
+
+class Searches(Protocol):
+    """What the drones of some searches observe; a `SearchBatch` has it."""
+
+    @property
+    def num_rows(self) -> int: ...
+    @property
+    def scenario(self) -> Scenario: ...
+    @property
+    def cells(self) -> Ints: ...
+    @property
+    def positions(self) -> NDArray[np.int32]: ...
+    @property
+    def steps(self) -> Ints: ...
+    def scenario_of(self, row: int) -> Scenario: ...
+    def matrices_of(self, rows: Ints) -> NDArray[np.float32]: ...
+
+
+class Stage(Protocol):
+    """Shows searches to a policy in one of the views, and reads its actions."""
+
+    def seeds(self, seeds: Sequence[int]) -> int | list[int]:
+        """The argument for the policy's `reset`."""
+
+    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
+        """The policy's validated actions in some rows: int64, (n, n_drones)."""
+
+
+def stage_of(searches: Searches, view: str, observation: str) -> Stage:
+    """The stage for a view and a layout; "parallel" has one search."""
+    if view == "parallel":
+        return _ParallelStage(searches)
+    return _VectorStage(searches, view, observation)
+
+
+def _validated(read: Callable[[Any], Ints], returned: Any) -> Ints:
+    """The actions that a policy returned; errors name the policy."""
+    try:
+        return read(returned)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"the policy's {error}") from None
 
 
 class _VectorStage:
     """The views "swarm" and "drone"."""
 
-    def __init__(self, search: NamedSearch, n: int, view: str, observation: str) -> None:
-        make = SwarmVectorEnv if view == "swarm" else DroneVectorEnv
-        self._env = make(n, observation=observation, **search.parameters)
-        self.batch: SearchBatch = self._env.batch
-        self._drones = self.batch.scenario.n_drones
+    def __init__(self, searches: Searches, view: str, observation: str) -> None:
         self._is_swarm = view == "swarm"
+        # It only reads what `Searches` has.
+        batch = cast("SearchBatch", searches)
+        self._observations = BatchObservations(batch, observation, self._is_swarm, TOP_CELLS, True)
+        self._drones = searches.scenario.n_drones
         self._shows_rows = self._is_swarm and observation == "dict"
 
     def seeds(self, seeds: Sequence[int]) -> list[int]:
         return list(seeds)
 
-    def observe(self, rows: Ints) -> Any:
-        shown = self._env.observe(rows)
+    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
+        shown = self._observations.of_rows(rows)
         if self._shows_rows:
             shown["row"] = rows.copy()
-        return shown
+        return _validated(lambda returned: self._read(returned, len(rows)), policy(shown))
 
-    def read(self, actions: Any, n: int) -> Ints:
+    def _read(self, actions: Any, n: int) -> Ints:
         if isinstance(actions, Mapping):
             raise TypeError(
                 f"actions must be an array of integers, got {actions!r:.200}; "
@@ -211,21 +251,22 @@ class _VectorStage:
 class _ParallelStage:
     """The view "parallel", of one episode at a time."""
 
-    def __init__(self, search: NamedSearch) -> None:
-        self.batch = SearchBatch(1, **search.parameters)
-        self._names = tuple(f"drone{i}" for i in range(self.batch.scenario.n_drones))
-        self._neighbours, self._positions = grid_of(self.batch.scenario.grid_size)
-        self._read = reader(self._names)
+    def __init__(self, searches: Searches) -> None:
+        self._searches = searches
+        self._names = tuple(f"drone{i}" for i in range(searches.scenario.n_drones))
+        self._neighbours, self._positions = grid_of(searches.scenario.grid_size)
+        self._reader = reader(self._names)
 
     def seeds(self, seeds: Sequence[int]) -> int:
         return seeds[0]
 
-    def observe(self, rows: Ints) -> Any:
-        matrix = self.batch.matrices_of(rows)[0]
+    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
+        matrix = self._searches.matrices_of(rows)[0]
         matrix.flags.writeable = False
-        cells = self.batch.cells[0].tolist()
-        return observe(self._names, cells, self._positions, matrix, False)[0]
+        cells = self._searches.cells[0].tolist()
+        shown, _ = observe(self._names, cells, self._positions, matrix, False)
+        return _validated(lambda returned: self._read(returned, cells), policy(shown))
 
-    def read(self, actions: Any, n: int) -> Ints:
-        chosen, _ = self._read(actions, self._neighbours, self.batch.cells[0].tolist())
-        return np.array([[*chosen]])
+    def _read(self, actions: Any, cells: list[int]) -> Ints:
+        read, _ = self._reader(actions, self._neighbours, cells)
+        return np.array([[*read]])

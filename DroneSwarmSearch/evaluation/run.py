@@ -14,12 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import cloudpickle
+import numpy as np
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundTask
-from DroneSwarmSearch.evaluation.episodes import Episodes
+from DroneSwarmSearch.evaluation.episodes import Episodes, is_curve
+from DroneSwarmSearch.evaluation.exact import can_be_exact, exact_success
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
@@ -37,6 +40,8 @@ PORTION = 500
 
 _NUMBER_BYTES = 8
 
+Floats = NDArray[np.float64]
+
 Made = bytes | Callable[..., Any]
 """A pickled policy, or the policy itself if it cannot be pickled."""
 
@@ -50,6 +55,7 @@ def evaluate(
     bayesian_update: bool | None = None,
     view: str = "swarm",
     observation: str = "dict",
+    deterministic: bool | None = None,
     workers: int = 1,
     ray: str | None = None,
     store: Store | str | Path | None = None,
@@ -58,6 +64,10 @@ def evaluate(
     progress: bool = True,
 ) -> Evaluation:
     """Evaluate a policy on a search.
+
+    Success and time are exact if the policy is deterministic and there is one person, or two and
+    at most 500 steps; in the coverage mission, everything is if the policy is deterministic.
+    Otherwise, results are estimates from the episodes.
 
     Episode i has the seed `seed + i`, so all policies use common random numbers. The policy
     plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
@@ -81,6 +91,9 @@ def evaluate(
             of `DroneSwarmSearch`, one episode at a time; a dict of actions.
         observation: the layout for "swarm" and "drone": "dict", "flat", "planes", "top-cells"
             or "crops".
+        deterministic: whether the actions depend on nothing but what the policy has observed
+            since the episode began. None: they do for subclasses of `SwarmPolicy`, which must
+            be deterministic, and for the package's policies except "random".
         workers: the number of processes; more than 1 needs joblib.
         ray: run on Ray instead: "local", "auto" or the address of a cluster.
         store: a folder, in which finished portions are stored and looked up. A portion is
@@ -95,7 +108,8 @@ def evaluate(
 
     Raises:
         TypeError: an argument, or what the policy returns, is of the wrong type.
-        ValueError: an argument, or what the policy returns, is out of range.
+        ValueError: an argument, or what the policy returns, is out of range; or a policy that is
+            to be deterministic acts differently after the same observations.
         ImportError: joblib or Ray is needed and not installed.
         StorageError: the store cannot be written; finished portions are kept.
         WorkerCrashed: a worker process died; finished portions are kept.
@@ -108,6 +122,7 @@ def evaluate(
         bayesian_update=bayesian_update,
         view=view,
         observation=observation,
+        deterministic=deterministic,
         store=store,
         name=name,
     )
@@ -143,8 +158,8 @@ class EvaluationTask:
     """A policy to be evaluated on a search by `run_tasks`.
 
     Args:
-        policy, search, episodes, seed, bayesian_update, view, observation, store, name: see
-            `evaluate`.
+        policy, search, episodes, seed, bayesian_update, view, observation, deterministic, store,
+            name: see `evaluate`.
 
     Attributes:
         spec: the policy.
@@ -162,6 +177,7 @@ class EvaluationTask:
         bayesian_update: bool | None = None,
         view: str = "swarm",
         observation: str = "dict",
+        deterministic: bool | None = None,
         store: Store | str | Path | None = None,
         name: str | None = None,
     ) -> None:
@@ -178,6 +194,10 @@ class EvaluationTask:
         self.spec = PolicySpec.of(policy, name)
         if self.spec.is_batch_policy:
             _check_view_of_package_policy(self.spec.name, self._view, self._observation)
+        self._is_deterministic = self.spec.is_deterministic
+        if deterministic is not None:
+            self._is_deterministic = checks.boolean("deterministic", deterministic)
+        self._exact: Floats | None = None
         self._store = as_store(store)
         self._identity = self.spec.identity
         last = self._seed + self.weight
@@ -198,7 +218,9 @@ class EvaluationTask:
             made = self._make_and_identify(self._store)
         missing = [portion for portion in self._portions if not self._load(portion)]
         self.weight = sum(map(len, missing))
-        if not missing:
+        if self._needs_exact and not self._load_exact():
+            self.weight += self._exact_weight
+        elif not missing:
             return []
         if made is not None:
             return list(self._portion_jobs(missing, made))
@@ -225,9 +247,24 @@ class EvaluationTask:
         return f"the construction of {self.spec.name} for {self.search.name}"
 
     @property
+    def _needs_exact(self) -> bool:
+        """Whether the exact success is to be computed.
+
+        In the coverage mission, every episode of a deterministic policy has it.
+        """
+        possible = self._is_deterministic and can_be_exact(self.search.scenario)
+        return possible and self._exact is None
+
+    @property
+    def _exact_weight(self) -> int:
+        """The work for the exact success: an episode, or one for each first find."""
+        scenario = self.search.scenario
+        return scenario.timestep_limit * (len(scenario.situation) - 1) + 1
+
+    @property
     def is_done(self) -> bool:
         """Whether all portions have been played."""
-        return len(self._done) == len(self._portions)
+        return len(self._done) == len(self._portions) and not self._needs_exact
 
     def evaluation(self) -> Evaluation:
         """Return the result, once all jobs are done.
@@ -238,25 +275,33 @@ class EvaluationTask:
         if not self.is_done:
             left = len(self._portions) - len(self._done)
             raise RuntimeError(f"{left} of {len(self._portions)} portions have not been played")
+        episodes = Episodes.joined([self._done[portion] for portion in self._portions])
+        exact = self._exact
+        if self._is_deterministic and episodes.coverage is not None:
+            exact = episodes.coverage.common_curve()
         return Evaluation(
             self.spec.name,
             self.search,
             self._seed,
             self._view,
             self._observation,
-            Episodes.joined([self._done[portion] for portion in self._portions]),
+            episodes,
+            exact=exact,
         )
 
     def _portion_jobs(self, portions: list[range], policy: Made) -> Iterator[Job]:
+        shared = policy, self.search
+        shown = self._view, self._observation, self.spec.is_reusable
+        if self._needs_exact:
+            label = f"the exact success of {self.spec.name} on {self.search.name}"
+            weight = self._exact_weight
+            yield Job(label, _exact, (*shared, *shown), weight=weight, then=self._finish_exact)
         for portion in portions:
             yield Job(
                 f"episodes {portion.start} to {portion.stop - 1} of {self.spec.name} on "
                 f"{self.search.name}",
                 _play,
-                (
-                    *(policy, self.search, portion, self._view, self._observation),
-                    self.spec.is_reusable,
-                ),
+                (*shared, portion, *shown),
                 weight=len(portion),
                 then=partial(self._finish, portion),
             )
@@ -266,6 +311,23 @@ class EvaluationTask:
         if self._store is not None:
             self._store.save(self._key(portion), episodes.data)
         return ()
+
+    def _finish_exact(self, success: Floats) -> Iterable[Job]:
+        self._exact = success
+        if self._store is not None:
+            self._store.save(self._exact_key, success.tolist())
+        return ()
+
+    def _load_exact(self) -> bool:
+        """Load the exact success from the store, if it has it."""
+        data = None if self._store is None else self._store.load(self._exact_key)
+        try:
+            success = np.array(data, np.float64)
+        except (OverflowError, TypeError, ValueError):
+            return False
+        if success.shape == (self.search.scenario.timestep_limit + 1,) and is_curve(success):
+            self._exact = success
+        return self._exact is not None
 
     def _load(self, portion: range) -> bool:
         """Load a portion from the store, if it has it."""
@@ -290,13 +352,20 @@ class EvaluationTask:
 
     def _key(self, portion: range) -> dict[str, Any]:
         """Everything that determines a portion's episodes."""
+        return {"what": "episodes", **self._shared_key, "seeds": [portion.start, portion.stop]}
+
+    @property
+    def _exact_key(self) -> dict[str, Any]:
+        """Everything that determines the exact success."""
+        return {"what": "exact success", **self._shared_key}
+
+    @property
+    def _shared_key(self) -> dict[str, Any]:
         return {
-            "what": "episodes",
             "policy": self._identity,
             "parameters": self.search.data,
             "view": self._view,
             "observation": self._observation,
-            "seeds": [portion.start, portion.stop],
         }
 
 
@@ -341,13 +410,29 @@ def _play(
     report: Report,
 ) -> Episodes:
     """Play a portion of episodes."""
+    return play(_player(policy, is_reusable), search, seeds, view, observation, report)
+
+
+def _exact(
+    policy: Made,
+    search: NamedSearch,
+    view: str,
+    observation: str,
+    is_reusable: bool,
+    report: Report,
+) -> Floats:
+    """Compute the exact success."""
+    return exact_success(_player(policy, is_reusable), search, view, observation, report)
+
+
+def _player(policy: Made, is_reusable: bool) -> Callable[..., Any]:
+    """The policy itself if it cannot be copied, otherwise a copy."""
     if not isinstance(policy, bytes):
-        player = policy
-    elif is_reusable:
-        player = _last_unpickled(policy)
-    else:
-        player = cloudpickle.loads(policy)
-    return play(player, search, seeds, view, observation, report)
+        return policy
+    if is_reusable:
+        return _last_unpickled(policy)
+    player: Callable[..., Any] = cloudpickle.loads(policy)
+    return player
 
 
 @lru_cache(maxsize=1)

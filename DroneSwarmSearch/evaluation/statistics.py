@@ -1,14 +1,15 @@
-"""Interval estimates of evaluations: shares, paired differences and means.
+"""Exact values, and interval estimates: shares, paired differences and means.
 
-All intervals have a confidence of 95%. The bootstrap draws from a fixed sequence of random
-numbers, so equal data always give equal intervals, with every version of NumPy.
+All intervals have a confidence of 95%; that of an exact value has width zero. The bootstrap draws
+from a fixed sequence of random numbers, so equal data always give equal intervals, with every
+version of NumPy.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +19,13 @@ from DroneSwarmSearch._internal.streams import numbers
 
 __all__ = [
     "CONFIDENCE",
+    "ROUNDING",
     "Band",
     "Estimate",
+    "ExactValue",
     "bootstrap_mean",
     "bootstrap_means",
+    "difference",
     "mean_of",
     "paired_difference",
     "wilson",
@@ -43,16 +47,39 @@ _AT_ONCE = 2**20
 """Random numbers drawn at a time."""
 
 
+ROUNDING = 1e-9
+"""Exact values that differ by less are equal: they are sums of rounded numbers."""
+
+
 class Estimate(NamedTuple):
-    """A value with its 95% confidence interval."""
+    """A value with its 95% confidence interval; of an exact value, the interval has width zero."""
 
     value: float
     low: float
     high: float
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether the value has no sampling error."""
+        return isinstance(self, ExactValue)
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Plain JSON data: value, low, high and exact."""
+        return {**self._asdict(), "exact": self.is_exact}
+
     def scaled(self, factor: float) -> Estimate:
         """The estimate times a factor of at least 0."""
-        return Estimate(*(each * factor for each in self))
+        return type(self)(*(each * factor for each in self))
+
+
+class ExactValue(Estimate):
+    """A value without sampling error; `ExactValue.of` makes one."""
+
+    @classmethod
+    def of(cls, value: float) -> ExactValue:
+        """The value, with an interval of width zero."""
+        return cls(value, value, value)
 
 
 class Band(NamedTuple):
@@ -151,8 +178,24 @@ def mean_of(estimates: Iterable[Estimate]) -> Estimate:
         raise ValueError("estimates must be at least one, got none")
     n = len(all_estimates)
     value = math.fsum(each.value for each in all_estimates) / n
+    if all(each.is_exact for each in all_estimates):
+        return ExactValue.of(value)
     below = math.hypot(*(each.value - each.low for each in all_estimates)) / n
     above = math.hypot(*(each.high - each.value for each in all_estimates)) / n
+    return Estimate(value, value - below, value + above)
+
+
+def difference(first: Estimate, second: Estimate) -> Estimate:
+    """Estimate the difference of two independent quantities, first minus second.
+
+    If both are exact, so is the difference; less than `ROUNDING` is 0. Otherwise, the distances
+    from the values to their limits are added in squares, as in `mean_of`; an exact value adds none.
+    """
+    value = first.value - second.value
+    if first.is_exact and second.is_exact:
+        return ExactValue.of(value if abs(value) >= ROUNDING else 0.0)
+    below = math.hypot(first.value - first.low, second.high - second.value)
+    above = math.hypot(first.high - first.value, second.value - second.low)
     return Estimate(value, value - below, value + above)
 
 

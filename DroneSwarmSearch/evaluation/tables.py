@@ -10,18 +10,22 @@ __all__ = ["figure", "markdown_table", "percent", "print_table", "signed"]
 
 
 def percent(estimate: Estimate | None) -> str:
-    """A share with its interval, in percent; "-" for None."""
+    """A share in percent, with its interval unless it is exact; "-" for None."""
     return "-" if estimate is None else figure(estimate.scaled(100.0))
 
 
 def figure(estimate: Estimate) -> str:
-    """A value of at least 0 with its interval."""
+    """A value of at least 0, with its interval unless it is exact."""
+    if estimate.is_exact:
+        return f"{estimate.value:.1f}"
     return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
 
 
 def signed(estimate: Estimate) -> str:
-    """A difference with its interval, all with their signs."""
+    """A difference with its interval unless it is exact, all with their signs."""
     value, low, high = (round(number, 1) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
+    if estimate.is_exact:
+        return f"{value:+.1f}"
     return f"{value:+.1f} ({low:+.1f} to {high:+.1f})"
 
 
