@@ -14,29 +14,21 @@ from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.bound import drone_paths
 from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
+from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
-from DroneSwarmSearch.planning.paths import values_to_go
-from DroneSwarmSearch.planning.trajectories import (
-    Trajectories,
-    enumerate_trajectories,
-    sample_trajectories,
-)
+from DroneSwarmSearch.planning.paths import Path, values_to_go
+from DroneSwarmSearch.planning.trajectories import enumerate_trajectories, sample_trajectories
 from DroneSwarmSearch.policies import make
 
 Floats = np.ndarray
 
 
-def expected_g(trajectories: Trajectories, effort: Floats, detection: float) -> float:
-    """E[g(s)]: 1 - (1 - q)^s of the sum along each trajectory, linear between whole s."""
-    steps = np.arange(len(trajectories.cells))[:, None]
-    sums = effort.reshape(len(trajectories.cells), -1)[steps, trajectories.cells].sum(axis=0)
-    whole = np.arange(math.ceil(sums.max()) + 1.0)
-    return float(trajectories.probabilities @ np.interp(sums, whole, 1 - (1 - detection) ** whole))
-
-
-def effort_of(array: Floats) -> Effort:
-    flat = array.reshape(-1)
-    return Effort(flat.nonzero()[0], flat[flat.nonzero()])
+def expected(collected: Floats, probabilities: Floats, detection: float) -> float:
+    """E[min(Z, g(N))], with g(N) = 1 - (1 - q)^N joined by straight lines at whole N."""
+    credits, searches = collected
+    whole = np.arange(math.ceil(searches.max()) + 1.0)
+    success = np.interp(searches, whole, 1 - (1 - detection) ** whole)
+    return float(probabilities @ np.minimum(credits, success))
 
 
 class TestObjectives:
@@ -54,16 +46,32 @@ class TestObjectives:
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
         paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
-        expected = success_of(self.OF, paths)[0]
-        assert expected > 0.1
+        success = success_of(self.OF, paths)[0]
+        assert success > 0.1
         effort = np.zeros((5, 25))
         for path in paths:
             steps = path.searches.nonzero()[0]
             effort[steps, path.cells[steps]] += 1.0
         exact = self.chain(effort, -math.log(0.4)).value()
-        assert exact == pytest.approx(expected, rel=1e-12)
+        assert exact == pytest.approx(success, rel=1e-12)
+        for memory in (0, 1, 4):
+            drones = self.drones(0.6, memory)
+            collected = drones.collected(paths)
+            assert success <= expected(collected, drones.probabilities, 0.6) + 1e-12
+        # With all of its memory, a single drone's credits are exact.
+        collected = drones.collected(paths[:1])
+        alone = success_of(self.OF, paths[:1])[0]
+        assert expected(collected, drones.probabilities, 0.6) == pytest.approx(alone, rel=1e-12)
+
+    def drones(self, detection: float, memory: int) -> RememberingDrones:
         trajectories = enumerate_trajectories(self.FORECAST, 5)
-        assert expected_g(trajectories, effort, 0.6) == pytest.approx(expected, rel=1e-12)
+        assert trajectories is not None
+        return RememberingDrones(trajectories, 5, detection, [0, 2], memory)
+
+    def paths(self, rng: np.random.Generator) -> list[Path]:
+        """The best paths for random weights."""
+        drones = self.drones(1.0, 0)
+        return drones(rng.random((2, len(drones.probabilities))))[1]
 
     def test_tangents_of_the_chain_objective_touch_and_lie_above(self) -> None:
         rng = np.random.default_rng(0)
@@ -84,40 +92,56 @@ class TestObjectives:
             other = rng.random(self.SHAPE) * spread
             assert self.chain(other, rate).value() <= intercept + np.vdot(gains, other) + 1e-12
 
+    @pytest.mark.parametrize("memory", [0, 2])
     @pytest.mark.parametrize("detection", [1.0, 0.6])
-    def test_tangents_of_the_trajectory_objective_lie_above(self, detection: float) -> None:
+    def test_tangents_of_the_trajectory_objective_lie_above(
+        self, detection: float, memory: int
+    ) -> None:
         rng = np.random.default_rng(1)
-        trajectories = enumerate_trajectories(self.FORECAST, 5)
-        objective = TrajectoryObjective(trajectories, 5, detection)
+        drones = self.drones(detection, memory)
+        objective = TrajectoryObjective(drones, detection)
         assert objective.value() == 0.0
+        mixture = np.zeros((2, len(drones.probabilities)))
         for _ in range(12):
-            intercept, gains = objective.tangent()
-            assert gains.shape == self.SHAPE
-            assert (gains >= 0).all()
-            for spread in (0.0, 0.01, 0.3, 2.0):
-                other = rng.random(self.SHAPE) * spread
-                above = intercept + np.vdot(gains, other)
-                assert expected_g(trajectories, other, detection) <= above + 1e-12
-            objective.move_towards(effort_of(rng.random(self.SHAPE)))
-        assert 0.0 < objective.value() <= intercept + gains.max(axis=(1, 2)).sum() * 25
+            intercept, weights = objective.tangent()
+            assert (weights >= 0).all()
+            for amount in (0.01, 0.3, 1.0):
+                other = mixture + amount * (drones.collected(self.paths(rng)) - mixture)
+                above = intercept + np.vdot(weights, other)
+                assert expected(other, drones.probabilities, detection) <= above + 1e-12
+                mixture = other if amount == 0.3 else mixture
+            objective.move_towards(self.paths(rng))
+        assert 0.0 < objective.value() <= intercept + drones(weights)[0]
 
+    @pytest.mark.parametrize("memory", [0, 2])
     @pytest.mark.parametrize("detection", [1.0, 0.6])
-    def test_the_point_moves_nearly_to_an_optimal_target(self, detection: float) -> None:
-        """The target is half a search of every cell in the last step."""
-        trajectories = enumerate_trajectories(self.FORECAST, 5)
-        target = np.zeros(self.SHAPE)
-        target[4] = 0.5
-        objective = TrajectoryObjective(trajectories, 5, detection)
-        objective.move_towards(effort_of(target))
-        assert expected_g(trajectories, target, detection) == pytest.approx(detection / 2)
-        assert 0.9 * detection / 2 < objective.value() <= detection / 2
+    def test_the_value_is_that_of_the_mixture(self, detection: float, memory: int) -> None:
+        rng = np.random.default_rng(2)
+        drones = self.drones(detection, memory)
+        objective = TrajectoryObjective(drones, detection)
+        for _ in range(6):
+            objective.move_towards(self.paths(rng))
+        mixture = objective.mixture
+        assert sum(share for share, _ in mixture) <= 1.0
+        collected = sum(share * drones.collected(paths) for share, paths in mixture)
+        by_hand = expected(collected, drones.probabilities, detection)
+        assert objective.value() == pytest.approx(by_hand, rel=1e-9)
+        again = TrajectoryObjective(drones, detection, mixture)
+        assert again.value() == pytest.approx(by_hand, rel=1e-9)
+
+    def test_the_point_moves_all_the_way_if_that_is_best(self) -> None:
+        drones = self.drones(1.0, 4)
+        _, best = drones(np.array([drones.probabilities, 0 * drones.probabilities]))
+        objective = TrajectoryObjective(drones, 1.0)
+        objective.move_towards(best[:1])
+        credits, _ = drones.collected(best[:1])
+        assert objective.value() == pytest.approx(drones.probabilities @ credits, rel=0.1)
 
     def test_the_chain_objective_is_the_larger_one(self) -> None:
-        oracle = drone_paths([0, 2])
-        trajectories = TrajectoryObjective(enumerate_trajectories(self.FORECAST, 5), 5, 0.6)
         chain = self.chain(np.zeros(125), -math.log(0.4))
-        lower = frank_wolfe(trajectories, oracle, gap=0.005, iterations=300)
-        upper = frank_wolfe(chain, oracle, gap=0.005, iterations=300)
+        drones = self.drones(0.6, 0)
+        lower = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.005, iterations=300)
+        upper = frank_wolfe(chain, drone_paths([0, 2]), gap=0.005, iterations=300)
         assert lower.value <= lower.upper_bound
         assert lower.value <= upper.upper_bound
         assert lower.upper_bound - lower.value == lower.gap <= 0.005 * lower.upper_bound
@@ -127,12 +151,9 @@ class TestObjectives:
         chain = MarkovChainObjective(
             MarkovChain(forecast), forecast.exact(0), -math.log(0.4), np.zeros(300)
         )
-        trajectories = sample_trajectories(forecast, 12, 4000)
-        oracle = drone_paths([0, 2])
-        sampled = frank_wolfe(
-            TrajectoryObjective(trajectories, 5, 0.6), oracle, gap=0.02, iterations=60
-        )
-        exact = frank_wolfe(chain, oracle, gap=0.02, iterations=60)
+        drones = RememberingDrones(sample_trajectories(forecast, 12, 4000), 5, 0.6, [0, 2], 1)
+        sampled = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.02, iterations=60)
+        exact = frank_wolfe(chain, drone_paths([0, 2]), gap=0.02, iterations=60)
         assert sampled.value <= exact.upper_bound + 4 * math.sqrt(0.25 / 4000)
 
 
@@ -148,7 +169,7 @@ class TestOracles:
         assert len(effort.indices) <= 18
 
 
-def free_effort(amount: float) -> Oracle:
+def free_effort(amount: float) -> Oracle[Effort]:
     """The oracle of searchers without paths: a fixed effort in each step, in any cell."""
 
     def oracle(gains: Floats) -> tuple[float, Effort]:

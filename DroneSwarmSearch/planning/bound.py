@@ -29,7 +29,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,13 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
-from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
-from DroneSwarmSearch.planning.paths import best_path, values_to_go
+from DroneSwarmSearch.planning.memory import RememberingDrones
+from DroneSwarmSearch.planning.objectives import (
+    MarkovChainObjective,
+    Mixture,
+    TrajectoryObjective,
+)
+from DroneSwarmSearch.planning.paths import Path, best_path, values_to_go
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -51,9 +56,10 @@ from DroneSwarmSearch.scenario import Scenario, checked_scenario
 __all__ = ["SuccessBound", "drone_paths", "success_bound"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-SAMPLE = 32768
-"""Trajectories in a sample; with one person, sampling adds at most 1.2 percentage points."""
+SAMPLE = 65536
+"""Trajectories in a sample; with one person, sampling adds at most 0.9 percentage points."""
 
 CONFIDENCE = 0.999
 """Probability that a sampled bound holds, for all persons and numbers of steps together."""
@@ -62,11 +68,29 @@ HORIZONS = 12
 """Numbers of steps for which the relaxation is solved; the others use the next larger one's
 bound."""
 
-ITERATIONS = 600
+WORK = 6e7
+"""The most work for the best paths, in values to update: a fraction of a second."""
+
+TRAJECTORIES_TO_MEASURE = 8192
+"""Trajectories from which the work is estimated."""
+
+MOST_MEMORY = 6
+"""The most actions that drones remember by default."""
+
+MEMORY_BEFORE = 2
+"""The most actions that drones remember for fewer steps, which only shape the curve."""
+
+ITERATIONS = 300
 """The most iterations for the time limit itself."""
 
-ITERATIONS_BEFORE = 60
-"""The most iterations for fewer steps, which only shape the curve."""
+ITERATIONS_BEFORE = 20
+"""The most iterations for fewer steps."""
+
+CHAIN_ITERATIONS = 60
+"""The most iterations for the relaxation without trajectories."""
+
+MOST_PATHS = 64
+"""The most paths to start from for fewer steps."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +124,9 @@ def success_bound(
     scenario: Scenario,
     drones_positions: object,
     *,
+    memory: int | None = None,
     sample: int = SAMPLE,
-    gap: float = 0.008,
+    gap: float = 0.004,
     horizons: int = HORIZONS,
     report: Callable[[float], None] = lambda fraction: None,
 ) -> SuccessBound:
@@ -110,6 +135,8 @@ def success_bound(
     Args:
         scenario: the search.
         drones_positions: every drone's start cell (x, y).
+        memory: the number of actions K that drones remember: more make the bound tighter and
+            the work longer. By default, as many as a fixed amount of work allows.
         sample: trajectories to draw for each person with too many to enumerate.
         gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
@@ -123,37 +150,37 @@ def success_bound(
         ValueError: an argument is out of its limits.
     """
     limit = checked_scenario(scenario).timestep_limit
-    oracle = drone_paths(scenario.drone_cells(drones_positions))
+    starts = scenario.drone_cells(drones_positions)
     checks.integer("sample", sample, 1)
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
-    ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)})
+    if memory is not None:
+        checks.integer("memory", memory, 0)
+    ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
     # Equal persons share one bound.
     counts = Counter(scenario.situation)
     forecasts = dict(zip(scenario.situation, scenario.forecasts(), strict=True))
-    persons = [
-        _Person(forecast, person.probability_of_detection, enumerate_trajectories(forecast, limit))
-        for person, forecast in forecasts.items()
-    ]
-    sampled_bounds = len(ends) * sum(person.enumerated is None for person in persons)
+    enumerated = {
+        person: enumerate_trajectories(forecast, limit) for person, forecast in forecasts.items()
+    }
+    sampled_bounds = len(ends) * sum(each is None for each in enumerated.values())
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
     curves, solutions = [], []
-    for number, person in enumerate(persons):
-        trajectories = person.enumerated or sample_trajectories(person.forecast, limit, sample)
-        chain = MarkovChain(person.forecast)
-        curve = np.full(limit + 1, np.inf)
-        curve[0] = 0.0
-        for end in ends:
-            solution = _over_trajectories(person, trajectories, end, oracle, gap)
-            curve[end] = solution.upper_bound
-            if person.enumerated is None:
-                curve[end] = chernoff_bound(solution.upper_bound, sample, 1.0 - failure)
-            if 0.0 < person.detection < 1.0:
-                curve[end] = _over_chain(person, chain, end, oracle, gap, curve[end])
-            # The work grows with the square of the number of steps.
-            report((number + end * (end + 1) / (limit * (limit + 1))) / len(persons))
-        # More time never hurts, so a bound for more steps holds for fewer.
-        curves.append(np.minimum.accumulate(curve[::-1])[::-1])
+    for number, (person, forecast) in enumerate(forecasts.items()):
+        trajectories = enumerated[person]
+        relaxation = _Relaxation(
+            forecast,
+            person.probability_of_detection,
+            starts,
+            trajectories or sample_trajectories(forecast, limit, sample),
+            None if trajectories else failure,
+            memory,
+            gap,
+        )
+        curve, solution = relaxation.curve(
+            ends, partial(_report_part, report, number, len(forecasts))
+        )
+        curves.append(curve)
         solutions.append(solution)
     confidence = CONFIDENCE if sampled_bounds else 1.0
     values, gaps = [each.value for each in solutions], [each.gap for each in solutions]
@@ -163,11 +190,11 @@ def success_bound(
             np.average(each, axis=0, weights=shares) for each in (curves, values, gaps)
         )
         return SuccessBound(by_time, float(relaxed), float(mean_gap), confidence)
-    hardest = min(range(len(persons)), key=lambda number: curves[number][-1])
+    hardest = min(range(len(curves)), key=lambda number: curves[number][-1])
     return SuccessBound(np.min(curves, axis=0), values[hardest], gaps[hardest], confidence)
 
 
-def drone_paths(starts: Sequence[int]) -> Oracle:
+def drone_paths(starts: Sequence[int]) -> Oracle[Effort]:
     """The oracle for one path of each drone.
 
     Args:
@@ -189,43 +216,133 @@ def drone_paths(starts: Sequence[int]) -> Oracle:
     return oracle
 
 
-class _Person(NamedTuple):
-    """A person to find.
+def _report_part(report: Callable[[float], None], number: int, parts: int, fraction: float) -> None:
+    """Report the completed fraction of one of several equal parts."""
+    report((number + fraction) / parts)
 
-    Attributes:
+
+class _Relaxation:
+    """The relaxation for one person.
+
+    Args:
         forecast: the person's.
         detection: the probability of detection, q.
-        enumerated: all trajectories; None if there are too many.
+        starts: every drone's first cell, y * N + x.
+        trajectories: all of the person's, or a sample.
+        failure: the probability that a sampled bound may fail; None for all trajectories.
+        memory: the number of actions K that drones remember; None for a fixed amount of work.
+        gap: the duality gap at which to stop, as a fraction of the bound.
     """
 
-    forecast: ProbabilityMatrix
-    detection: float
-    enumerated: Trajectories | None
+    def __init__(
+        self,
+        forecast: ProbabilityMatrix,
+        detection: float,
+        starts: Sequence[int],
+        trajectories: Trajectories,
+        failure: float | None,
+        memory: int | None,
+        gap: float,
+    ) -> None:
+        self._forecast, self._detection, self._starts = forecast, detection, starts
+        self._trajectories, self._failure = trajectories, failure
+        self._memory, self._gap = memory, gap
+        self._oracle, self._chain = drone_paths(starts), MarkovChain(forecast)
+
+    def curve(
+        self, ends: Sequence[int], report: Callable[[float], None]
+    ) -> tuple[Floats, Solution]:
+        """The bound after each number of steps, and the solution for the time limit.
+
+        Args:
+            ends: numbers of steps to solve for, the time limit first.
+            report: called from time to time with the completed fraction of the work.
+        """
+        limit = ends[0]
+        curve = np.full(limit + 1, np.inf)
+        curve[0] = 0.0
+        memory = self._affordable_memory()
+        drones = self._drones(self._trajectories, memory)
+        solution, mixture = self._solve(
+            drones, (), ITERATIONS, lambda fraction: report(0.7 * fraction)
+        )
+        curve[limit] = self._bound(solution, self._trajectories, limit)
+        report(0.7)
+        # Fewer trajectories, memories and iterations do for the shape of the curve.
+        some = self._trajectories
+        if self._failure is not None:
+            some = _equal(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])
+        drones = self._drones(some, min(memory, MEMORY_BEFORE))
+        work, done = sum(end**2 for end in ends[1:]), 0
+        for end in ends[1:]:
+            shorter = [
+                (share, [Path(path.cells[: end + 1], path.searches[:end]) for path in paths])
+                for share, paths in _largest_shares(mixture)
+            ]
+            bound, _ = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
+            curve[end] = self._bound(bound, some, end)
+            done += end**2
+            report(0.7 + 0.3 * done / work)
+        # More time never hurts, so a bound for more steps holds for fewer.
+        return np.minimum.accumulate(curve[::-1])[::-1], solution
+
+    def _affordable_memory(self) -> int:
+        """The number of actions to remember, from the work on a part of the trajectories."""
+        if self._memory is not None:
+            return self._memory
+        some = self._trajectories.cells[:, :TRAJECTORIES_TO_MEASURE]
+        memory = 0
+        while memory < MOST_MEMORY and self._drones(_equal(some), memory + 1).work <= WORK:
+            memory += 1
+        return memory
+
+    def _drones(self, trajectories: Trajectories, memory: int) -> RememberingDrones:
+        size = self._forecast.grid_size
+        return RememberingDrones(trajectories, size, self._detection, self._starts, memory)
+
+    def _solve(
+        self,
+        drones: RememberingDrones,
+        mixture: Mixture,
+        iterations: int,
+        report: Callable[[float], None] = lambda fraction: None,
+    ) -> tuple[Solution, Mixture]:
+        """Maximise E[min(Z, g(N))], from a mixture of paths."""
+        objective = TrajectoryObjective(drones, self._detection, mixture)
+        solution = frank_wolfe(
+            objective,
+            drones,
+            gap=self._gap,
+            iterations=iterations,
+            upper_bound=1.0,
+            report=report,
+        )
+        return solution, objective.mixture
+
+    def _bound(self, solution: Solution, trajectories: Trajectories, steps: int) -> float:
+        """The bound for a number of steps: the smaller one of both relaxations."""
+        bound = solution.upper_bound
+        if self._failure is not None:
+            bound = chernoff_bound(bound, trajectories.cells.shape[1], 1.0 - self._failure)
+        if not 0.0 < self._detection < 1.0:
+            return bound
+        rate, size = -math.log1p(-self._detection), self._forecast.grid_size
+        objective = MarkovChainObjective(
+            self._chain, self._forecast.joint(0), rate, np.zeros(steps * size**2)
+        )
+        return frank_wolfe(
+            objective, self._oracle, gap=self._gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
+        ).upper_bound
 
 
-def _over_trajectories(
-    person: _Person, trajectories: Trajectories, steps: int, oracle: Oracle, gap: float
-) -> Solution:
-    """Maximise E[g(s)] over trajectories of a given number of steps."""
-    at_limit = steps == len(trajectories.cells)
-    return frank_wolfe(
-        TrajectoryObjective(trajectories.until(steps), person.forecast.grid_size, person.detection),
-        oracle,
-        gap=gap,
-        iterations=ITERATIONS if at_limit else ITERATIONS_BEFORE,
-        upper_bound=1.0,
-    )
+def _equal(cells: Ints) -> Trajectories:
+    """Trajectories of a sample."""
+    count = cells.shape[1]
+    return Trajectories(cells, np.full(count, 1 / count))
 
 
-def _over_chain(
-    person: _Person, chain: MarkovChain, steps: int, oracle: Oracle, gap: float, known: float
-) -> float:
-    """Maximise E[1 - (1 - q)^s] over a given number of steps, up to the known bound."""
-    rate, size = -math.log1p(-person.detection), person.forecast.grid_size
-    return frank_wolfe(
-        MarkovChainObjective(chain, person.forecast.joint(0), rate, np.zeros(steps * size**2)),
-        oracle,
-        gap=gap,
-        iterations=ITERATIONS_BEFORE,
-        upper_bound=known,
-    ).upper_bound
+def _largest_shares(mixture: Mixture) -> Mixture:
+    """The largest part of a mixture that is quick to evaluate."""
+    largest = sorted(mixture, key=lambda each: -each[0])[:MOST_PATHS]
+    total = sum(share for share, _ in largest)
+    return [(share / total, paths) for share, paths in largest]

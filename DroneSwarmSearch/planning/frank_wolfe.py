@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,13 @@ class Effort(NamedTuple):
     amounts: Floats
 
 
-class Objective(Protocol):
+Target = TypeVar("Target")
+"""A point in the set over which to maximise."""
+
+Target_contra = TypeVar("Target_contra", contravariant=True)
+
+
+class Objective(Protocol[Target_contra]):
     """A concave function of search effort, together with the current point."""
 
     def value(self) -> float:
@@ -47,15 +53,15 @@ class Objective(Protocol):
     def tangent(self) -> tuple[float, Floats]:
         """A linear upper bound on the function: its value without effort, and its gains.
 
-        The gains are not negative and have shape (T, N, N), indexed [t, y, x].
+        The gains are not negative; what they belong to is up to the objective and the oracle.
         """
 
-    def move_towards(self, target: Effort) -> None:
+    def move_towards(self, target: Target_contra) -> None:
         """Move the current point towards another one, by about the best step size."""
 
 
-Oracle = Callable[[Floats], tuple[float, Effort]]
-"""Takes gains; returns the largest total gain, and the effort that attains it."""
+Oracle = Callable[[Floats], tuple[float, Target]]
+"""Takes gains; returns the largest total gain, and the point that attains it."""
 
 
 class Solution(NamedTuple):
@@ -76,12 +82,13 @@ class Solution(NamedTuple):
 
 
 def frank_wolfe(
-    objective: Objective,
-    oracle: Oracle,
+    objective: Objective[Target],
+    oracle: Oracle[Target],
     *,
     gap: float,
     iterations: int,
     upper_bound: float = math.inf,
+    report: Callable[[float], None] = lambda fraction: None,
 ) -> Solution:
     """Maximise a concave function over the mixtures of what an oracle can return.
 
@@ -91,6 +98,7 @@ def frank_wolfe(
         gap: stop at this duality gap, as a fraction of the upper bound.
         iterations: the largest number of iterations.
         upper_bound: a bound that is already known.
+        report: called after each iteration with the fraction of iterations done.
     """
     value = -math.inf
     mean_intercept, mean_gains = 0.0, np.zeros(())
@@ -106,6 +114,7 @@ def frank_wolfe(
         if upper_bound - value <= gap * upper_bound or iteration == iterations:
             break
         objective.move_towards(target)
+        report((iteration + 1) / iterations)
     return Solution(value, upper_bound)
 
 

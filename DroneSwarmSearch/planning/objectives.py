@@ -7,6 +7,7 @@ bounds it from above by a product along the trajectory, whose expectation is exa
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,42 +15,62 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.frank_wolfe import Effort, line_search
-from DroneSwarmSearch.planning.trajectories import Trajectories
+from DroneSwarmSearch.planning.memory import RememberingDrones
+from DroneSwarmSearch.planning.paths import Path
 
-__all__ = ["MarkovChainObjective", "TrajectoryObjective"]
+__all__ = ["MarkovChainObjective", "Mixture", "TrajectoryObjective"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+Mixture = Sequence[tuple[float, Sequence[Path]]]
+"""Sets of paths, one for each drone, with their shares in a mixture."""
+
 SMOOTHING = 0.5, 0.02
-"""Half the width over which the corners of g are rounded off, in searches: first and least."""
+"""Half the width over which corners are rounded off, in searches: first and least."""
 
 SMOOTHING_HALF_LIFE = 10.0
 """After this many iterations, the corners are rounded off half as far as at first."""
 
 
 class TrajectoryObjective:
-    """E[g(s)] over trajectories, where g joins 1 - (1 - q)^s at whole s by straight lines.
+    """E[min(Z, g(N))] over trajectories, for a mixture of drones' paths.
 
-    At the corners of g the Frank-Wolfe method would stall. Tangents and step sizes therefore
-    come from g with its corners rounded off, less and less; each tangent is then raised until
-    it lies above g itself.
+    Z and N are the mixture's mean credits and searches along a trajectory (see `memory`), and g
+    joins 1 - (1 - q)^N at whole N by straight lines. Z is at most q N, so g matters only beyond
+    its first piece, and the second one is extended to N = 0. For q = 1, g is then 1.
+
+    At the corners of the function the Frank-Wolfe method would stall. Tangents and step sizes
+    therefore come from a function with its corners rounded off, less and less; each tangent is
+    then raised until it lies above the function itself.
 
     Args:
-        trajectories: the person's trajectories.
-        grid_size: cells along each side, N.
+        drones: what paths collect along the trajectories.
         detection: the probability of detection, q.
+        mixture: the mixture of paths to start from.
     """
 
-    def __init__(self, trajectories: Trajectories, grid_size: int, detection: float) -> None:
-        self._cells, self._probabilities = trajectories
-        self._size, self._q = grid_size, detection
-        self._effort = np.zeros(len(self._cells) * grid_size**2)
-        self._sums = np.zeros(len(self._probabilities))
+    def __init__(
+        self,
+        drones: RememberingDrones,
+        detection: float,
+        mixture: Mixture = (),
+    ) -> None:
+        self._drones, self._probabilities, self._q = drones, drones.probabilities, detection
+        self._mixture = list(mixture)
+        self._collected = drones.collected(
+            [path for _, paths in self._mixture for path in paths],
+            np.array([share for share, paths in self._mixture for _ in paths]),
+        )
         self._corners = np.arange(self._most_searches() + 2.0)
         self._missed = (1.0 - detection) ** self._corners
         self._slopes = detection * self._missed
-        self._iterations = 0
+        self._iterations = len(self._mixture)
+
+    @property
+    def mixture(self) -> Mixture:
+        """The paths in the mixture, and the share of each set of paths."""
+        return self._mixture
 
     @property
     def _smoothing(self) -> float:
@@ -62,67 +83,73 @@ class TrajectoryObjective:
             return 1
         if self._q <= 0.0:
             return 0
-        return min(math.ceil(-36.0 / math.log1p(-self._q)), len(self._cells))
+        return math.ceil(-36.0 / math.log1p(-self._q))
 
     def value(self) -> float:
-        return self._mean(self._success(self._sums))
+        credits, searches = self._collected
+        return self._mean(np.minimum(credits, self._success(searches)))
 
     def tangent(self) -> tuple[float, Floats]:
-        corner, turned = self._nearest_corner(self._sums)
+        credits, searches = self._collected
+        corner, turned = self._nearest_corner(searches)
+        by_credits = self._share_of_credits(credits, self._smooth_success(searches))
         slope = (1.0 - turned) * self._slopes[corner - 1] + turned * self._slopes[corner]
-        intercept = self._mean(1.0 - self._missed[corner] - slope * corner)
-        weights, cells_in_grid = self._probabilities * slope, self._size**2
-        gains = np.empty((len(self._cells), cells_in_grid))
-        for row, cells in zip(gains, self._cells, strict=True):
-            row[:] = np.bincount(cells, weights, cells_in_grid)
-        return intercept, gains.reshape(-1, self._size, self._size)
+        above = 1.0 - self._missed[corner] - slope * corner
+        intercept = self._mean((1.0 - by_credits) * above)
+        return intercept, self._probabilities * [by_credits, (1.0 - by_credits) * slope]
 
-    def move_towards(self, target: Effort) -> None:
-        there = np.zeros(len(self._effort))
-        np.add.at(there, target.indices, target.amounts)
-        change = self._sums_along(there) - self._sums
-        step_size = line_search(
-            lambda size: self._mean(self._smooth_success(self._sums + size * change))
-        )
-        self._sums += step_size * change
-        self._effort += step_size * (there - self._effort)
+    def move_towards(self, target: Sequence[Path]) -> None:
+        change = self._drones.collected(target) - self._collected
+
+        def value(size: float) -> float:
+            credits, searches = self._collected + size * change
+            return self._mean(self._smooth_minimum(credits, self._smooth_success(searches)))
+
+        step_size = line_search(value)
+        self._collected += step_size * change
+        self._mixture = [(share * (1.0 - step_size), paths) for share, paths in self._mixture]
+        self._mixture.append((step_size, target))
         self._iterations += 1
-
-    def _sums_along(self, effort: Floats) -> Floats:
-        """The total effort along each trajectory."""
-        sums, here = np.zeros(len(self._probabilities)), np.empty(len(self._probabilities))
-        per_step = effort.reshape(len(self._cells), -1)
-        for cells, amounts in zip(self._cells, per_step, strict=True):
-            if amounts.any():
-                # mode="clip" lets NumPy write into `here` without a buffer.
-                amounts.take(cells, out=here, mode="clip")
-                sums += here
-        return sums
 
     def _mean(self, values: Floats) -> float:
         """The expectation. Not a dot product: BLAS may use threads, which changes the sum."""
         return float((self._probabilities * values).sum())
 
-    def _success(self, sums: Floats) -> Floats:
-        """The function g."""
-        success: Floats = np.interp(sums, self._corners, 1.0 - self._missed)
+    def _success(self, searches: Floats) -> Floats:
+        """The function g, with its second piece extended to 0."""
+        success: Floats = np.interp(searches, self._corners, 1.0 - self._missed)
+        first = searches < 1.0
+        success[first] = self._q + (searches[first] - 1.0) * self._slopes[1]
         return success
 
-    def _smooth_success(self, sums: Floats) -> Floats:
+    def _smooth_success(self, searches: Floats) -> Floats:
         """The function g with its corners rounded off."""
-        corner, turned = self._nearest_corner(sums)
+        corner, turned = self._nearest_corner(searches)
         left, right = self._slopes[corner - 1], self._slopes[corner]
         # The integral of the turning slope is below g by this much.
         shortfall = self._smoothing * (left - right) * np.minimum(turned, 1.0 - turned) ** 2
-        success: Floats = self._success(sums) - shortfall
+        success: Floats = self._success(searches) - shortfall
         return success
 
-    def _nearest_corner(self, sums: Floats) -> tuple[Ints, Floats]:
+    def _nearest_corner(self, searches: Floats) -> tuple[Ints, Floats]:
         """The nearest corner of g, and how far the slope has turned from its left to its right."""
-        corner = np.minimum(np.rint(sums), self._corners[-1]).astype(np.int64)
-        turned = np.clip((sums - corner) / (2 * self._smoothing) + 0.5, 0.0, 1.0)
-        turned[corner == 0] = 1.0
+        corner = np.clip(np.rint(searches), 1, self._corners[-1]).astype(np.int64)
+        turned = np.clip((searches - corner) / (2 * self._smoothing) + 0.5, 0.0, 1.0)
+        turned[corner == 1] = 1.0
         return corner, turned
+
+    def _share_of_credits(self, credits: Floats, success: Floats) -> Floats:
+        """The slope of the smooth minimum with respect to its first argument."""
+        width = 2 * self._q * self._smoothing
+        share: Floats = np.clip((success - credits) / max(width, 1e-9) + 0.5, 0.0, 1.0)
+        return share
+
+    def _smooth_minimum(self, credits: Floats, success: Floats) -> Floats:
+        """The minimum with its corner rounded off."""
+        half = max(self._q * self._smoothing, 1e-9)
+        within = np.maximum(half - abs(success - credits), 0.0)
+        smooth: Floats = np.minimum(credits, success) - within**2 / (4 * half)
+        return smooth
 
 
 class MarkovChainObjective:

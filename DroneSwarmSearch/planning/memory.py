@@ -1,0 +1,361 @@
+"""Drones that remember their last K actions: their best paths, and what paths collect.
+
+A path gains from every search, but less from a trajectory of the person that the drone has
+already searched within its last K actions. With n such searches, another one finds the fraction
+q (1 - q)^n of the trajectory: its *credit*. The credits of a path along a trajectory add up to
+at least the probability of finding the person there, 1 - (1 - q)^k for k searches, because the
+drone may forget searches but never invents any.
+
+The best path is a dynamic programme whose state is a cell and a *history*: the drone's cell at
+each remembered search, relative to its present one. Moves matter only through these
+displacements, so there are far fewer histories than sequences of actions: 2, 7, 25, 88 and 309
+for K = 1 to 5. Trajectories in a step are grouped by cell and *past*: the person's relative cell
+at each remembered step, as far as the drone can have searched it. The credits of all histories
+in all cells are then one matrix product. (Relaxations that remember recent visits: R. Baldacci,
+A. Mingozzi and R. Roberti, Operations Research 59:1269, 2011, for vehicle routes.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.planning.paths import Path
+from DroneSwarmSearch.planning.trajectories import Trajectories
+
+__all__ = ["Histories", "RememberingDrones"]
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Ints = NDArray[np.int64]
+Indices = NDArray[np.int32]
+
+Offset = tuple[int, int] | None
+"""A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
+
+MOVES = (-1, 0), (1, 0), (0, -1), (0, 1)
+"""The displacements (dx, dy) of a drone: left, right, up, down."""
+
+PATHS_AT_ONCE = 16
+"""Paths that are followed together, to save overhead."""
+
+PRODUCTS_PER_UPDATE = 150
+"""Multiplications of the matrix product that take as long as updating one value."""
+
+
+class Histories:
+    """What a drone can remember of its last K actions, and how an action changes it.
+
+    A history is a tuple of K offsets, the latest action first. Idling is left out, because a
+    search is never worse.
+
+    Args:
+        memory: the number of remembered actions, K.
+
+    Attributes:
+        all: the H histories; the first has no searches.
+        shorter: int64, shape (H,): each history without its oldest action, as a number below S.
+        after_search: int64, shape (S,): the history after a search.
+        after_move: int64, shape (4, S): the history after each of `MOVES`.
+    """
+
+    def __init__(self, memory: int) -> None:
+        kept = max(memory - 1, 0)
+        indices: dict[tuple[Offset, ...], int] = {(None,) * memory: 0}
+        shorter: dict[tuple[Offset, ...], int] = {}
+        self.all, after = [*indices], []
+        for history in self.all:  # grows in the loop
+            rest = history[:kept]
+            if rest in shorter:
+                continue
+            shorter[rest] = len(shorter)
+            ahead: list[tuple[Offset, ...]] = [((0, 0), *rest)[:memory]]
+            for dx, dy in MOVES:
+                seen = [None if each is None else (each[0] - dx, each[1] - dy) for each in rest]
+                ahead.append((None, *seen)[:memory])
+            for each in ahead:
+                if each not in indices:
+                    indices[each] = len(indices)
+                    self.all.append(each)
+            after.append([indices[each] for each in ahead])
+        self.shorter: Ints = np.array([shorter[each[:kept]] for each in self.all])
+        self.after_search: Ints = np.array(after)[:, 0]
+        self.after_move: Ints = np.array(after)[:, 1:].T
+
+
+class _Step(NamedTuple):
+    """The trajectories in one step, grouped by cell and past.
+
+    Attributes:
+        group: int32, shape (M,): the group of each trajectory.
+        column: int64, shape (G,): the cell of each group, as an index into `cells`.
+        row: int64, shape (G,): the past of each group, as an index into `pasts`.
+        cells: int64, shape (C,): the cells that hold trajectories.
+        box: the rows and columns of the grid that contain these cells.
+        pasts: the P pasts, tuples of K offsets, the latest step first.
+        order: int32, shape (M,): the trajectories by cell.
+        ends: int64, shape (C + 1,): where in `order` each cell begins and ends.
+    """
+
+    group: Indices
+    column: Ints
+    row: Ints
+    cells: Ints
+    box: tuple[slice, slice]
+    pasts: list[tuple[Offset, ...]]
+    order: Indices
+    ends: Ints
+
+
+class RememberingDrones:
+    """The best paths of drones, whose gains depend on their last K actions.
+
+    Args:
+        trajectories: the person's.
+        grid_size: cells along each side, N.
+        detection: the probability of detection, q.
+        starts: every drone's first cell, y * N + x.
+        memory: the number of remembered actions, K.
+    """
+
+    def __init__(
+        self,
+        trajectories: Trajectories,
+        grid_size: int,
+        detection: float,
+        starts: Sequence[int],
+        memory: int,
+    ) -> None:
+        cells = trajectories.cells
+        self._size, self._q, self._starts = grid_size, detection, list(starts)
+        self._count, self._probabilities = cells.shape[1], trajectories.probabilities
+        self.memory = min(memory, len(cells) - 1)
+        self._histories = Histories(self.memory)
+        y, x = np.divmod(cells.astype(np.int32), grid_size)
+        self._steps = [self._grouped(cells[step], x, y, step) for step in range(len(cells))]
+        self._values: Singles = np.zeros((0, 0, 0), np.float32)
+
+    def until(self, steps: int) -> RememberingDrones:
+        """The same drones in the first steps."""
+        shorter = copy(self)
+        shorter._steps = self._steps[:steps]
+        return shorter
+
+    @property
+    def probabilities(self) -> Floats:
+        """The probabilities of the trajectories."""
+        return self._probabilities
+
+    @property
+    def work(self) -> float:
+        """The number of values to update for the best paths, and what takes as long."""
+        products = sum(len(step.pasts) * len(step.cells) for step in self._steps)
+        updates = len(self._steps) * self._size**2
+        return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)
+
+    def __call__(self, weights: Floats) -> tuple[float, list[Path]]:
+        """The most that all drones can gain together, and the paths that gain it.
+
+        Args:
+            weights: of each trajectory, for its credits and for its searches: float64, shape
+                (2, M), at least 0.
+
+        Returns:
+            The gain, rounded up, and a path for each drone.
+        """
+        gained = self._largest_gain(weights)
+        return gained, [self._path(start) for start in self._starts]
+
+    def collected(self, paths: Sequence[Path], shares: Floats | None = None) -> Floats:
+        """The credits and the searches that paths collect along each trajectory.
+
+        Args:
+            paths: of single drones.
+            shares: what each path counts; 1 by default.
+
+        Returns:
+            float64, shape (2, M).
+        """
+        shares = np.ones(len(paths)) if shares is None else shares
+        total = np.zeros((2, self._count))
+        for first in range(0, len(paths), PATHS_AT_ONCE):
+            part = slice(first, first + PATHS_AT_ONCE)
+            self._collect(paths[part], shares[part], total)
+        return total
+
+    def _collect(self, paths: Sequence[Path], shares: Floats, total: Floats) -> None:
+        """Add what paths collect to a total."""
+        slots = self.memory + 1
+        searched = np.zeros((slots, len(paths) * self._count), np.uint8)
+        recent: list[Ints] = [np.zeros(0, np.int64)] * slots
+        nothing = recent[0]
+        for number, step in enumerate(self._steps):
+            slot = number % slots
+            searched[slot, recent[slot]] = 0
+            recent[slot] = nothing
+            met, by = [], []
+            for path, each in enumerate(paths):
+                if each.searches[number]:
+                    column = int(step.cells.searchsorted(each.cells[number]))
+                    if column < len(step.cells) and step.cells[column] == each.cells[number]:
+                        met.append(step.order[step.ends[column] : step.ends[column + 1]])
+                        by.append(path)
+            if not met:
+                continue
+            trajectory = np.concatenate(met)
+            path_of = np.repeat(by, [*map(len, met)])
+            places = path_of * self._count + trajectory
+            earlier = searched[:, places].sum(axis=0)
+            share = shares[path_of]
+            np.add.at(total[0], trajectory, share * self._q * (1.0 - self._q) ** earlier)
+            np.add.at(total[1], trajectory, share)
+            searched[slot, places] = 1
+            recent[slot] = places
+
+    def _grouped(self, here: Ints, x: Indices, y: Indices, number: int) -> _Step:
+        """Group the trajectories in a step."""
+        side = 2 * self.memory + 1
+        past = np.zeros(self._count, np.int64)
+        pasts: list[tuple[Offset, ...]] = [()]
+        for age in range(1, self.memory + 1):
+            offset = np.zeros(self._count, np.int64)
+            if age <= number:
+                dx, dy = x[number - age] - x[number], y[number - age] - y[number]
+                offset = (dy + self.memory) * side + dx + self.memory + 1
+                offset[abs(dx) + abs(dy) >= age] = 0
+            codes, past = _distinct(past * (side**2 + 1) + offset)
+            before, latest = np.divmod(codes, side**2 + 1)
+            pasts = [
+                (*pasts[old], _offset(new, side))
+                for old, new in zip(before.tolist(), latest.tolist(), strict=True)
+            ]
+        cells, cell = _distinct(here)
+        codes, group = _distinct(past * len(cells) + cell)
+        row, column = np.divmod(codes, len(cells))
+        order = cell.astype(np.uint16 if len(cells) < 2**16 else np.int64).argsort(kind="stable")
+        ends = np.append(0, np.bincount(cell).cumsum())
+        return _Step(
+            group.astype(np.int32),
+            column,
+            row,
+            cells,
+            _box(cells, self._size),
+            pasts,
+            order.astype(np.int32),
+            ends,
+        )
+
+    @cached_property
+    def _credits(self) -> list[Singles]:
+        """For each step, the credit of each history for each past: float32, shape (H, P)."""
+        codes: dict[Offset, int] = {None: 0}
+
+        def coded(tuples: list[tuple[Offset, ...]], age: int) -> Ints:
+            return np.array([codes.setdefault(each[age], len(codes)) for each in tuples])
+
+        searched = [coded(self._histories.all, age) for age in range(self.memory)]
+        credits = []
+        for step in self._steps:
+            earlier = np.zeros((len(self._histories.all), len(step.pasts)), np.uint8)
+            for age in range(self.memory):
+                seen = coded(step.pasts, age)
+                earlier += (searched[age][:, None] == seen) & (seen > 0)
+            by_number = self._q * (1.0 - self._q) ** np.arange(self.memory + 1.0)
+            credits.append(by_number.astype(np.float32)[earlier])
+        return credits
+
+    def _largest_gain(self, weights: Floats) -> float:
+        """Compute the values of all cells and histories; return what the drones gain."""
+        size, histories = self._size, self._histories
+        shape = len(self._steps) + 1, len(histories.all), size**2
+        if self._values.shape != shape:
+            self._values = np.zeros(shape, np.float32)
+        for number in range(len(self._steps) - 1, -1, -1):
+            step, here = self._steps[number], self._values[number]
+            ahead = self._values[number + 1].reshape(-1, size, size)
+            searched = ahead.take(histories.after_search, axis=0)
+            best = searched.copy()
+            moved = (ahead.take(after, axis=0) for after in histories.after_move)
+            np.maximum(best[:, :, 1:], next(moved)[:, :, :-1], out=best[:, :, 1:])
+            np.maximum(best[:, :, :-1], next(moved)[:, :, 1:], out=best[:, :, :-1])
+            np.maximum(best[:, 1:], next(moved)[:, :-1], out=best[:, 1:])
+            np.maximum(best[:, :-1], next(moved)[:, 1:], out=best[:, :-1])
+            best.take(histories.shorter, axis=0, out=here.reshape(-1, size, size), mode="clip")
+            rows, columns = step.box
+            gains = self._gains(step, self._credits[number], weights)
+            gains += searched[:, rows, columns].take(histories.shorter, axis=0)
+            within = here.reshape(-1, size, size)[:, rows, columns]
+            np.maximum(within, gains, out=within)
+        gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
+        # Single precision loses at most this fraction of a sum of positive numbers.
+        pasts = max(len(step.pasts) for step in self._steps)
+        return gained * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
+
+    def _gains(self, step: _Step, credits: Singles, weights: Floats) -> Singles:
+        """The gain of searching each cell in the box with each history: shape (H, y, x)."""
+        credit, search = weights
+        rows, columns = step.box
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        y, x = np.divmod(step.cells, self._size)
+        place = (y - rows.start) * shape[1] + x - columns.start
+        table = np.zeros((len(step.pasts), shape[0] * shape[1]), np.float32)
+        table[step.row, place[step.column]] = np.bincount(step.group, credit, len(step.row))
+        gains: Singles = credits @ table
+        if search.any():
+            in_groups = np.bincount(step.group, search, len(step.row))
+            in_cells = np.bincount(place[step.column], in_groups, table.shape[1])
+            gains += in_cells.astype(np.float32)
+        return gains.reshape(-1, *shape)
+
+    def _path(self, start: int) -> Path:
+        """A path that gains as much as possible. Ties go to moving left, right, up and down."""
+        n, size, histories = len(self._steps), self._size, self._histories
+        cells, searches = np.empty(n + 1, np.int64), np.zeros(n, np.bool_)
+        cells[0] = here = start
+        history = 0
+        for number in range(n):
+            y, x = divmod(here, size)
+            shorter = histories.shorter[history]
+            best, target, remembered = -1.0, here, 0
+            for (dx, dy), after in zip(MOVES, histories.after_move[:, shorter], strict=True):
+                if 0 <= x + dx < size and 0 <= y + dy < size:
+                    cell = here + dy * size + dx
+                    value = self._values[number + 1, after, cell]
+                    if value > best:
+                        best, target, remembered = value, cell, after
+            if self._values[number, history, here] > best:
+                searches[number] = True
+                target, remembered = here, histories.after_search[shorter]
+            cells[number + 1] = here = target
+            history = remembered
+        return Path(cells, searches)
+
+
+def _distinct(codes: Ints) -> tuple[Ints, Ints]:
+    """The distinct codes in order, and the place of each code among them.
+
+    Args:
+        codes: not negative and not large: a table of all codes replaces a sort.
+    """
+    present = np.zeros(codes.max() + 1, np.bool_)
+    present[codes] = True
+    return present.nonzero()[0], (present.cumsum() - 1)[codes]
+
+
+def _box(cells: Ints, size: int) -> tuple[slice, slice]:
+    """The rows and columns of the smallest rectangle that contains some cells."""
+    y, x = np.divmod(cells, size)
+    return slice(int(y.min()), int(y.max()) + 1), slice(int(x.min()), int(x.max()) + 1)
+
+
+def _offset(code: int, side: int) -> Offset:
+    """The offset that a code stands for; None for 0."""
+    if code == 0:
+        return None
+    dy, dx = divmod(code - 1, side)
+    return dx - side // 2, dy - side // 2
