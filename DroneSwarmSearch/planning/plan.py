@@ -55,11 +55,14 @@ MIN_GAIN = 1e-9
 NEGLIGIBLE = 1e-13
 """A cell with less probability cannot make a plan better."""
 
-STRENGTHS = (0.3, 1.0, 2.0)
+STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
 
-STEP_WORK = 1200
-"""The fixed work for one step of a segment, in cells that take as long."""
+NEAREST = 3
+"""The number of drones whose paths are improved around a distorted segment."""
+
+SEGMENT_WORK, STEP_WORK = 6000, 1200
+"""The fixed work for a segment and for each of its steps, in cells that take as long."""
 
 
 @dataclass
@@ -235,6 +238,7 @@ class Plan:
         begin: int = 0,
         end: int | None = None,
         max_length: int | None = None,
+        drones: Sequence[int] | None = None,
         report: Report = lambda fraction: None,
     ) -> float:
         """Improve segments of full length, half of it and so on, in rounds.
@@ -246,6 +250,7 @@ class Plan:
             begin: the first step to change.
             end: the step before which changes end; the number of steps by default.
             max_length: maximum length of the segments, the number of these steps by default.
+            drones: the drones whose paths may change; all by default.
             report: called from time to time with the completed fraction of `max_rounds`.
 
         Returns:
@@ -264,7 +269,7 @@ class Plan:
                 # The passes are up to date where the last sweep ended.
                 for first in firsts if is_forward else reversed(firsts):
                     report((number + place / len(lengths)) / max_rounds)
-                    for drone in range(len(self.paths)):
+                    for drone in range(len(self.paths)) if drones is None else drones:
                         segment = max(first, begin), min(first + length, end)
                         gained += self.improve_segment(drone, *segment)
                 is_forward = not is_forward
@@ -296,7 +301,7 @@ class Plan:
             int(old.cells[0]), None if is_last else int(old.cells[-1]), end - begin, size
         )
         parts = [_Segment(passes, old, begin, end, reach) for passes in self._passes]
-        self.work += (end - begin) * (STEP_WORK + sum(part.cells for part in parts))
+        self.work += SEGMENT_WORK + (end - begin) * (STEP_WORK + sum(part.cells for part in parts))
         gains = np.zeros((end - begin, *reach.shape))
         for part in parts:
             part.add_gains(gains)
@@ -356,7 +361,7 @@ class Plan:
         rng: np.random.Generator,
         work: float,
         *,
-        lengths: tuple[int, int] = (3, 12),
+        lengths: tuple[int, int] = (3, 10),
         report: Report = lambda fraction: None,
     ) -> None:
         """Distort short segments at random, improve around them, and keep what is not worse.
@@ -372,26 +377,41 @@ class Plan:
             report((self.work - begin_work) / work)
             length = min(int(rng.integers(lengths[0], lengths[1] + 1)), self.steps)
             begin = int(rng.integers(self.steps - length + 1))
-            first, last = max(begin - length // 2, 0), min(begin + length * 3 // 2, self.steps)
-            drones = rng.permutation(len(self.paths))[: int(rng.integers(1, 3))].tolist()
+            first, last = max(begin - length // 4, 0), min(begin + length * 5 // 4, self.steps)
+            near = self._nearest(int(rng.integers(len(self.paths))), begin + length // 2)
             strength = float(rng.choice(STRENGTHS))
 
             def distort(gains: Floats, strength: float = strength) -> Floats:
                 return gains * np.exp(strength * rng.normal(size=gains.shape))
 
-            before = [
-                Path(path.cells[first : last + 1].copy(), path.searches[first:last].copy())
-                for path in self.paths
-            ]
+            before = {
+                drone: Path(path.cells[first : last + 1].copy(), path.searches[first:last].copy())
+                for drone, path in enumerate(self.paths)
+                if drone in near
+            }
             gained = sum(
-                self.improve_segment(drone, begin, begin + length, distort) for drone in drones
+                self.improve_segment(drone, begin, begin + length, distort)
+                for drone in near[: int(rng.integers(1, 3))]
             )
             gained += self.improve(
-                min_length=lengths[0], min_gain=0.0, max_rounds=1, begin=first, end=last
+                min_length=lengths[0],
+                min_gain=0.0,
+                max_rounds=1,
+                begin=first,
+                end=last,
+                drones=near,
             )
             if gained < 0.0:
-                for drone, old in enumerate(before):
+                for drone, old in before.items():
                     self._replace(drone, first, old)
+
+    def _nearest(self, drone: int, step: int) -> list[int]:
+        """A drone and those nearest to it in a step, `NEAREST` in all."""
+        cells = np.array([path.cells[step] for path in self.paths])
+        y, x = np.divmod(cells, self._grid[1])
+        distances = abs(y - y[drone]) + abs(x - x[drone])
+        nearest: list[int] = distances.argsort(kind="stable")[:NEAREST].tolist()
+        return nearest
 
 
 @dataclass(frozen=True)

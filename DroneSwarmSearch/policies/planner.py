@@ -47,14 +47,15 @@ MAX_ROUNDS = 8
 MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
 
-WORK, WORK_AFTER_FIND = 1.2e8, 2e6
-"""The most work to explore from the best initial plan, for a first plan and after a find: about
-five seconds, and a tenth of one. Many episodes have a find in almost every step."""
+WORK, WORK_AFTER_FIND = 2e8, 2e6
+"""The most work to improve the best initial plan and to explore from it, for a first plan, and to
+explore after a find: about ten seconds, and a tenth of one. Many episodes have a find in almost
+every step."""
 
 MAX_LENGTH_AFTER_FIND = 24
 """Length of the longest path segments to improve after a find."""
 
-EXPLORED_ROUNDS = 100
+EXPLORED_ROUNDS = 500
 """Exploring takes at most as much work as this many rounds of improvement."""
 
 RANDOM_STARTS = 32
@@ -73,10 +74,10 @@ EXACT_NODES, EXACT_NODES_AFTER_FIND = 20_000, 500
 ROUNDING = 1e-9
 """A plan that is better by less is not worth the change."""
 
-FEW_DRONES = 4
-"""The most drones for which idle drones are an initial plan, too."""
+IDLE_WORK = 500_000
+"""The most work in a round of improvement for which idle drones are an initial plan, too."""
 
-INTERVALS, INTERVALS_AFTER_FIND = 15, 5
+INTERVALS, INTERVALS_AFTER_FIND = 15, 4
 """With several persons: how many times in an episode the drones are assumed to notice finds."""
 
 REVISIONS = 3
@@ -166,13 +167,13 @@ class PlannerPolicy(SwarmPolicy):
         part = step // HORIZON
         if part not in self._chains:  # release the matrices of other parts
             self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
-        initial = [self._greedy_paths(tracker, starts, steps)]
+        greedy = self._greedy_paths(tracker, starts, steps)
+        if self._is_rescue and len(tracker.missing) > 1:
+            return self._for_all(tracker, greedy, report)
         rest = memory.rest(starts)
         if rest is not None and len(rest[0].searches) == steps:
-            initial.append(rest)
-        if self._is_rescue and len(tracker.missing) > 1:
-            return self._for_all(tracker, initial, report)
-        return self._for_one(tracker, initial, report)
+            return self._for_one(tracker, [greedy, rest], report)
+        return self._for_one(tracker, [greedy], report)
 
     def _targets(self, tracker: BeliefTracker, steps: int) -> list[Target]:
         """The missing persons, with the same worth of every find."""
@@ -234,7 +235,7 @@ class PlannerPolicy(SwarmPolicy):
         starts = [int(path.cells[0]) for path in initial[0]]
         idle = idle_paths(starts, steps)
         plans = [Plan(targets, step, paths) for paths in initial]
-        if len(starts) <= FEW_DRONES:
+        if plans[0].round_work <= IDLE_WORK:
             plans.append(Plan(targets, step, idle))
         hypotheses = sum(len(target.belief) for target in targets)
         size = len(starts) * hypotheses * steps * self.scenario.grid_size**2
@@ -249,7 +250,7 @@ class PlannerPolicy(SwarmPolicy):
                 report=_part(report, number / len(plans) / 2, (number + 1) / len(plans) / 2),
             )
         best = max(plans, key=Plan.value)
-        work = min(WORK, EXPLORED_ROUNDS * best.round_work)
+        work = min(WORK - best.work, EXPLORED_ROUNDS * best.round_work)
         best.explore(rng, work, report=_part(report, 0.5, 1.0))
         return best
 
@@ -272,26 +273,26 @@ class PlannerPolicy(SwarmPolicy):
         work = min(work, EXPLORED_ROUNDS * plan.round_work)
         plan.explore(rng, work, report=_part(report, 0.5, 1.0))
 
-    def _for_all(
-        self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
-    ) -> list[Path]:
+    def _for_all(self, tracker: BeliefTracker, greedy: list[Path], report: Report) -> list[Path]:
         """A plan until the next find, with a large probability of finding all in the end."""
-        step, steps = tracker.step, len(initial[0][0].searches)
-        is_first = step % HORIZON == 0
-        stride = -(-steps // (INTERVALS if is_first else INTERVALS_AFTER_FIND))
-        work = WORK / REVISIONS if is_first else WORK_AFTER_FIND
-        valued = [(paths, *self._worth_of_finds(tracker, paths, stride)) for paths in initial]
-        best, targets, success = max(valued, key=lambda entry: entry[2])
+        step, steps = tracker.step, len(greedy[0].searches)
+        if step % HORIZON:
+            intervals, revisions = INTERVALS_AFTER_FIND, 1
+            work, max_length = WORK_AFTER_FIND, MAX_LENGTH_AFTER_FIND
+        else:
+            intervals, revisions = INTERVALS, REVISIONS
+            work, max_length = WORK / REVISIONS, steps
+        stride = -(-steps // intervals)
+        best, (targets, success) = greedy, self._worth_of_finds(tracker, greedy, stride)
         rng = np.random.default_rng(0)
-        revisions = REVISIONS if is_first else 1
         for number in range(revisions):
             plan = Plan(targets, step, best)
             part = _part(report, number / revisions, (number + 1) / revisions)
-            self._improve(plan, rng, work, part, None if is_first else MAX_LENGTH_AFTER_FIND)
-            revised, new_success = self._worth_of_finds(tracker, plan.paths, stride)
+            self._improve(plan, rng, work, part, max_length)
+            targets, new_success = self._worth_of_finds(tracker, plan.paths, stride)
             if new_success <= success:
                 break
-            best, targets, success = plan.paths, revised, new_success
+            best, success = plan.paths, new_success
         return best
 
     def _worth_of_finds(
