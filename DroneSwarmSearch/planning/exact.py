@@ -4,28 +4,46 @@ A depth-first search over all paths of all drones. It abandons a partial plan if
 completion cannot beat the best plan so far. The optimistic completion gives every drone its best
 path and ignores how later searches reduce each other's gains (J. N. Eagle and J. R. Yee, Operations
 Research 38:110, 1990, bound the path of a single searcher in this way). The work grows
-exponentially with steps and drones: use it to check approximate methods.
+exponentially with steps and drones: use it to check approximate methods, or limit the number of
+partial plans.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.belief import after_search, over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
-from DroneSwarmSearch.planning.paths import values_to_go
+from DroneSwarmSearch.planning.paths import Path, values_to_go
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
-__all__ = ["best_success"]
+__all__ = ["BestPlan", "best_plan", "best_success", "branch_and_bound"]
 
 Floats = NDArray[np.float64]
 
 MIN_GAIN = 1e-12
 """Plans whose values differ by less are equally good."""
+
+
+class BestPlan(NamedTuple):
+    """The best plan that was found.
+
+    Attributes:
+        success: its probability of success, or the known one if that is larger.
+        paths: every drone's path, or None if no plan is better than the known one.
+        is_optimal: whether no plan is better.
+    """
+
+    success: float
+    paths: list[Path] | None
+    is_optimal: bool
 
 
 def best_success(scenario: Scenario, drones_positions: object, known: float = 0.0) -> float:
@@ -40,20 +58,95 @@ def best_success(scenario: Scenario, drones_positions: object, known: float = 0.
         TypeError: an argument has the wrong type.
         ValueError: the scenario has several persons, or the cells do not fit.
     """
+    return best_plan(scenario, drones_positions, known=known).success
+
+
+def best_plan(
+    scenario: Scenario,
+    drones_positions: object,
+    *,
+    known: float = 0.0,
+    nodes: int | None = None,
+) -> BestPlan:
+    """The plan with the largest probability of success by the time limit.
+
+    Args:
+        scenario: a search for one person.
+        drones_positions: every drone's start cell (x, y).
+        known: a probability that some plan is known to reach, which saves work.
+        nodes: the most partial plans to extend; by default as many as it takes.
+
+    Raises:
+        TypeError: an argument has the wrong type.
+        ValueError: the scenario has several persons, the cells do not fit, or `nodes` is negative.
+    """
     persons = len(checked_scenario(scenario).situation)
     if persons > 1:
         raise ValueError(f"scenario must have one person, got {persons}")
-    return _BranchAndBound(scenario, known).solve(scenario.drone_cells(drones_positions))
+    starts = scenario.drone_cells(drones_positions)
+    checks.real("known", known, 0)
+    if nodes is not None:
+        checks.integer("nodes", nodes, 0)
+    (forecast,) = scenario.forecasts()
+    return branch_and_bound(
+        MarkovChain(forecast),
+        scenario.detections[0],
+        forecast.joint(0),
+        range(scenario.timestep_limit),
+        starts,
+        known=known,
+        nodes=nodes,
+    )
+
+
+def branch_and_bound(
+    chain: MarkovChain,
+    detection: float,
+    belief: Floats,
+    steps: range,
+    starts: Sequence[int],
+    *,
+    known: float = 0.0,
+    nodes: int | None = None,
+) -> BestPlan:
+    """`best_plan` from any step of a search.
+
+    Args:
+        chain: the person's steps.
+        detection: the probability of detection.
+        belief: the person's distribution at the first of the steps, shape (M, N, N).
+        steps: the steps to plan.
+        starts: every drone's cell, y * N + x.
+        known: as for `best_plan`.
+        nodes: as for `best_plan`.
+    """
+    search = _BranchAndBound(chain, detection, steps, belief.shape[-1], known, nodes)
+    search.branch(0, list(starts), belief, 0.0)
+    paths = None
+    if search.best_moves is not None:
+        cells = np.array([list(starts), *(ahead for ahead, _ in search.best_moves)])
+        searches = np.array([searching for _, searching in search.best_moves])
+        paths = [Path(*arrays) for arrays in zip(cells.T, searches.T, strict=True)]
+    return BestPlan(search.best, paths, search.nodes_left is None or search.nodes_left >= 0)
 
 
 class _BranchAndBound:
-    def __init__(self, scenario: Scenario, known: float) -> None:
-        (forecast,) = scenario.forecasts()
-        (self._detection,) = scenario.detections
-        self._prior = forecast.joint(0)
-        self._limit = scenario.timestep_limit
-        self._chain = MarkovChain(forecast)
-        self._best = known
+    def __init__(
+        self,
+        chain: MarkovChain,
+        detection: float,
+        steps: range,
+        grid_size: int,
+        known: float,
+        nodes: int | None,
+    ) -> None:
+        self._chain = chain
+        self._detection = detection
+        self._steps = steps
+        self.best = known
+        self.best_moves: list[tuple[list[int], list[bool]]] | None = None
+        self.nodes_left = nodes  # None: no limit; negative: it was reached
+        self._moves: list[tuple[list[int], list[bool]]] = []
         # For each cell, (searches, next cell) of every action; idling is never better.
         self._choices = [
             [
@@ -61,47 +154,53 @@ class _BranchAndBound:
                 for action in Action
                 if action != Action.IDLE
             ]
-            for row in neighbours_of_all(scenario.grid_size)
+            for row in neighbours_of_all(grid_size)
         ]
 
-    def solve(self, starts: list[int]) -> float:
-        self._branch(0, starts, self._prior, 0.0)
-        return self._best
-
-    def _branch(self, step: int, cells: list[int], mass: Floats, found: float) -> None:
+    def branch(self, done: int, cells: list[int], mass: Floats, found: float) -> None:
         """Try all completions of a plan.
 
         Args:
-            step: completed steps.
+            done: the number of completed steps.
             cells: every drone's cell.
             mass: probability of each hypothesis and cell, and that the person has not been found.
             found: probability that the person has been found.
         """
-        if step == self._limit:
-            self._best = max(self._best, found)
+        if done == len(self._steps):
+            if found > self.best:
+                self.best, self.best_moves = found, list(self._moves)
             return
-        now, later = self._optimistic_values(step, mass)
-        if found + min(now[cells].sum(), mass.sum()) <= self._best + MIN_GAIN:
+        if self.nodes_left is not None:
+            self.nodes_left -= 1
+            if self.nodes_left < 0:
+                return
+        now, later = self._optimistic_values(done, mass)
+        if found + min(now[cells].sum(), mass.sum()) <= self.best + MIN_GAIN:
             return
         branches = []
         for choices in product(*(self._choices[cell] for cell in cells)):
             ahead = [cell for _, cell in choices]
             if OFF_GRID in ahead or len(set(ahead)) < len(ahead):
                 continue
+            searching = [searches for searches, _ in choices]
             searched = [cell for searches, cell in choices if searches]
             left, success = after_search(mass, searched, self._detection)
-            branches.append((success + float(later[ahead].sum()), success, ahead, left))
+            optimistic = success + float(later[ahead].sum())
+            branches.append((optimistic, success, ahead, searching, left))
         branches.sort(key=lambda branch: -branch[0])
-        for optimistic, success, ahead, left in branches:
-            if found + optimistic <= self._best + MIN_GAIN:
+        for optimistic, success, ahead, searching, left in branches:
+            if found + optimistic <= self.best + MIN_GAIN:
                 break
-            self._branch(step + 1, ahead, self._chain.forward(left, step), found + success)
+            self._moves.append((ahead, searching))
+            after = self._chain.forward(left, self._steps[done])
+            self.branch(done + 1, ahead, after, found + success)
+            self._moves.pop()
 
-    def _optimistic_values(self, step: int, mass: Floats) -> tuple[Floats, Floats]:
+    def _optimistic_values(self, done: int, mass: Floats) -> tuple[Floats, Floats]:
         """The most that a drone can gain from each cell, from this step on and from the next."""
         masses = [mass]
-        for later in range(step, self._limit - 1):
-            masses.append(self._chain.forward(masses[-1], later))
+        for step in self._steps[done:-1]:
+            masses.append(self._chain.forward(masses[-1], step))
         gains = self._detection * np.array([*map(over_hypotheses, masses)])
         values = values_to_go(gains, np.zeros_like(gains[0]))
         return values[0].reshape(-1), values[1].reshape(-1)
