@@ -29,7 +29,8 @@ STEPS = 5
 def exact_bound(index: int) -> SuccessBound:
     """The bound of a search of `SMALL`, for `STEPS` steps and all fewer."""
     of = shortened(SMALL[index], STEPS)
-    return success_bound(of.scenario, of.drones, horizons=STEPS if index in (4, 8) else 1)
+    horizons = STEPS if index in (4, 8) else 1
+    return success_bound(of.scenario, of.drones, horizons=horizons, memory=STEPS)
 
 
 INDICES = range(len(SMALL))
@@ -64,6 +65,15 @@ class TestSmallSearches:
         if len(SMALL[index].drones) == 1:
             assert exact_bound(index).by_limit <= 1.01 * best(index, STEPS)
 
+    @pytest.mark.parametrize("index", INDICES)
+    def test_is_the_optimum_by_default(self, index: int) -> None:
+        of = shortened(SMALL[index], STEPS)
+        bound = success_bound(of.scenario, of.drones, horizons=2)
+        assert best(index, STEPS) <= bound.by_limit
+        assert bound.by_limit == pytest.approx(best(index, STEPS), rel=1e-8)
+        assert bound.by_time[2] == pytest.approx(best(index, 3), rel=1e-8)
+        assert (bound.gap, bound.confidence) == (0.0, 1.0)
+
     def test_falls_with_the_memory(self) -> None:
         of = shortened(SMALL[3], STEPS)
         bounds = [
@@ -79,9 +89,10 @@ class TestSmallSearches:
             [(2, 2)], grid_size=5, person_initial_position=(2, 2), vector=(0, 0),
             disperse_constant=0, timestep_limit=4, probability_of_detection=0.3,
         )  # fmt: skip
-        bound = success_bound(of.scenario, of.drones)
-        np.testing.assert_allclose(bound.by_time, 1 - 0.7 ** np.arange(5), rtol=0.01)
-        assert bound.relaxed == pytest.approx(1 - 0.7**4, rel=0.01)
+        for memory, tolerance in ((3, 0.01), (None, 1e-8)):
+            bound = success_bound(of.scenario, of.drones, memory=memory)
+            np.testing.assert_allclose(bound.by_time, 1 - 0.7 ** np.arange(5), rtol=tolerance)
+            assert bound.relaxed == pytest.approx(1 - 0.7**4, rel=tolerance)
 
 
 class TestSuccessBound:
@@ -97,7 +108,7 @@ class TestSuccessBound:
 
     def bound(self, horizons: int = 1, **changes: Any) -> SuccessBound:
         of = self.search(**changes)
-        return success_bound(of.scenario, of.drones, horizons=horizons)
+        return success_bound(of.scenario, of.drones, horizons=horizons, memory=2)
 
     def test_for_several_persons_is_the_bound_of_the_hardest_to_find(self) -> None:
         cells, detections = [(2, 3), (4, 1), (1, 1), (2, 3)], (0.9, 0.5, 0.4, 0.9)
@@ -124,7 +135,8 @@ class TestSuccessBound:
             for name, each in persons.items()
         }
         bounds = {
-            name: success_bound(each.scenario, each.drones, horizons=5) for name, each in of.items()
+            name: success_bound(each.scenario, each.drones, horizons=5, memory=2)
+            for name, each in of.items()
         }
         one, other, both = (bounds[name] for name in persons)
         np.testing.assert_allclose(both.by_time, (one.by_time + 2 * other.by_time) / 3, rtol=1e-12)
@@ -149,7 +161,7 @@ class TestSuccessBound:
     @pytest.mark.parametrize("sample", [None, 2000])
     def test_is_deterministic(self, sample: int | None) -> None:
         of = self.search() if sample is None else self.search(timestep_limit=9)
-        options = {} if sample is None else {"sample": sample}
+        options = {"memory": 2} if sample is None else {"memory": 2, "sample": sample}
         one, two = (
             success_bound(of.scenario, of.drones, horizons=2, gap=0.05, **options) for _ in range(2)
         )
@@ -160,7 +172,7 @@ class TestSuccessBound:
     def test_reports_progress(self) -> None:
         reported: list[float] = []
         of = self.search(person_initial_position=[(2, 3), (0, 0)], timestep_limit=4)
-        success_bound(of.scenario, of.drones, horizons=4, gap=0.1, report=reported.append)
+        success_bound(of.scenario, of.drones, horizons=4, gap=0.1, memory=2, report=reported.append)
         assert len(reported) >= 8
         assert reported == sorted(reported)
         assert reported[-1] == 1.0
@@ -197,7 +209,7 @@ def test_no_policy_exceeds_the_bound(name: str) -> None:
 
 def test_a_sampled_bound_covers_the_sampling_error() -> None:
     of = search([(0, 0)], grid_size=5, person_initial_position=(3, 3), timestep_limit=8)
-    bound = success_bound(of.scenario, of.drones, sample=3000, gap=0.05, horizons=1)
+    bound = success_bound(of.scenario, of.drones, sample=3000, gap=0.05, horizons=1, memory=2)
     reached = bound.relaxed + bound.gap
     assert bound.by_limit == pytest.approx(chernoff_bound(reached, 3000, 0.999), rel=1e-12)
     assert reached + 0.01 < bound.by_limit < 1.0
@@ -223,7 +235,7 @@ def test_a_sampled_bound_is_valid_for_all_persons_and_steps_together(
         [(0, 0)], grid_size=4, person_initial_position=persons, timestep_limit=7,
         vector=(0.3, 0.2), disperse_constant=12, probability_of_detection=detections,
     )  # fmt: skip
-    bound = success_bound(of.scenario, of.drones, sample=2000, gap=0.1, horizons=horizons)
+    bound = success_bound(of.scenario, of.drones, sample=2000, gap=0.1, horizons=horizons, memory=2)
     expected = chernoff_bound(bound.relaxed + bound.gap, 2000, 1 - 0.001 / bounds)
     assert bound.by_limit == pytest.approx(expected, rel=1e-9)
     assert bound.confidence == 0.999
@@ -234,6 +246,22 @@ def test_the_planner_is_close_to_the_bound() -> None:
     reached = success_of(SAMPLED, paths_of(make("planner", SAMPLED.scenario), SAMPLED))[0]
     assert reached > 0.6 * bound.by_limit
     assert bound.by_limit < 0.95
+
+
+@pytest.mark.parametrize(
+    ("memory", "error", "message"),
+    [
+        (-1, ValueError, "memory must be .* at least 0, got -1"),
+        (1.5, TypeError, "memory must be an integer of at least 0, got 1.5"),
+        ("2", TypeError, "memory must be an integer of at least 0, got '2'"),
+    ],
+)
+def test_the_memory_is_a_number_of_actions(
+    memory: Any, error: type[Exception], message: str
+) -> None:
+    of = shortened(SMALL[0], 2)
+    with pytest.raises(error, match=message):
+        success_bound(of.scenario, of.drones, memory=memory)
 
 
 @pytest.mark.parametrize("bound", [success_bound, best_success])

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -36,7 +36,9 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.planning.exact import branch_and_bound
 from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import (
@@ -74,7 +76,13 @@ WORK = 6e7
 TRAJECTORIES_TO_MEASURE = 8192
 """Trajectories from which the work is estimated."""
 
-MOST_MEMORY = 6
+EXACT_WORK = 1e6
+"""The most work for branch and bound, in cells to update: a few seconds."""
+
+ROUNDING = 1e-9
+"""More than the rounding error of an optimum, as a fraction."""
+
+MOST_MEMORY = 5
 """The most actions that drones remember by default."""
 
 MEMORY_BEFORE = 2
@@ -135,8 +143,9 @@ def success_bound(
     Args:
         scenario: the search.
         drones_positions: every drone's start cell (x, y).
-        memory: the number of actions K that drones remember: more make the bound tighter and
-            the work longer. By default, as many as a fixed amount of work allows.
+        memory: the number of actions K that drones remember: more of them take longer and make
+            the bound tighter. By default, as many as a fixed amount of work allows; in small
+            searches, branch and bound then finds the optimum itself.
         sample: trajectories to draw for each person with too many to enumerate.
         gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
@@ -163,10 +172,24 @@ def success_bound(
     enumerated = {
         person: enumerate_trajectories(forecast, limit) for person, forecast in forecasts.items()
     }
-    sampled_bounds = len(ends) * sum(each is None for each in enumerated.values())
+    optima: dict[Person, list[float] | None] = dict.fromkeys(forecasts)
+    if memory is None:
+        optima = {
+            person: _optima(forecast, person.probability_of_detection, starts, ends)
+            for person, forecast in forecasts.items()
+        }
+    sampled_bounds = len(ends) * sum(
+        enumerated[person] is None and optima[person] is None for person in forecasts
+    )
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
     curves, solutions = [], []
     for number, (person, forecast) in enumerate(forecasts.items()):
+        optimum = optima[person]
+        if optimum is not None:
+            curves.append(_filled(dict(zip(ends, optimum, strict=True))))
+            solutions.append(Solution(optimum[0], optimum[0]))
+            report((number + 1) / len(forecasts))
+            continue
         trajectories = enumerated[person]
         relaxation = _Relaxation(
             forecast,
@@ -216,6 +239,34 @@ def drone_paths(starts: Sequence[int]) -> Oracle[Effort]:
     return oracle
 
 
+def _optima(
+    forecast: ProbabilityMatrix, detection: float, starts: Sequence[int], ends: Sequence[int]
+) -> list[float] | None:
+    """The optimum for each number of steps, if branch and bound soon finds them all."""
+    chain, belief = MarkovChain(forecast), forecast.joint(0)
+    optima = []
+    for end in ends:
+        work_per_node = end * belief.size + 5 ** len(starts) * forecast.grid_size**2
+        nodes = int(EXACT_WORK // work_per_node)
+        if nodes == 0:
+            return None
+        plan = branch_and_bound(chain, detection, belief, range(end), starts, nodes=nodes)
+        if not plan.is_optimal:
+            return None
+        optima.append(min(plan.success * (1.0 + ROUNDING), 1.0))
+    return optima
+
+
+def _filled(bounds: Mapping[int, float]) -> Floats:
+    """The bound after every number of steps, from those for some, the largest one included."""
+    limit = max(bounds)
+    curve = np.full(limit + 1, np.inf)
+    curve[0] = 0.0
+    curve[list(bounds)] = list(bounds.values())
+    # More time never hurts, so a bound for more steps holds for fewer.
+    return np.minimum.accumulate(curve[::-1])[::-1]
+
+
 def _report_part(report: Callable[[float], None], number: int, parts: int, fraction: float) -> None:
     """Report the completed fraction of one of several equal parts."""
     report((number + fraction) / parts)
@@ -258,15 +309,12 @@ class _Relaxation:
             ends: numbers of steps to solve for, the time limit first.
             report: called from time to time with the completed fraction of the work.
         """
-        limit = ends[0]
-        curve = np.full(limit + 1, np.inf)
-        curve[0] = 0.0
         memory = self._affordable_memory()
         drones = self._drones(self._trajectories, memory)
         solution, mixture = self._solve(
             drones, (), ITERATIONS, lambda fraction: report(0.7 * fraction)
         )
-        curve[limit] = self._bound(solution, self._trajectories, limit)
+        bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0])}
         report(0.7)
         # Fewer trajectories, memories and iterations do for the shape of the curve.
         some = self._trajectories
@@ -279,12 +327,11 @@ class _Relaxation:
                 (share, [Path(path.cells[: end + 1], path.searches[:end]) for path in paths])
                 for share, paths in _largest_shares(mixture)
             ]
-            bound, _ = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
-            curve[end] = self._bound(bound, some, end)
+            relaxed, _ = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
+            bounds[end] = self._bound(relaxed, some, end)
             done += end**2
             report(0.7 + 0.3 * done / work)
-        # More time never hurts, so a bound for more steps holds for fewer.
-        return np.minimum.accumulate(curve[::-1])[::-1], solution
+        return _filled(bounds), solution
 
     def _affordable_memory(self) -> int:
         """The number of actions to remember, from the work on a part of the trajectories."""
