@@ -94,7 +94,7 @@ ITERATIONS = 300
 ITERATIONS_BEFORE = 20
 """The most iterations for fewer steps."""
 
-CHAIN_ITERATIONS = 60
+CHAIN_ITERATIONS = 40
 """The most iterations for the relaxation without trajectories."""
 
 MOST_PATHS = 64
@@ -314,7 +314,7 @@ class _Relaxation:
         solution, mixture = self._solve(
             drones, (), ITERATIONS, lambda fraction: report(0.7 * fraction)
         )
-        bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0])}
+        bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0], mixture)}
         report(0.7)
         # Fewer trajectories, memories and iterations do for the shape of the curve.
         some = self._trajectories
@@ -323,12 +323,12 @@ class _Relaxation:
         drones = self._drones(some, min(memory, MEMORY_BEFORE))
         work, done = sum(end**2 for end in ends[1:]), 0
         for end in ends[1:]:
-            shorter = [
+            shorter: Mixture = [
                 (share, [Path(path.cells[: end + 1], path.searches[:end]) for path in paths])
                 for share, paths in _largest_shares(mixture)
             ]
-            relaxed, _ = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
-            bounds[end] = self._bound(relaxed, some, end)
+            relaxed, shorter = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
+            bounds[end] = self._bound(relaxed, some, end, shorter)
             done += end**2
             report(0.7 + 0.3 * done / work)
         return _filled(bounds), solution
@@ -366,7 +366,9 @@ class _Relaxation:
         )
         return solution, objective.mixture
 
-    def _bound(self, solution: Solution, trajectories: Trajectories, steps: int) -> float:
+    def _bound(
+        self, solution: Solution, trajectories: Trajectories, steps: int, mixture: Mixture
+    ) -> float:
         """The bound for a number of steps: the smaller one of both relaxations."""
         bound = solution.upper_bound
         if self._failure is not None:
@@ -374,8 +376,13 @@ class _Relaxation:
         if not 0.0 < self._detection < 1.0:
             return bound
         rate, size = -math.log1p(-self._detection), self._forecast.grid_size
+        effort = np.zeros((steps, size**2))
+        for share, paths in mixture:
+            for path in paths:
+                searches = path.searches.nonzero()[0]
+                effort[searches, path.cells[searches]] += share
         objective = MarkovChainObjective(
-            self._chain, self._forecast.joint(0), rate, np.zeros(steps * size**2)
+            self._chain, self._forecast.joint(0), rate, effort.reshape(-1)
         )
         return frank_wolfe(
             objective, self._oracle, gap=self._gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
