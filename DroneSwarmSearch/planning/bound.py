@@ -1,26 +1,29 @@
 """An upper bound on the probability of success (POS) of any policy: a Lagrangian dual bound.
 
-Any policy, randomised or not, searches along a random set of drone paths while the person is
-missing. Let e[t](c) be the mean number of searches of cell c in step t, and s the sum of e
-along a trajectory of the person. If s is an integer, the policy finds a fraction 1 - (1 - q)^s of
-the persons on that trajectory. Let g be the smallest concave function with these values; it
-joins them by straight lines and is min(s, 1) for q = 1. By Jensen's inequality no policy finds
-the person with a probability above E[g(s)], hence none exceeds
+Until the person is found, any policy, randomised or not, follows a random set of drone paths. A
+set that searches a trajectory of the person k times finds the person there with 1 - (1 - q)^k.
+That is at most the sum of the drones' credits along the trajectory (see `memory`). Let Z be the
+mean of this sum over the policy's sets, N the mean number of searches, and g the function that
+joins 1 - (1 - q)^k at whole k by straight lines. Since g is concave, Jensen's inequality gives
 
-    max E[g(s)]  over all mixtures e of the drones' paths.
+    P(found) <= E[min(Z, g(N))] <= max E[min(Z, g(N))]  over all mixtures of the drones' paths.
 
-This is a concave problem over a convex set. The best path for given gains is a dynamic
-programme (`paths`), so the Frank-Wolfe method (`frank_wolfe`) solves it and bounds its maximum.
+This is a concave problem over a convex set. The best paths for given weights of the trajectories
+are a dynamic programme (`memory`), so the Frank-Wolfe method (`frank_wolfe`) solves it and
+bounds its maximum.
 
 The expectation is over all trajectories if there are few, otherwise over a sample. The maximum
-over a sample is at least the sample's value at the true optimum; a Chernoff bound covers the
-error of that value. A union bound (Bonferroni) over the persons and the numbers of steps makes
-all the sampled bounds hold together with probability `CONFIDENCE`.
+over a sample is at least the mean, over the sample, of the best policy's probability of finding
+the person on each trajectory; a Chernoff bound covers the error of this mean. It holds for all
+relaxations of the same sample at once, so the smallest may be taken. A union bound (Bonferroni)
+over the persons and the numbers of steps makes all the sampled bounds hold together with
+probability `CONFIDENCE`.
 
-If q < 1, the larger function 1 - (1 - q)^s gives another bound, without a sample, because it is
-a product along the trajectory. The smaller bound is returned. Finding all of several persons is at
-most as likely as finding the one who is hardest to find. In a coverage mission, the probability of
-success is the mean over persons, and so is its bound.
+If q < 1, the larger function 1 - (1 - q)^s of the effort s along the trajectory gives another
+bound, without a sample, because it is a product. The smaller bound is returned. In small searches
+branch and bound finds the optimum itself. Finding all of several persons is at most as likely as
+finding the one who is hardest to find. In a coverage mission, the probability of success is the
+mean over persons, and so is its bound.
 """
 
 from __future__ import annotations
