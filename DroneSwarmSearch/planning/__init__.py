@@ -3,7 +3,8 @@
 - `paths`: the best path of one drone for given gains, by dynamic programming.
 - `plan`: plans for all drones together, improved one drone at a time.
 - `bound`: an upper bound on every policy's probability of success, from `frank_wolfe` (the
-  optimiser), `objectives` (the functions to maximise) and `trajectories` (of the person).
+  optimiser), `objectives` (the functions to maximise), `memory` (drones that remember their last
+  actions) and `trajectories` (of the person).
 - `exact`: the best plan of a small search, by branch and bound.
 """
 

@@ -1,26 +1,29 @@
 """An upper bound on the probability of success (POS) of any policy: a Lagrangian dual bound.
 
-Any policy, randomised or not, searches along a random set of drone paths while the person is
-missing. Let e[t](c) be the mean number of searches of cell c in step t, and s the sum of e
-along a trajectory of the person. If s is an integer, the policy finds a fraction 1 - (1 - q)^s of
-the persons on that trajectory. Let g be the smallest concave function with these values; it
-joins them by straight lines and is min(s, 1) for q = 1. By Jensen's inequality no policy finds
-the person with a probability above E[g(s)], hence none exceeds
+Until the person is found, any policy, randomised or not, follows a random set of drone paths. A
+set that searches a trajectory of the person k times finds the person there with 1 - (1 - q)^k.
+That is at most the sum of the drones' credits along the trajectory (see `memory`). Let Z be the
+mean of this sum over the policy's sets, N the mean number of searches, and g the function that
+joins 1 - (1 - q)^k at whole k by straight lines. Since g is concave, Jensen's inequality gives
 
-    max E[g(s)]  over all mixtures e of the drones' paths.
+    P(found) <= E[min(Z, g(N))] <= max E[min(Z, g(N))]  over all mixtures of the drones' paths.
 
-This is a concave problem over a convex set. The best path for given gains is a dynamic
-programme (`paths`), so the Frank-Wolfe method (`frank_wolfe`) solves it and bounds its maximum.
+This is a concave problem over a convex set. The best paths for given weights of the trajectories
+are a dynamic programme (`memory`), so the Frank-Wolfe method (`frank_wolfe`) solves it and
+bounds its maximum.
 
 The expectation is over all trajectories if there are few, otherwise over a sample. The maximum
-over a sample is at least the sample's value at the true optimum; a Chernoff bound covers the
-error of that value. A union bound (Bonferroni) over the persons and the numbers of steps makes
-all the sampled bounds hold together with probability `CONFIDENCE`.
+over a sample is at least the mean, over the sample, of the best policy's probability of finding
+the person on each trajectory; a Chernoff bound covers the error of this mean. It holds for all
+relaxations of the same sample at once, so the smallest may be taken. A union bound (Bonferroni)
+over the persons and the numbers of steps makes all the sampled bounds hold together with
+probability `CONFIDENCE`.
 
-If q < 1, the larger function 1 - (1 - q)^s gives another bound, without a sample, because it is
-a product along the trajectory. The smaller bound is returned. Finding all of several persons is at
-most as likely as finding the one who is hardest to find. In a coverage mission, the probability of
-success is the mean over persons, and so is its bound.
+If q < 1, the larger function 1 - (1 - q)^s of the effort s along the trajectory gives another
+bound, without a sample, because it is a product. The smaller bound is returned. In small searches
+branch and bound finds the optimum itself. Finding all of several persons is at most as likely as
+finding the one who is hardest to find. In a coverage mission, the probability of success is the
+mean over persons, and so is its bound.
 """
 
 from __future__ import annotations
@@ -94,7 +97,7 @@ ITERATIONS = 300
 ITERATIONS_BEFORE = 20
 """The most iterations for fewer steps."""
 
-CHAIN_ITERATIONS = 60
+CHAIN_ITERATIONS = 40
 """The most iterations for the relaxation without trajectories."""
 
 MOST_PATHS = 64
@@ -314,7 +317,7 @@ class _Relaxation:
         solution, mixture = self._solve(
             drones, (), ITERATIONS, lambda fraction: report(0.7 * fraction)
         )
-        bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0])}
+        bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0], mixture)}
         report(0.7)
         # Fewer trajectories, memories and iterations do for the shape of the curve.
         some = self._trajectories
@@ -323,12 +326,12 @@ class _Relaxation:
         drones = self._drones(some, min(memory, MEMORY_BEFORE))
         work, done = sum(end**2 for end in ends[1:]), 0
         for end in ends[1:]:
-            shorter = [
+            shorter: Mixture = [
                 (share, [Path(path.cells[: end + 1], path.searches[:end]) for path in paths])
                 for share, paths in _largest_shares(mixture)
             ]
-            relaxed, _ = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
-            bounds[end] = self._bound(relaxed, some, end)
+            relaxed, shorter = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
+            bounds[end] = self._bound(relaxed, some, end, shorter)
             done += end**2
             report(0.7 + 0.3 * done / work)
         return _filled(bounds), solution
@@ -366,7 +369,9 @@ class _Relaxation:
         )
         return solution, objective.mixture
 
-    def _bound(self, solution: Solution, trajectories: Trajectories, steps: int) -> float:
+    def _bound(
+        self, solution: Solution, trajectories: Trajectories, steps: int, mixture: Mixture
+    ) -> float:
         """The bound for a number of steps: the smaller one of both relaxations."""
         bound = solution.upper_bound
         if self._failure is not None:
@@ -374,8 +379,13 @@ class _Relaxation:
         if not 0.0 < self._detection < 1.0:
             return bound
         rate, size = -math.log1p(-self._detection), self._forecast.grid_size
+        effort = np.zeros((steps, size**2))
+        for share, paths in mixture:
+            for path in paths:
+                searches = path.searches.nonzero()[0]
+                effort[searches, path.cells[searches]] += share
         objective = MarkovChainObjective(
-            self._chain, self._forecast.joint(0), rate, np.zeros(steps * size**2)
+            self._chain, self._forecast.joint(0), rate, effort.reshape(-1)
         )
         return frank_wolfe(
             objective, self._oracle, gap=self._gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
