@@ -1,8 +1,8 @@
 """The planner: follows an open-loop plan for all drones, and replans after a find.
 
 With one person, a plan for the whole episode suffices, because every search before the find has the
-same outcome (`planning.plan`). With several persons, the planner improves the rest of its plan
-after each find, for those still missing.
+same outcome (`planning.plan`). With several persons, the planner makes a new plan after each find,
+for those still missing.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ EXACT_NODES, EXACT_NODES_AFTER_FIND = 20_000, 500
 ROUNDING = 1e-9
 """A plan that is better by less is not worth the change."""
 
-IDLE_WORK = 500_000
-"""The most work in a round of improvement for which idle drones are an initial plan, too."""
+FEW_DRONES = 4
+"""The most drones for which idle drones are an initial plan, too."""
 
 INTERVALS, INTERVALS_AFTER_FIND = 15, 4
 """With several persons: how many times in an episode the drones are assumed to notice finds."""
@@ -87,6 +87,7 @@ CACHED_PLANS = 4096
 """The most plans to keep for other searches that reach the same situation."""
 
 Floats = NDArray[np.float64]
+
 _PlanKey = tuple[Any, ...]
 """Step, drones' cells and missing persons at every plan made in a search. With the scenario it
 determines the plan."""
@@ -96,13 +97,18 @@ class PlannerPolicy(SwarmPolicy):
     """Plans the paths of all drones together, regardless of the matrix shown.
 
     The first plan of a scenario takes seconds on a large grid; searches that begin in the same
-    way share it. Plans follow from the planner's own beliefs (`BeliefTracker`), so they do not
-    depend on whether the environment shows posteriors.
+    way share it. On a terminal, a bar on stderr shows the progress after two seconds. Plans follow
+    from the planner's own beliefs (`BeliefTracker`), so they do not depend on whether the
+    environment shows posteriors.
 
-    A plan maximises the probability of finding each person in time, with a slight preference for
-    early finds (``EARLY_BONUS``). With several persons each is weighted by the inverse of their
-    probability of being found, which is the gradient direction of the product of all. In a coverage
-    mission, a plan maximises the probability of success: the mean over persons, at any time.
+    With one person, a plan maximises the probability of success by the limit, and among nearly
+    equal plans prefers early finds (``EARLY_BONUS``). It is never worse than the paths of
+    `PosteriorGreedyPolicy`. Small searches are solved by branch and bound.
+
+    With several persons, a plan only lasts until the next find. It maximises an estimate of the
+    probability of finding everybody in the end: a find in some step is worth the probability that
+    a greedy swarm finds the others from there. In a coverage mission, a plan maximises the
+    probability of success: the mean over persons, at any time.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -235,7 +241,7 @@ class PlannerPolicy(SwarmPolicy):
         starts = [int(path.cells[0]) for path in initial[0]]
         idle = idle_paths(starts, steps)
         plans = [Plan(targets, step, paths) for paths in initial]
-        if plans[0].round_work <= IDLE_WORK:
+        if len(starts) <= FEW_DRONES:
             plans.append(Plan(targets, step, idle))
         hypotheses = sum(len(target.belief) for target in targets)
         size = len(starts) * hypotheses * steps * self.scenario.grid_size**2
