@@ -47,7 +47,7 @@ MAX_ROUNDS = 8
 MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
 
-WORK, WORK_AFTER_FIND = 2e8, 2e6
+WORK, WORK_AFTER_FIND = 2.5e8, 2e6
 """The most work to improve the best initial plan and to explore from it, for a first plan, and to
 explore after a find: about ten seconds, and a tenth of one. Many episodes have a find in almost
 every step."""
