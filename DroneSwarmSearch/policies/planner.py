@@ -199,20 +199,22 @@ class PlannerPolicy(SwarmPolicy):
         """
         step, steps = tracker.step, len(initial[0][0].searches)
         by_limit = self._targets(tracker, steps)
-        initial_plans = [Plan(by_limit, step, paths) for paths in initial]
-        initial_plan = max(initial_plans, key=Plan.value)
         targets = self._targets(tracker, steps)
         if self._is_rescue:
             for target in targets:
                 target.worth = 1.0 + EARLY_BONUS * (1.0 - np.arange(steps) / steps)
-        rng = np.random.default_rng(0)
+
+        def success(paths: list[Path]) -> float:
+            return Plan(by_limit, step, paths).value()
+
+        rng, best = np.random.default_rng(0), max(initial, key=success)
         if step % HORIZON:
-            improved = Plan(targets, step, initial_plan.paths)
-            self._improve(improved, rng, WORK_AFTER_FIND, report, MAX_LENGTH_AFTER_FIND)
+            plan = Plan(targets, step, best)
+            self._improve(plan, rng, WORK_AFTER_FIND, report, MAX_LENGTH_AFTER_FIND)
         else:
-            improved = self._improved_from_many(targets, step, initial, rng, report)
-        best = max(Plan(by_limit, step, improved.paths), initial_plan, key=Plan.value)
-        starts = [int(path.cells[0]) for path in best.paths]
+            plan = self._improved_from_many(targets, step, initial, rng, report)
+        best = max(plan.paths, best, key=success)
+        starts = [int(path.cells[0]) for path in best]
         if len(targets) == 1 and len(starts) * steps <= EXACT_ACTIONS:
             (target,) = by_limit
             optimum = branch_and_bound(
@@ -221,12 +223,12 @@ class PlannerPolicy(SwarmPolicy):
                 target.belief,
                 range(step, step + steps),
                 starts,
-                known=best.value() + ROUNDING,
+                known=success(best) + ROUNDING,
                 nodes=EXACT_NODES_AFTER_FIND if step else EXACT_NODES,
             )
             if optimum.paths is not None:
                 return optimum.paths
-        return best.paths
+        return best
 
     def _improved_from_many(
         self,
@@ -240,22 +242,25 @@ class PlannerPolicy(SwarmPolicy):
         steps = len(targets[0].worth)
         starts = [int(path.cells[0]) for path in initial[0]]
         idle = idle_paths(starts, steps)
-        plans = [Plan(targets, step, paths) for paths in initial]
         if len(starts) <= FEW_DRONES:
-            plans.append(Plan(targets, step, idle))
+            initial = [*initial, idle]
         hypotheses = sum(len(target.belief) for target in targets)
         size = len(starts) * hypotheses * steps * self.scenario.grid_size**2
-        for _ in range(min(RANDOM_STARTS, RANDOM_BUDGET // size)):
-            plans.append(Plan(targets, step, idle))
-            plans[-1].perturb(rng)
-        for number, plan in enumerate(plans):
+        perturbed = min(RANDOM_STARTS, RANDOM_BUDGET // size)
+        count, best = len(initial) + perturbed, None
+        for number, paths in enumerate([*initial, *[idle] * perturbed]):
+            plan = Plan(targets, step, paths)  # large, so only two exist at a time
+            if number >= len(initial):
+                plan.perturb(rng)
             plan.improve(
                 min_length=MIN_LENGTH,
                 min_gain=MIN_GAIN,
                 max_rounds=MAX_ROUNDS,
-                report=_part(report, number / len(plans) / 2, (number + 1) / len(plans) / 2),
+                report=_part(report, number / count / 2, (number + 1) / count / 2),
             )
-        best = max(plans, key=Plan.value)
+            if best is None or plan.value() > best.value():
+                best = plan
+        assert best is not None
         work = min(WORK - best.work, EXPLORED_ROUNDS * best.round_work)
         best.explore(rng, work, report=_part(report, 0.5, 1.0))
         return best
