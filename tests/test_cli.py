@@ -23,7 +23,8 @@ from helpers import bound_by_time
 
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import SUITE, evaluate, progress, run
+from DroneSwarmSearch._internal import progress
+from DroneSwarmSearch.evaluation import SUITE, evaluate, run
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
+import io
+import itertools
 import pickle
+import sys
 from typing import Any
 
 import hypothesis.strategies as st
@@ -338,6 +341,42 @@ class TestReplanning:
         assert plans_made == [0, 1, 2]
         fly(policy, tracker, cells, A_SEARCH.scenario.timestep_limit - 3)
         assert plans_made == [0, 1, 2, 3]
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+class TestProgress:
+    @pytest.fixture(autouse=True)
+    def clock(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Every look at the clock takes a second."""
+        ticks = itertools.count()
+        monkeypatch.setattr("DroneSwarmSearch._internal.progress.time.monotonic", ticks.__next__)
+
+    def test_a_long_plan_shows_a_bar_on_a_terminal(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        terminal = Terminal()
+        monkeypatch.setattr(sys, "stderr", terminal)
+        paths_of(planner(A_SEARCH), A_SEARCH)
+        shown = terminal.getvalue()
+        assert "planning [" in shown
+        assert "%" in shown
+        assert shown.endswith("\r\x1b[K"), "the bar disappears"
+
+    def test_a_report_replaces_the_bar(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        terminal = Terminal()
+        monkeypatch.setattr(sys, "stderr", terminal)
+        policy, fractions = planner(A_SEARCH), []
+        policy.prepare(A_SEARCH.drones, fractions.append)
+        assert fractions == sorted(fractions)
+        assert 0.0 <= fractions[0] < 0.5 < fractions[-1] < 1.0
+        policy.prepare([(3, 3), (4, 4)])
+        assert terminal.getvalue() == ""
+
+    def test_shows_nothing_in_a_pipe(self, capsys: pytest.CaptureFixture) -> None:
+        planner(A_SEARCH).prepare(A_SEARCH.drones)
+        assert capsys.readouterr().err == ""
 
 
 def shown(batch: SearchBatch, rows: np.ndarray) -> dict[str, np.ndarray]:

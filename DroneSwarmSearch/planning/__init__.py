@@ -1,7 +1,7 @@
 """Search planning: open-loop plans for all drones, an upper bound, and the exact optimum.
 
 - `paths`: the best path of one drone for given gains, by dynamic programming.
-- `plan`: plans for all drones together, improved one drone at a time.
+- `plan`: plans for all drones together, improved one segment of one drone's path at a time.
 - `bound`: an upper bound on every policy's probability of success, from `frank_wolfe` (the
   optimiser), `objectives` (the functions to maximise), `memory` (drones that remember their last
   actions) and `trajectories` (of the person).
@@ -9,6 +9,6 @@
 """
 
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
-from DroneSwarmSearch.planning.exact import best_success
+from DroneSwarmSearch.planning.exact import BestPlan, best_plan, best_success
 
-__all__ = ["SuccessBound", "best_success", "success_bound"]
+__all__ = ["BestPlan", "SuccessBound", "best_plan", "best_success", "success_bound"]

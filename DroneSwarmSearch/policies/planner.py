@@ -1,8 +1,8 @@
 """The planner: follows an open-loop plan for all drones, and replans after a find.
 
 With one person, a plan for the whole episode suffices, because every search before the find has the
-same outcome (`planning.plan`). With several persons, the planner improves the rest of its plan
-after each find, for those still missing.
+same outcome (`planning.plan`). With several persons, the planner makes a new plan after each find,
+for those still missing.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MAX_ROUNDS = 8
 MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
 
-WORK, WORK_AFTER_FIND = 2e8, 2e6
+WORK, WORK_AFTER_FIND = 2.5e8, 2e6
 """The most work to improve the best initial plan and to explore from it, for a first plan, and to
 explore after a find: about ten seconds, and a tenth of one. Many episodes have a find in almost
 every step."""
@@ -74,8 +74,8 @@ EXACT_NODES, EXACT_NODES_AFTER_FIND = 20_000, 500
 ROUNDING = 1e-9
 """A plan that is better by less is not worth the change."""
 
-IDLE_WORK = 500_000
-"""The most work in a round of improvement for which idle drones are an initial plan, too."""
+FEW_DRONES = 4
+"""The most drones for which idle drones are an initial plan, too."""
 
 INTERVALS, INTERVALS_AFTER_FIND = 15, 4
 """With several persons: how many times in an episode the drones are assumed to notice finds."""
@@ -87,6 +87,7 @@ CACHED_PLANS = 4096
 """The most plans to keep for other searches that reach the same situation."""
 
 Floats = NDArray[np.float64]
+
 _PlanKey = tuple[Any, ...]
 """Step, drones' cells and missing persons at every plan made in a search. With the scenario it
 determines the plan."""
@@ -96,13 +97,18 @@ class PlannerPolicy(SwarmPolicy):
     """Plans the paths of all drones together, regardless of the matrix shown.
 
     The first plan of a scenario takes seconds on a large grid; searches that begin in the same
-    way share it. Plans follow from the planner's own beliefs (`BeliefTracker`), so they do not
-    depend on whether the environment shows posteriors.
+    way share it. On a terminal, a bar on stderr shows the progress after two seconds. Plans follow
+    from the planner's own beliefs (`BeliefTracker`), so they do not depend on whether the
+    environment shows posteriors.
 
-    A plan maximises the probability of finding each person in time, with a slight preference for
-    early finds (``EARLY_BONUS``). With several persons each is weighted by the inverse of their
-    probability of being found, which is the gradient direction of the product of all. In a coverage
-    mission, a plan maximises the probability of success: the mean over persons, at any time.
+    With one person, a plan maximises the probability of success by the limit, and among nearly
+    equal plans prefers early finds (``EARLY_BONUS``). It is never worse than the paths of
+    `PosteriorGreedyPolicy`. Small searches are solved by branch and bound.
+
+    With several persons, a plan only lasts until the next find. It maximises an estimate of the
+    probability of finding everybody in the end: a find in some step is worth the probability that
+    a greedy swarm finds the others from there. In a coverage mission, a plan maximises the
+    probability of success: the mean over persons, at any time.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -193,20 +199,22 @@ class PlannerPolicy(SwarmPolicy):
         """
         step, steps = tracker.step, len(initial[0][0].searches)
         by_limit = self._targets(tracker, steps)
-        initial_plans = [Plan(by_limit, step, paths) for paths in initial]
-        initial_plan = max(initial_plans, key=Plan.value)
         targets = self._targets(tracker, steps)
         if self._is_rescue:
             for target in targets:
                 target.worth = 1.0 + EARLY_BONUS * (1.0 - np.arange(steps) / steps)
-        rng = np.random.default_rng(0)
+
+        def success(paths: list[Path]) -> float:
+            return Plan(by_limit, step, paths).value()
+
+        rng, best = np.random.default_rng(0), max(initial, key=success)
         if step % HORIZON:
-            improved = Plan(targets, step, initial_plan.paths)
-            self._improve(improved, rng, WORK_AFTER_FIND, report, MAX_LENGTH_AFTER_FIND)
+            plan = Plan(targets, step, best)
+            self._improve(plan, rng, WORK_AFTER_FIND, report, MAX_LENGTH_AFTER_FIND)
         else:
-            improved = self._improved_from_many(targets, step, initial, rng, report)
-        best = max(Plan(by_limit, step, improved.paths), initial_plan, key=Plan.value)
-        starts = [int(path.cells[0]) for path in best.paths]
+            plan = self._improved_from_many(targets, step, initial, rng, report)
+        best = max(plan.paths, best, key=success)
+        starts = [int(path.cells[0]) for path in best]
         if len(targets) == 1 and len(starts) * steps <= EXACT_ACTIONS:
             (target,) = by_limit
             optimum = branch_and_bound(
@@ -215,12 +223,12 @@ class PlannerPolicy(SwarmPolicy):
                 target.belief,
                 range(step, step + steps),
                 starts,
-                known=best.value() + ROUNDING,
+                known=success(best) + ROUNDING,
                 nodes=EXACT_NODES_AFTER_FIND if step else EXACT_NODES,
             )
             if optimum.paths is not None:
                 return optimum.paths
-        return best.paths
+        return best
 
     def _improved_from_many(
         self,
@@ -234,22 +242,25 @@ class PlannerPolicy(SwarmPolicy):
         steps = len(targets[0].worth)
         starts = [int(path.cells[0]) for path in initial[0]]
         idle = idle_paths(starts, steps)
-        plans = [Plan(targets, step, paths) for paths in initial]
-        if plans[0].round_work <= IDLE_WORK:
-            plans.append(Plan(targets, step, idle))
+        if len(starts) <= FEW_DRONES:
+            initial = [*initial, idle]
         hypotheses = sum(len(target.belief) for target in targets)
         size = len(starts) * hypotheses * steps * self.scenario.grid_size**2
-        for _ in range(min(RANDOM_STARTS, RANDOM_BUDGET // size)):
-            plans.append(Plan(targets, step, idle))
-            plans[-1].perturb(rng)
-        for number, plan in enumerate(plans):
+        perturbed = min(RANDOM_STARTS, RANDOM_BUDGET // size)
+        count, best = len(initial) + perturbed, None
+        for number, paths in enumerate([*initial, *[idle] * perturbed]):
+            plan = Plan(targets, step, paths)  # large, so only two exist at a time
+            if number >= len(initial):
+                plan.perturb(rng)
             plan.improve(
                 min_length=MIN_LENGTH,
                 min_gain=MIN_GAIN,
                 max_rounds=MAX_ROUNDS,
-                report=_part(report, number / len(plans) / 2, (number + 1) / len(plans) / 2),
+                report=_part(report, number / count / 2, (number + 1) / count / 2),
             )
-        best = max(plans, key=Plan.value)
+            if best is None or plan.value() > best.value():
+                best = plan
+        assert best is not None
         work = min(WORK - best.work, EXPLORED_ROUNDS * best.round_work)
         best.explore(rng, work, report=_part(report, 0.5, 1.0))
         return best
