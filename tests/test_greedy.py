@@ -180,13 +180,14 @@ def test_never_collides_nor_leaves_the_grid(
         assert env.frame().ending in (Ending.FOUND, Ending.TIME_LIMIT)
 
 
-def test_is_deterministic() -> None:
+@pytest.mark.parametrize("kind", [GreedyPolicy, ForecastGreedyPolicy])
+def test_is_deterministic(kind: type[GreedyPolicy] | type[ForecastGreedyPolicy]) -> None:
     env = make_env(bayesian_update=False)
-    policy = GreedyPolicy(env.scenario)
+    policy = kind(env.scenario)
     first = play(env, policy, 31)
     policy.reset()
     assert play(env, policy, 31) == first
-    assert play(env, GreedyPolicy(env.scenario), 31) == first
+    assert play(env, kind(env.scenario), 31) == first
 
 
 def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() -> None:
@@ -297,6 +298,23 @@ class TestForecastGreedy:
         (ahead,) = self.success(ForecastGreedyPolicy, drones, **parameters)
         (behind,) = self.success(PosteriorGreedyPolicy, drones, **parameters)
         assert ahead > behind + 0.05
+
+    def test_drones_share_several_hypotheses_better_than_on_the_present_posterior(self) -> None:
+        hypotheses = [
+            Drift((10 + k, 12), start_sd=2, vector=(0.3, 0.15 * k), diffusion=0.2) for k in range(4)
+        ]
+        parameters = {
+            "grid_size": 30,
+            "timestep_limit": 50,
+            "persons": [Person(hypotheses, 0.9), Person(Drift((15, 3), vector=(0.2, 0.5)), 0.6)],
+            "mission": "coverage",
+        }
+        drones = [(x, 0) for x in range(6)]
+        ahead, behind = (
+            np.mean(self.success(kind, drones, **parameters))
+            for kind in (ForecastGreedyPolicy, PosteriorGreedyPolicy)
+        )
+        assert ahead > behind + 0.02
 
     def test_chooses_like_greedy_on_the_posterior_if_nobody_moves(self) -> None:
         # Searched cells are empty, and all others are worth flying to.

@@ -256,6 +256,8 @@ class Outlook:
             found = np.zeros_like(beliefs[ahead])
             detection = self._tracker.scenario.detections[person]
             found[:, y, x] = detection * beliefs[ahead][:, y, x]
+            if not found.any():
+                continue
             worth = self._tracker.worth(person) / len(self._beliefs)
             for later in range(ahead, last + 1):
                 beliefs[later] -= found

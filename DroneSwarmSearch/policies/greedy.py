@@ -137,9 +137,8 @@ class _Greedy(SwarmPolicy):
                     others = [cells[rival] for rival in rivals]
                     values = claim(drone, target, rivals)
                     scores[rivals] = self._scores(others, values) + claimed
-            for rival in rivals:
-                favourites[rival] = scores[rival].argmax()
-                best[rival] = scores[rival, favourites[rival]]
+            favourites[rivals] = scores[rivals].argmax(axis=1)
+            best[rivals] = scores[rivals, favourites[rivals]]
         return targets
 
     def _scores(self, cells: list[Cell], values: Floats) -> Floats:
