@@ -24,7 +24,7 @@ from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Report, Target, idle_paths
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
+from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy, PosteriorGreedyPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -103,7 +103,8 @@ class PlannerPolicy(SwarmPolicy):
 
     With one person, a plan maximises the probability of success by the limit, and among nearly
     equal plans prefers early finds (``EARLY_BONUS``). It is never worse than the paths of
-    `PosteriorGreedyPolicy`. Small searches are solved by branch and bound.
+    `PosteriorGreedyPolicy` and `ForecastGreedyPolicy`. Small searches are solved by branch and
+    bound.
 
     With several persons, a plan only lasts until the next find. It maximises an estimate of the
     probability of finding everybody in the end: a find in some step is worth the probability that
@@ -115,6 +116,8 @@ class PlannerPolicy(SwarmPolicy):
         super().__init__(scenario)
         self._neighbours, self._positions = grid_of(scenario.grid_size)
         self._is_rescue = scenario.mission == "rescue"
+        self._greedy = PosteriorGreedyPolicy(scenario)
+        self._forecast_greedy = ForecastGreedyPolicy(scenario)
         self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
         self._plans: dict[_PlanKey, list[Path]] = {}
         self._has_bar = True
@@ -173,13 +176,14 @@ class PlannerPolicy(SwarmPolicy):
         part = step // HORIZON
         if part not in self._chains:  # release the matrices of other parts
             self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
-        greedy = self._greedy_paths(tracker, starts, steps)
+        initial = [self._greedy_paths(self._greedy, tracker, starts, steps)]
         if self._is_rescue and len(tracker.missing) > 1:
-            return self._for_all(tracker, greedy, report)
+            return self._for_all(tracker, initial[0], report)
+        initial.append(self._greedy_paths(self._forecast_greedy, tracker, starts, steps))
         rest = memory.rest(starts)
         if rest is not None and len(rest[0].searches) == steps:
-            return self._for_one(tracker, [greedy, rest], report)
-        return self._for_one(tracker, [greedy], report)
+            initial.append(rest)
+        return self._for_one(tracker, initial, report)
 
     def _targets(self, tracker: BeliefTracker, steps: int) -> list[Target]:
         """The missing persons, with the same worth of every find."""
@@ -380,13 +384,19 @@ class PlannerPolicy(SwarmPolicy):
         if step == steps:
             return [np.zeros_like(twin.joint(person)) for person in twin.missing]
         starts = [int(path.cells[step]) for path in paths]
-        onward = self._greedy_paths(twin, starts, steps - step)
+        onward = self._greedy_paths(self._greedy, twin, starts, steps - step)
         targets = self._targets(twin, steps - step)
         return Plan(targets, twin.step, onward).values()
 
-    def _greedy_paths(self, tracker: BeliefTracker, starts: list[int], steps: int) -> list[Path]:
+    def _greedy_paths(
+        self,
+        greedy: PosteriorGreedyPolicy,
+        tracker: BeliefTracker,
+        starts: list[int],
+        steps: int,
+    ) -> list[Path]:
         """The paths of a greedy swarm that finds nobody, as an initial plan."""
-        greedy, tracker = PosteriorGreedyPolicy(self.scenario), copy.deepcopy(tracker)
+        tracker = copy.deepcopy(tracker)
         cells, searches = [starts], []
         for _ in range(steps):
             positions = [self._positions[cell] for cell in cells[-1]]
