@@ -183,6 +183,22 @@ def test_improving_a_path_changes_only_that_path_and_returns_the_gain(
             assert np.array_equal(path.searches, now.searches)
 
 
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(plans(most_steps=9), st.data())
+def test_the_gain_of_any_other_segment_is_exact(
+    plan_of: tuple[NamedSearch, list[Path], np.ndarray], data: st.DataObject
+) -> None:
+    of, paths, worth = plan_of
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    begin = data.draw(st.integers(0, len(worth) - 1))
+    end = data.draw(st.integers(begin + 1, len(worth)))
+    plan = Plan(targets_of(of, worth=worth), 0, paths)
+    before = plan.value()
+    gained = plan.improve_segment(0, begin, end, lambda gains: rng.random(gains.shape))
+    assert plan.value() - before == pytest.approx(gained, abs=1e-12)
+    assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
+
+
 def test_the_initial_paths_are_not_changed() -> None:
     of = search(
         [(0, 0)], grid_size=5, person_initial_position=(2, 2), disperse_constant=5,

@@ -101,7 +101,6 @@ class _Passes:
             after the last: shape (n + 1, M, N, N).
         rests: what the plan is expected to gain from a person in a cell after the searches of
             each step: shape (n, M, N, N).
-        box: the cells that the person can reach at all, see `_Box`.
     """
 
     def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
@@ -114,6 +113,7 @@ class _Passes:
         self.rests = np.empty((n, *target.belief.shape))
         self._masses_to = 0  # masses are up to date until this step
         self._rests_from = n  # rests are up to date from this step
+        self._extents: NDArray[np.int64] | None = None  # see `likely`
         for path in paths:
             self.change(path, 0, self.target.detection)
 
@@ -157,6 +157,27 @@ class _Passes:
         if target.unfound is not None:
             value = value + target.unfound[step]
         return value
+
+    def likely(self, begin: int, end: int) -> _Box:
+        """The smallest box of all cells that are not negligible in some steps, without searches.
+
+        A search that looks useless may find the person once an earlier one is removed.
+        """
+        if self._extents is None:
+            self._extents = self._unsearched_extents()
+        top, bottom, left, right = self._extents[:, begin:end]
+        size = self.kept.shape[-1]
+        return _Box(int(top.min()), int(bottom.max()), int(left.min()), int(right.max()), size)
+
+    def _unsearched_extents(self) -> NDArray[np.int64]:
+        """First row, last row + 1, first column and last column + 1 of the forecast, by step."""
+        mass, extents = self.target.belief, []
+        for step in range(len(self.kept)):
+            is_likely = mass.max(axis=0) > NEGLIGIBLE
+            rows, columns = is_likely.any(axis=1).nonzero()[0], is_likely.any(axis=0).nonzero()[0]
+            extents.append((rows[0], rows[-1] + 1, columns[0], columns[-1] + 1))
+            mass = self.target.chain.forward(mass, self._first + step)
+        return np.array(extents).T
 
     def found(self) -> Floats:
         """The probability of finding the person in each step."""
@@ -496,8 +517,8 @@ class _Segment:
         passes.backward_to(begin)
         self._passes, self._begin, self._reach = passes, begin, reach
         masses = passes.masses[begin:end]
-        likely = _support(masses, reach.size)
-        box = self._box = reach.grown((end - begin) // 2).common(likely)
+        box = reach.grown((end - begin) // 2).common(passes.likely(begin, end))
+        self._box = box
         self.cells = 0
         if not all(box.shape):
             return
@@ -617,12 +638,3 @@ class _Segment:
                 along_x, along_y = self._matrices[step]
                 fewer = along_y.swapaxes(1, 2) @ after @ along_x
         return total - self._old_gain
-
-
-def _support(masses: Floats, size: int) -> _Box:
-    """The smallest box of all cells that are not negligible."""
-    likely = masses.max(axis=(0, 1)) > NEGLIGIBLE
-    rows, columns = likely.any(axis=1).nonzero()[0], likely.any(axis=0).nonzero()[0]
-    if not rows.size:
-        return _Box(0, 0, 0, 0, size)
-    return _Box(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1, size)
