@@ -69,7 +69,7 @@ def cases(draw: st.DrawFn) -> tuple[Trajectories, float, int, np.random.Generato
     return Trajectories(np.array(cells), probabilities), detection, draw(st.integers(0, 5)), rng
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=15, derandomize=True)
 @given(cases())
 def test_no_path_gains_more_than_the_best_one(
     case: tuple[Trajectories, float, int, np.random.Generator],
