@@ -304,6 +304,18 @@ def searching(shown: Any) -> Any:
     return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
 
 
+def test_random_actions_that_all_episodes_share_are_noticed() -> None:
+    rng = np.random.default_rng(0)
+
+    def shared(shown: Any) -> Any:
+        actions = [int(Action.SEARCH), int(Action.IDLE)]
+        return np.full(shown["positions"].shape[:2], rng.choice(actions))
+
+    scenario = Scenario(5, person_initial_position=(0, 0), vector=(0, 0), timestep_limit=20)
+    with pytest.raises(ValueError, match="deterministic must be False"):
+        evaluate(shared, scenario, deterministic=True, episodes=5, progress=False)
+
+
 @pytest.mark.parametrize(("detection", "last"), [(1.0, 1), (0.5, 50)])
 def test_a_search_ends_when_nobody_is_left_to_find(detection: float, last: int) -> None:
     """A time limit of a million steps costs nothing then."""
@@ -315,7 +327,7 @@ def test_a_search_ends_when_nobody_is_left_to_find(detection: float, last: int) 
 
     scenario = Scenario(2, persons=Person(Drift((0, 0)), detection), timestep_limit=10**6)
     success = exact_success(counted, NamedSearch("still", "", scenario))
-    assert len(steps) == last
+    assert len(steps) == 2 * last  # played twice, to check that it is deterministic
     assert success[1] == detection
     assert success[-1] == pytest.approx(1.0, abs=1e-12)
 

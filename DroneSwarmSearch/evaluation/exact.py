@@ -83,7 +83,8 @@ def exact_success(
             yield from branches.play(policy, view, observation)
 
     limit, persons = search.scenario.timestep_limit, len(search.scenario.situation)
-    trunk, twin = played([_NEVER, _NEVER])
+    # One after the other, so that a policy cannot give both the same random actions.
+    trunk, twin = (next(played([_NEVER])) for _ in range(2))
     _check_equal(trunk, twin)
     found_in = np.zeros(limit + 1)  # the probability that the last find is in this step
     before = np.concatenate([[1.0], np.cumprod((1.0 - trunk).prod(axis=1))])  # nobody found yet

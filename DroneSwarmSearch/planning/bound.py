@@ -82,8 +82,8 @@ TRAJECTORIES_TO_MEASURE = 8192
 EXACT_WORK = 1e6
 """The most work for branch and bound, in cells to update: a few seconds."""
 
-ROUNDING = 1e-9
-"""More than the rounding error of an optimum, as a fraction."""
+ROUNDING = 1e-10
+"""More than the error of an optimum."""
 
 MOST_MEMORY = 5
 """The most actions that drones remember by default."""
@@ -168,6 +168,7 @@ def success_bound(
     checks.real("gap", gap, 0)
     if memory is not None:
         checks.integer("memory", memory, 0)
+    horizons = min(horizons, limit)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
     # Equal persons share one bound.
     counts = Counter(scenario.situation)
@@ -256,7 +257,7 @@ def _optima(
         plan = branch_and_bound(chain, detection, belief, range(end), starts, nodes=nodes)
         if not plan.is_optimal:
             return None
-        optima.append(min(plan.success * (1.0 + ROUNDING), 1.0))
+        optima.append(min(plan.success + ROUNDING, 1.0))
     return optima
 
 

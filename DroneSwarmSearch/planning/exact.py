@@ -3,14 +3,16 @@
 A depth-first search over all paths of all drones. It abandons a partial plan if even an optimistic
 completion cannot beat the best plan so far. The optimistic completion gives every drone its best
 path and ignores how later searches reduce each other's gains (J. N. Eagle and J. R. Yee, Operations
-Research 38:110, 1990, bound the path of a single searcher in this way). The work grows
-exponentially with steps and drones: use it to check approximate methods, or limit the number of
-partial plans.
+Research 38:110, 1990, bound the path of a single searcher in this way). It extends only one of
+several partial plans that lead to the same situation: the same cells with drones, and the same
+probabilities of where the person is unfound. The work grows exponentially with steps and drones:
+use it to check approximate methods, or limit the number of partial plans.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import blake2b
 from itertools import product
 from typing import NamedTuple
 
@@ -30,6 +32,12 @@ Floats = NDArray[np.float64]
 
 MIN_GAIN = 1e-12
 """Plans whose values differ by less are equally good."""
+
+DIGITS = 13
+"""Decimals of the probabilities by which situations are compared."""
+
+DIGEST_BYTES = 16
+"""The length of the hashes of these probabilities, which keep the table of situations small."""
 
 
 class BestPlan(NamedTuple):
@@ -147,6 +155,7 @@ class _BranchAndBound:
         self.best_moves: list[tuple[list[int], list[bool]]] | None = None
         self.nodes_left = nodes  # None: no limit; negative: it was reached
         self._moves: list[tuple[list[int], list[bool]]] = []
+        self._visited: set[tuple[int, tuple[int, ...], bytes]] = set()
         # For each cell, (searches, next cell) of every action; idling is never better.
         self._choices = [
             [
@@ -170,10 +179,15 @@ class _BranchAndBound:
             if found > self.best:
                 self.best, self.best_moves = found, list(self._moves)
             return
+        digest = blake2b(mass.round(DIGITS).tobytes(), digest_size=DIGEST_BYTES).digest()
+        situation = done, tuple(sorted(cells)), digest
+        if situation in self._visited:
+            return
         if self.nodes_left is not None:
             self.nodes_left -= 1
             if self.nodes_left < 0:
                 return
+        self._visited.add(situation)
         now, later = self._optimistic_values(done, mass)
         if found + min(now[cells].sum(), mass.sum()) <= self.best + MIN_GAIN:
             return

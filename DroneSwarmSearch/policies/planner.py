@@ -68,7 +68,7 @@ second."""
 EXACT_ACTIONS = 16
 """The most actions of all drones together for which branch and bound follows."""
 
-EXACT_NODES, EXACT_NODES_AFTER_FIND = 20_000, 500
+EXACT_NODES, EXACT_NODES_AFTER_FIND = 50_000, 500
 """The most partial plans that branch and bound extends: a few seconds."""
 
 ROUNDING = 1e-9
