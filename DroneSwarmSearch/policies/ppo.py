@@ -6,6 +6,7 @@ command, the training time and the learning curve.
 
 from __future__ import annotations
 
+import copy
 import zipfile
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -15,20 +16,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
-from DroneSwarmSearch.wrappers.crops import LENGTH, CropsLayout
-from DroneSwarmSearch.wrappers.layouts import remaining_time_fraction
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 __all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]
 
 Singles = NDArray[np.float32]
 
-ACTIONS = len(Action) - 1
-"""Logits of the network: for moves and searching. Idling never gains more than a search."""
+OUTPUTS = 2
+"""Outputs of the network in each view: the scores of flying straight ahead and of searching."""
 
 MAX_BYTES = 2**28
 """The most bytes of weights to read, so that no file can exhaust the memory."""
@@ -38,38 +38,56 @@ DEFAULT_WEIGHTS = Path(__file__).with_name("ppo.npz")
 
 
 class Network:
-    """A multilayer perceptron with ReLU activations: from crops to the logits of actions.
+    """A multilayer perceptron with ReLU activations that scores each direction in the same way.
+
+    It observes a drone's inputs in four views, one for each direction (`arrivals.VIEWS`), and
+    has two outputs: the logit of flying straight ahead in that view, and one for searching,
+    whose mean over the four views counts. Turning a search by a right angle therefore turns the
+    logits. The last layer also gets the inputs themselves, next to the last hidden units.
 
     Args:
         layers: the weights and biases of each layer: float32, shapes (inputs, outputs) and
             (outputs,).
 
     Raises:
-        ValueError: the layers do not fit each other, the observations or the actions.
+        ValueError: the layers do not fit each other, the inputs or the outputs.
     """
 
     def __init__(self, layers: Sequence[tuple[Singles, Singles]]) -> None:
-        width = LENGTH
+        width, last = INPUTS, len(layers) - 1
         for number, (weights, biases) in enumerate(layers):
+            width += INPUTS * (number == last > 0)
             if weights.ndim != 2 or biases.ndim != 1 or weights.shape != (width, len(biases)):
                 raise ValueError(
                     f"layers[{number}] must have weights of shape ({width}, outputs) and as many "
                     f"biases as outputs, got {weights.shape} and {biases.shape}"
                 )
             width = len(biases)
-        if not layers or width != ACTIONS:
+        if not layers or width != OUTPUTS:
             raise ValueError(
-                f"layers must end in {ACTIONS} outputs, one for each action but idling, got {width}"
+                f"layers must end in {OUTPUTS} outputs, one for flying ahead and one for "
+                f"searching, got {width}"
             )
         self._layers = [(np.float32(weights), np.float32(biases)) for weights, biases in layers]
 
-    def __call__(self, crops: Singles) -> Singles:
-        """The logits, float32, shape (n, 5), for the crops of n drones, shape (n, LENGTH)."""
-        hidden = crops
+    def __call__(self, inputs: Singles) -> Singles:
+        """The logits of the moves and of searching, indexed by `Action`; idling has none.
+
+        Args:
+            inputs: see `Arrivals`: float32, shape (n, INPUTS).
+
+        Returns:
+            float32, shape (n, 5).
+        """
+        views = hidden = inputs[:, VIEWS]
         for weights, biases in self._layers[:-1]:
             hidden = np.maximum(hidden @ weights + biases, 0.0)
         weights, biases = self._layers[-1]
-        logits: Singles = hidden @ weights + biases
+        seen = views if len(self._layers) == 1 else np.concatenate([hidden, views], axis=2)
+        outputs = seen @ weights + biases
+        logits = np.empty((len(inputs), len(TURNS) + 1), np.float32)
+        logits[:, TURNS] = outputs[..., 0]
+        logits[:, Action.SEARCH] = outputs[..., 1].mean(axis=1)
         return logits
 
     def save(self, path: str | Path) -> None:
@@ -141,9 +159,10 @@ class PPOPolicy(SwarmPolicy):
     """A network trained by PPO on randomly drawn searches; every drone runs a copy of it.
 
     The policy tracks the exact posterior itself, regardless of the matrix shown (`BeliefTracker`).
-    Each drone gets crops of the probability that searching a cell succeeds (POS), and the
-    network computes the logits of its actions. The drones take their best actions in turn
-    (`masks.choose_in_turn`), so they never collide and never leave the grid.
+    Each drone observes the probability that searching a cell succeeds (POS) at the time of its
+    arrival there (`Arrivals`), and the network computes the logits of its actions. The drones
+    take their best actions in turn (`masks.choose_in_turn`), so they never collide and never
+    leave the grid.
 
     Source: J. Schulman, F. Wolski, P. Dhariwal, A. Radford, O. Klimov, Proximal policy
     optimization algorithms, 2017.
@@ -161,23 +180,26 @@ class PPOPolicy(SwarmPolicy):
     def __init__(self, scenario: Scenario, weights: str | Path | None = None) -> None:
         super().__init__(scenario)
         self._network = _default_network() if weights is None else Network.load(weights)
-        self._layout = CropsLayout(scenario.grid_size, scenario.n_drones)
+        self._arrivals = Arrivals(scenario.grid_size, scenario.n_drones)
+        self._tracker = BeliefTracker(scenario)
 
     def begin(self) -> BeliefTracker:
-        return BeliefTracker(self.scenario)
+        return copy.deepcopy(self._tracker)
 
     def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> Sequence[int]:
         memory.observe(matrix)
-        success = memory.success
-        if not success.any():  # the probability of detection is 0: all cells are equal
-            success[:] = 1.0
+        limit = self.scenario.timestep_limit
+        remaining = max(limit - memory.step, 1)
+        ahead = memory.success_ahead(self._arrivals.steps(remaining))
         positions = np.array([cells])
-        remaining = remaining_time_fraction([memory.step], self.scenario.timestep_limit)
-        crops = np.empty((1, len(cells), LENGTH), np.float32)
-        self._layout.write(positions, success[None].astype(np.float32), remaining, crops)
-        logits = self._network(crops[0])
+        detections = [self.scenario.detections[person] for person in memory.missing]
+        detection = np.array([sum(detections) / len(detections)])
+        inputs = self._arrivals.inputs(
+            ahead[None], positions, np.array([remaining]), limit, detection
+        )
         size = self.scenario.grid_size
         numbers = positions[..., 1] * size + positions[..., 0]
+        logits = self._network(inputs[0])
         actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
         memory.update(cells, actions)
         return actions
