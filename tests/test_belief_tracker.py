@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from small_searches import uncertain_persons
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.drift.belief import after_drift
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 
 
 @st.composite
@@ -301,3 +302,28 @@ def test_success_ahead_rejects_bad_steps(steps: Any, error: type[Exception]) -> 
     tracker = BeliefTracker(Scenario(5))
     with pytest.raises(error, match="steps must be an integer"):
         tracker.success_ahead(steps)
+
+
+@pytest.mark.parametrize("mission", ["rescue", "coverage"])
+def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission: str) -> None:
+    persons = [
+        Person([Drift((1, 2), vector=(0.5, 0.2)), Drift((5, 5), vector=(-0.4, 0))], 0.7),
+        Person(Drift((4, 4), start_sd=1, vector=(0.1, -0.3), diffusion=0.2), 0.4),
+    ]
+    tracker = BeliefTracker(Scenario(7, persons=persons, mission=mission, n_drones=2))
+    outlook = Outlook(tracker, 8)
+    before = outlook.success.copy()
+    outlook.search((2, 2), 2)
+    outlook.search((4, 4), 3)
+    assert np.array_equal(before[:2], outlook.success[:2])
+    # The mass that no search has found, carried along by hand.
+    expected = np.zeros((7, 7))
+    for number, person in enumerate(persons):
+        mass, forecast = tracker.joint(number), tracker.forecasts[number]
+        for step in range(8):
+            if step in (2, 3):
+                cell = 2 * step - 2  # (2, 2), then (4, 4)
+                mass[:, cell, cell] *= 1 - person.probability_of_detection
+            mass = after_drift(mass, *forecast.moves(step))
+        expected += person.probability_of_detection * mass.sum(axis=0) / 2
+    np.testing.assert_allclose(outlook.success[8], expected, rtol=1e-9, atol=1e-15)

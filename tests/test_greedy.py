@@ -7,12 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import target_of
+from small_searches import Cell, observations, paths_of, search, success_of
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, Scenario
+from DroneSwarmSearch.drift import Drift, Person
 from DroneSwarmSearch.policies import Policy
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
     DISCOUNT,
     WORTHWHILE,
+    WORTHWHILE_ON_ARRIVAL,
     ForecastGreedyPolicy,
     GreedyPolicy,
     PosteriorGreedyPolicy,
@@ -175,13 +180,14 @@ def test_never_collides_nor_leaves_the_grid(
         assert env.frame().ending in (Ending.FOUND, Ending.TIME_LIMIT)
 
 
-def test_is_deterministic() -> None:
+@pytest.mark.parametrize("kind", [GreedyPolicy, ForecastGreedyPolicy])
+def test_is_deterministic(kind: type[GreedyPolicy] | type[ForecastGreedyPolicy]) -> None:
     env = make_env(bayesian_update=False)
-    policy = GreedyPolicy(env.scenario)
+    policy = kind(env.scenario)
     first = play(env, policy, 31)
     policy.reset()
     assert play(env, policy, 31) == first
-    assert play(env, GreedyPolicy(env.scenario), 31) == first
+    assert play(env, kind(env.scenario), 31) == first
 
 
 def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() -> None:
@@ -257,6 +263,110 @@ def test_posterior_greedy_ignores_unlikely_cells() -> None:
             likely.append(float(matrix[y, x] / matrix.max()))
         observations, *_ = env.step(actions)
     assert likely and min(likely) >= WORTHWHILE * (1 - 1e-6)
+
+
+class TestForecastGreedy:
+    """Greedy on the posterior at the time of arrival."""
+
+    @staticmethod
+    def success(
+        kind: type[PosteriorGreedyPolicy], drones: list[Cell], **parameters: Any
+    ) -> list[float]:
+        """The probability that a policy finds each person; exact for one person."""
+        of = search(drones, **parameters)
+        return success_of(of, paths_of(kind(of.scenario), of))
+
+    def test_meets_a_person_whose_drift_is_certain(self) -> None:
+        # From (2, 5), one cell to the right in each step: in (7, 5) after five steps.
+        person = {"person_initial_position": (2, 5), "vector": (1, 0), "disperse_constant": 0}
+        of = search([(7, 0)], grid_size=40, timestep_limit=8, **person)
+        (path,) = paths_of(ForecastGreedyPolicy(of.scenario), of)
+        assert path.cells[:6].tolist() == [40 * y + 7 for y in range(6)]
+        assert path.searches[:6].tolist() == [False] * 5 + [True]
+        assert success_of(of, [path]) == [1.0]
+        assert success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of)) == [0.0]
+
+    @pytest.mark.parametrize("drones", [[(0, 29)], [(29, 0), (0, 29), (29, 29)]])
+    def test_finds_more_fast_drifters_than_greedy_on_the_present_posterior(
+        self, drones: list[Cell]
+    ) -> None:
+        parameters = {
+            "grid_size": 30,
+            "timestep_limit": 40,
+            "persons": Person(Drift((4, 4), start_sd=1, vector=(0.75, 0.6), diffusion=0.1), 0.8),
+        }
+        (ahead,) = self.success(ForecastGreedyPolicy, drones, **parameters)
+        (behind,) = self.success(PosteriorGreedyPolicy, drones, **parameters)
+        assert ahead > behind + 0.05
+
+    def test_drones_share_several_hypotheses_better_than_on_the_present_posterior(self) -> None:
+        hypotheses = [
+            Drift((10 + k, 12), start_sd=2, vector=(0.3, 0.15 * k), diffusion=0.2) for k in range(4)
+        ]
+        parameters = {
+            "grid_size": 30,
+            "timestep_limit": 50,
+            "persons": [Person(hypotheses, 0.9), Person(Drift((15, 3), vector=(0.2, 0.5)), 0.6)],
+            "mission": "coverage",
+        }
+        drones = [(x, 0) for x in range(6)]
+        ahead, behind = (
+            np.mean(self.success(kind, drones, **parameters))
+            for kind in (ForecastGreedyPolicy, PosteriorGreedyPolicy)
+        )
+        assert ahead > behind + 0.02
+
+    def test_chooses_like_greedy_on_the_posterior_if_nobody_moves(self) -> None:
+        # Searched cells are empty, and all others are worth flying to.
+        prior = np.zeros((12, 12))
+        prior[3:10, 2:9] = np.random.default_rng(0).uniform(0.5, 1, (7, 7))
+        person = Person(Drift(prior, diffusion=0))
+        of = search([(0, 0), (9, 9)], grid_size=12, timestep_limit=60, persons=person)
+        first, second = (
+            paths_of(kind(of.scenario), of)
+            for kind in (ForecastGreedyPolicy, PosteriorGreedyPolicy)
+        )
+        for mine, other in zip(first, second, strict=True):
+            # Near the limit, cells out of reach have no value.
+            assert np.array_equal(mine.cells[:40], other.cells[:40])
+            assert np.array_equal(mine.searches[:40], other.searches[:40])
+
+    def test_ignores_cells_out_of_reach_before_the_time_limit(self) -> None:
+        prior = np.zeros((15, 15))
+        prior[0, 3], prior[0, 14] = 0.05, 0.95
+        person = Person(Drift(prior, diffusion=0))
+        for steps, found in ((14, 0.05), (15, 0.95)):  # 14 to fly, one to search
+            (success,) = self.success(
+                ForecastGreedyPolicy, [(0, 0)], grid_size=15, timestep_limit=steps, persons=person
+            )
+            assert success == pytest.approx(found)
+
+    def test_targets_have_the_best_discounted_success_on_arrival(self) -> None:
+        persons = [
+            Person([Drift((3, 9), vector=(0.6, -0.3)), Drift((12, 12), vector=(-0.4, -0.5))], 0.6),
+            Person(Drift((9, 2), start_sd=1, vector=(0.1, 0.5), diffusion=0.3), 0.9),
+        ]
+        scenario = Scenario(16, n_drones=1, persons=persons, timestep_limit=60, mission="coverage")
+        policy, tracker, cell = ForecastGreedyPolicy(scenario), BeliefTracker(scenario), (15, 0)
+        for _ in range(55):
+            steps = scenario.timestep_limit - tracker.step - 1
+            ahead, best, target = tracker.success_ahead(steps), -1.0, cell
+            near = {
+                (x, y): abs(x - cell[0]) + abs(y - cell[1]) for y in range(16) for x in range(16)
+            }
+            arrivals = {(x, y): ahead[d, y, x] for (x, y), d in near.items() if d <= steps}
+            worthwhile = WORTHWHILE_ON_ARRIVAL * max(arrivals.values())
+            for there, success in arrivals.items():
+                if success >= worthwhile and success * DISCOUNT ** near[there] > best:
+                    best, target = success * DISCOUNT ** near[there], there
+            (action,) = policy(observations([cell], tracker.matrix())).values()
+            tracker.update([cell], [action])
+            ahead_cell = target_of(cell, action)
+            if target == cell:
+                assert action == Action.SEARCH
+            else:
+                assert near[target] - 1 == sum(abs(np.subtract(target, ahead_cell)))
+            cell = ahead_cell
 
 
 @pytest.mark.parametrize("bayesian_update", [False, True])

@@ -89,7 +89,7 @@ class TestCurves:
 
     def test_all_looks_differ(self) -> None:
         looks = [*plot_style.LOOKS.values(), *plot_style.OTHERS]
-        assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 13
+        assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 14
 
     def test_each_search_has_a_panel(self) -> None:
         several = [

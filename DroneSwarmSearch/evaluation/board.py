@@ -38,7 +38,7 @@ __all__ = [
 
 THEORY: tuple[tuple[str, ...], ...] = (
     ("planner",),
-    ("ppo", "greedy-posterior"),
+    ("ppo", "greedy-forecast", "greedy-posterior"),
     ("greedy-matrix", "parallel-sweep", "creeping-line", "expanding-square", "sector-search"),
     ("random",),
 )

@@ -76,6 +76,7 @@ class Look(NamedTuple):
 LOOKS = {
     "planner": Look("#d55e00", "D"),
     "ppo": Look("#5b3fa0", "h"),
+    "greedy-forecast": Look("#1b3a6b", "*"),
     "greedy-posterior": Look("#0072b2", "o"),
     "greedy-matrix": Look("#56b4e9", "s"),
     "parallel-sweep": Look("#009e73", "^"),

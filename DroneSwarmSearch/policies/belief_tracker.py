@@ -26,13 +26,16 @@ from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["BeliefTracker"]
+__all__ = ["BeliefTracker", "Outlook"]
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
+
+FOLLOWED = 16
+"""For how many steps what a planned search finds is followed; later, it would have spread."""
 
 TOLERANCE = 1e-5
 """Largest relative error of a matching matrix: a few roundings in single precision. This
@@ -111,17 +114,22 @@ class BeliefTracker:
             TypeError: `steps` is not an integer.
             ValueError: it is negative.
         """
-        steps = checks.integer("steps", steps, 0)
-        ahead = np.zeros((steps + 1, self.scenario.grid_size, self.scenario.grid_size))
-        for person in self.missing:
-            belief, chain = self.joint(person), self._chains[person]
-            worth = self.scenario.detections[person] * self._kept[person]
-            ahead[0] += worth * over_hypotheses(belief)
-            for step in range(steps):
-                belief = chain.forward(belief, self.step + step)
-                ahead[step + 1] += worth * over_hypotheses(belief)
-        ahead /= len(self.missing)
-        return ahead
+        return Outlook(self, checks.integer("steps", steps, 0)).success
+
+    def carried_ahead(self, person: int, steps: int) -> list[Floats]:
+        """`joint` now and in each of the next steps, if nobody searches before that step."""
+        beliefs = [self.joint(person)]
+        for step in range(self.step, self.step + steps):
+            beliefs.append(self._chains[person].forward(beliefs[-1], step))
+        return beliefs
+
+    def carried_on(self, person: int, mass: Floats, ahead: int) -> Floats:
+        """Mass of a person `ahead` steps from now, one step later: float64, shape (M, N, N)."""
+        return self._chains[person].forward(mass, self.step + ahead)
+
+    def worth(self, person: int) -> float:
+        """The factor that turns `joint` of a missing person into `success`, before the mean."""
+        return self.scenario.detections[person] * self._kept[person]
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix that the environment shows while the given persons are missing.
@@ -211,3 +219,48 @@ class BeliefTracker:
                 kept[person] *= missed
         self._kept = kept
         self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)
+
+
+class Outlook:
+    """What searches in the next steps will find, less what planned searches find before.
+
+    Args:
+        tracker: the beliefs; do not update it while the outlook is in use.
+        steps: the number of steps to look ahead, at least 0.
+
+    Attributes:
+        success: the probability that a search of each cell is the first to find, as in
+            `BeliefTracker.success`; float64, shape (steps + 1, N, N), indexed
+            [steps from now, y, x].
+    """
+
+    def __init__(self, tracker: BeliefTracker, steps: int) -> None:
+        size, self._tracker = tracker.scenario.grid_size, tracker
+        self._beliefs = {person: tracker.carried_ahead(person, steps) for person in tracker.missing}
+        self.success = np.zeros((steps + 1, size, size))
+        for person, beliefs in self._beliefs.items():
+            worth = tracker.worth(person)
+            for total, belief in zip(self.success, beliefs, strict=True):
+                total += worth * over_hypotheses(belief)
+        self.success /= len(tracker.missing)
+
+    def search(self, cell: Cell, ahead: int) -> None:
+        """Plan a search, and take off what it finds, wherever that would drift.
+
+        Args:
+            cell: the (x, y) to search.
+            ahead: the steps from now.
+        """
+        (x, y), last = cell, min(len(self.success) - 1, ahead + FOLLOWED)
+        for person, beliefs in self._beliefs.items():
+            found = np.zeros_like(beliefs[ahead])
+            detection = self._tracker.scenario.detections[person]
+            found[:, y, x] = detection * beliefs[ahead][:, y, x]
+            if not found.any():
+                continue
+            worth = self._tracker.worth(person) / len(self._beliefs)
+            for later in range(ahead, last + 1):
+                beliefs[later] -= found
+                self.success[later] -= worth * over_hypotheses(found)
+                if later < last:
+                    found = self._tracker.carried_on(person, found, later)
