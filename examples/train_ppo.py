@@ -55,8 +55,8 @@ UPDATE_EPOCHS = 4
 MINIBATCH_SIZE = 1024
 LEARNING_RATE = 5e-4  # at the start; annealed to a twentieth
 GAMMA = 0.99
-GAE_LAMBDA = float(os.environ.get("LAM", 0.9))
-TEAM = float(os.environ.get("TEAM", 0))  # weight of the other drones' advantages in a drone's
+GAE_LAMBDA = 0.95
+TEAM = 0.3  # weight of the other drones' advantages in a drone's
 CLIP_COEF = 0.2
 ENT_COEF = 0.0005  # at the start; annealed to zero
 VF_COEF = 0.5
@@ -190,7 +190,7 @@ def step(agent: Agent, batch: ExpectedSearches, rng: np.random.Generator) -> dic
     masked = logits.masked_fill(~torch.from_numpy(masks), -1e9)
     flat = torch.from_numpy(actions.reshape(-1, 1))
     logprobs = masked.log_softmax(dim=1).gather(1, flat)[:, 0]
-    unfound = (1.0 - batch.found).repeat(batch.n_drones)
+    unfound = left_to_find(batch)
     rewards = batch.advance(actions)
     return {
         "obs": obs.numpy(),
@@ -201,6 +201,11 @@ def step(agent: Agent, batch: ExpectedSearches, rng: np.random.Generator) -> dic
         "values": values * unfound,
         "unfound": unfound,
     }
+
+
+def left_to_find(batch: ExpectedSearches) -> NDArray[np.float64]:
+    """For each drone, the probability that nobody has been found yet: above 0, to divide by."""
+    return np.maximum(1.0 - batch.found, 1e-6).repeat(batch.n_drones)
 
 
 def with_advantages(
@@ -252,8 +257,7 @@ def rollout(
             obs = torch.from_numpy(batch.inputs().reshape(-1, INPUTS))
             with torch.no_grad():
                 values = agent.get_value(obs).numpy()
-            unfound = (1.0 - batch.found).repeat(batch.n_drones)
-            parts.append(with_advantages(steps, values * unfound, batch.n_drones))
+            parts.append(with_advantages(steps, values * left_to_find(batch), batch.n_drones))
     data = {}
     for key in parts[0]:
         joined = torch.from_numpy(np.concatenate([part[key] for part in parts]))
@@ -342,7 +346,7 @@ def save(run: Run, agent: Agent, optimizer: Any, steps: int, updates: int) -> No
 
 def main() -> None:
     description = "Train one network for all drones with PPO, on random searches."
-    parser = arguments(description, steps=300_000, short=10_000)
+    parser = arguments(description, steps=180_000, short=10_000)
     options = parser.parse_args()
     with Run(options, "PPO in one file") as run:
         train(run, options.seed)

@@ -1,7 +1,9 @@
 """Compare policies on families of random searches, exactly.
 
     python tests/benchmarks/families.py --searches 20 --policies greedy-forecast ppo planner
-    python tests/benchmarks/families.py --policies ppo runs/seed1/policy.npz runs/seed2/policy.npz
+    python tests/benchmarks/families.py --policies greedy-forecast ppo alone=runs/seed1/policy.npz
+
+alone=weights.npz stands for a network that acts without simulating the search first.
 
 Each family varies one thing: many drones, a low probability of detection, a strong drift, two
 persons, or a long time limit. Every search is a coverage mission, which plays through to the time
@@ -16,12 +18,14 @@ import argparse
 import csv
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
+from DroneSwarmSearch.policies import PPOPolicy
 
 FAMILIES = ("ordinary", "swarms", "low-detection", "strong-drift", "two-persons", "long")
 
@@ -76,6 +80,12 @@ def draw_search(rng: np.random.Generator, family: str, number: int) -> NamedSear
     return NamedSearch(f"{family}-{number}", "A random search.", scenario, drones)
 
 
+def policy_for(name: str, scenario: Scenario) -> Any:
+    """A policy as `evaluate` takes it: a name, or an object for the scenario."""
+    kind, _, path = name.partition("=")
+    return PPOPolicy(scenario, path, samples=None) if kind == "alone" else name
+
+
 def interval(values: NDArray[np.float64], rng: np.random.Generator) -> str:
     """The mean with its 95% percentile bootstrap interval, in percent."""
     means = rng.choice(values, (2000, len(values))).mean(axis=1)
@@ -101,12 +111,18 @@ def main() -> None:
         first: NDArray[np.float64] | None = None
         for name in options.policies:
             started = time.process_time()
-            results = [evaluate(name, search, episodes=1) for search in searches]
+            results = [
+                evaluate(policy_for(name, search.scenario), search, episodes=1, name=name)
+                for search in searches
+            ]
             found = np.array([result.success.value for result in results])
             seconds = time.process_time() - started
             first = found if first is None else first
             lead = "" if found is first else interval(found - first, rng)
-            print(f"{family:14} {name:30} {100 * found.mean():5.1f}  {lead:26} {seconds:5.0f} s")
+            print(
+                f"{family:14} {name:30} {100 * found.mean():5.1f}  {lead:26} {seconds:5.0f} s",
+                flush=True,
+            )
             rows += [
                 {"family": family, "search": search.name, "policy": name, "success": value}
                 for search, value in zip(searches, found.tolist(), strict=True)
