@@ -256,6 +256,41 @@ def test_drones_never_collide_or_leave_with_any_network(
     assert all(frame.found) or frame.step == 25
 
 
+class TestSimulations:
+    def success(self, policy: object, searched: Scenario) -> float:
+        """The exact probability of success, from a coverage mission."""
+        return evaluate(policy, NamedSearch("drawn", "Drawn.", searched), episodes=1).success.value
+
+    def test_with_one_person_it_is_never_below_its_parts(self) -> None:
+        rng = np.random.default_rng(7)
+        for _ in range(4):
+            drawn = scenario(
+                grid_size=12,
+                vector=rng.uniform(-1, 1, 2),
+                person_initial_position=rng.integers(0, 12, 2),
+                disperse_constant=8,
+                timestep_limit=25,
+                probability_of_detection=0.6,
+                mission="coverage",
+            )
+            parts = [PPOPolicy(drawn, samples=None), make("greedy-forecast", drawn)]
+            best = max(self.success(part, drawn) for part in parts)
+            found = self.success(PPOPolicy(drawn), drawn)
+            assert found >= best - 1e-9
+            fewer = self.success(PPOPolicy(drawn, samples=0), drawn)
+            assert fewer == pytest.approx(best) and found >= fewer - 1e-9
+
+    def test_finds_the_second_person_after_the_first(self) -> None:
+        two = scenario(grid_size=6, person_initial_position=[(1, 0), (5, 5)], timestep_limit=60)
+        search = NamedSearch("two", "Two persons.", two)
+        assert evaluate("ppo", search, episodes=40).success.value > 0.5
+
+    @pytest.mark.parametrize(("samples", "error"), [(-1, ValueError), (1.5, TypeError)])
+    def test_rejects_invalid_numbers_of_samples(self, samples: Any, error: type) -> None:
+        with pytest.raises(error, match="samples must be"):
+            PPOPolicy(scenario(), samples=samples)
+
+
 class TestDefaultWeights:
     def test_are_small_and_need_no_pickle(self) -> None:
         assert DEFAULT_WEIGHTS.stat().st_size < 500_000
