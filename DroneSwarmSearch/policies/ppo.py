@@ -41,7 +41,7 @@ HORIZON = 500
 """The most steps to simulate, which bounds time and memory."""
 
 CACHED_PLANS = 4096
-"""The most simulations to keep for other searches from the same start cells."""
+"""The most simulations to keep for other searches that reach the same situation."""
 
 OUTPUTS = 2
 """Outputs of the network in each view: the scores of flying straight ahead and of searching."""
@@ -52,6 +52,10 @@ MAX_BYTES = 2**28
 DEFAULT_WEIGHTS = Path(__file__).with_name("ppo.npz")
 """The packaged weights."""
 
+
+_PlanKey = tuple[Any, ...]
+"""Step, drones' cells and missing persons at every plan made in a search. With the scenario it
+determines the plan."""
 
 _Act = Callable[[BeliefTracker, list[Cell]], list[int]]
 """The actions of one step, given the beliefs and every drone's cell."""
@@ -188,9 +192,9 @@ class PPOPolicy(SwarmPolicy):
     step, the policy therefore simulates the search several times: with the network's best
     actions, with `samples` samples of its actions, and with greedy search on the forecast
     (`ForecastGreedyPolicy`). It follows the actions of the simulation with the greatest
-    probability of success until a find, and then the network. With one person it is at least as
-    successful as each of them (parallel rollout: H. S. Chang, R. Givan, E. K. P. Chong, Discrete
-    Event Dynamic Systems 14:309, 2004).
+    probability of success until a find, and then simulates the rest without samples. With one
+    person it is at least as successful as each of them (parallel rollout: H. S. Chang, R. Givan,
+    E. K. P. Chong, Discrete Event Dynamic Systems 14:309, 2004).
 
     Source: J. Schulman, F. Wolski, P. Dhariwal, A. Radford, O. Klimov, Proximal policy
     optimization algorithms, 2017.
@@ -215,9 +219,9 @@ class PPOPolicy(SwarmPolicy):
         self._arrivals = Arrivals(scenario.grid_size, scenario.n_drones)
         self._neighbours, self._positions = grid_of(scenario.grid_size)
         self._tracker = BeliefTracker(scenario)
-        # In a coverage mission nobody is found, and beliefs are those after unsuccessful searches.
-        self._unfound = BeliefTracker(replace(scenario, mission="coverage"))
-        self._plans: dict[tuple[Cell, ...], _Plan] = {}  # by the drones' start cells
+        # In a coverage mission nobody is found, as in the simulations.
+        self._coverage = replace(scenario, mission="coverage")
+        self._plans: dict[_PlanKey, _Plan] = {}
 
     def begin(self) -> _Memory:
         return _Memory(copy.deepcopy(self._tracker))
@@ -225,8 +229,10 @@ class PPOPolicy(SwarmPolicy):
     def choose(self, memory: _Memory, cells: list[Cell], matrix: Singles) -> Sequence[int]:
         tracker = memory.tracker
         tracker.observe(matrix)
-        if tracker.step == 0 and self._samples is not None:
-            memory.plan = self._best_plan(tuple(cells), self._samples)
+        if self._samples is not None and tracker.missing != memory.missing:
+            key = (*memory.key, tracker.step, tuple(cells), tracker.missing)
+            memory.plan = self._best_plan(key, tracker, cells)
+            memory.key, memory.first, memory.missing = key, tracker.step, tracker.missing
         actions = memory.planned(cells)
         if actions is None:
             actions = self._preferred(tracker, cells)
@@ -253,30 +259,33 @@ class PPOPolicy(SwarmPolicy):
         actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
         return actions
 
-    def _best_plan(self, cells: tuple[Cell, ...], samples: int) -> _Plan:
-        """The most successful simulation from these start cells."""
-        if cells not in self._plans:
-            greedy = ForecastGreedyPolicy(self._unfound.scenario)
+    def _best_plan(self, key: _PlanKey, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
+        """The most successful simulation of the rest of a search."""
+        if key not in self._plans:
+            greedy = ForecastGreedyPolicy(self._coverage)
 
             def act_greedily(tracker: BeliefTracker, cells: list[Cell]) -> list[int]:
                 return [*map(int, greedy.choose(copy.deepcopy(tracker), cells, tracker.matrix()))]
 
             candidates: list[_Act] = [self._preferred, act_greedily]
-            for seed in range(samples):
+            # After a find there are many continuations: samples would take too long.
+            for seed in range(self._samples or 0 if tracker.step == 0 else 0):
                 candidates.append(partial(self._preferred, rng=np.random.default_rng(seed)))
-            plans = [self._simulated(act, cells) for act in candidates]
+            plans = [self._simulated(act, tracker, cells) for act in candidates]
             if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
-            self._plans[cells] = max(plans, key=lambda plan: plan.success)
-        return self._plans[cells]
+            self._plans[key] = max(plans, key=lambda plan: plan.success)
+        return self._plans[key]
 
-    def _simulated(self, act: _Act, start: tuple[Cell, ...]) -> _Plan:
-        """The search until the time limit or `HORIZON` if nobody is found."""
-        scenario, size = self._unfound.scenario, self.scenario.grid_size
-        tracker, cells = copy.deepcopy(self._unfound), list(start)
-        unfound = np.ones(len(scenario.detections))
+    def _simulated(self, act: _Act, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
+        """The search until the time limit, or for `HORIZON` steps, if nobody is found."""
+        size, missing = self.scenario.grid_size, tracker.missing
+        tracker = copy.deepcopy(tracker)
+        tracker.scenario = self._coverage
+        unfound = dict.fromkeys(missing, 1.0)
+        remaining = max(self.scenario.timestep_limit - tracker.step, 1)
         steps = []
-        for _ in range(min(scenario.timestep_limit, HORIZON)):
+        for _ in range(min(remaining, HORIZON)):
             actions = act(tracker, cells)
             steps.append((cells, actions))
             numbers = [y * size + x for x, y in cells]
@@ -286,13 +295,13 @@ class PPOPolicy(SwarmPolicy):
                 if action == Action.SEARCH
             ]
             if searched:
-                for person, detection in enumerate(scenario.detections):
+                for person in missing:
                     within = float(tracker.belief(person).reshape(-1)[searched].sum())
-                    unfound[person] *= max(1.0 - detection * within, 0.0)
+                    unfound[person] *= max(1.0 - self.scenario.detections[person] * within, 0.0)
             tracker.update(cells, actions)
             moved = zip(numbers, actions, strict=True)
             cells = [self._positions[self._neighbours[cell][action]] for cell, action in moved]
-        found = 1.0 - unfound
+        found = 1.0 - np.array([*unfound.values()])
         is_rescue = self.scenario.mission == "rescue"
         return _Plan(float(found.prod() if is_rescue else found.mean()), steps)
 
@@ -317,21 +326,27 @@ class _Memory:
     Attributes:
         tracker: the beliefs.
         plan: the simulation to follow until a find; shared between searches, never changed.
+        first: the step in which the plan begins.
+        missing: the persons missing then.
+        key: the plan's key in the cache.
     """
 
     tracker: BeliefTracker
     plan: _Plan | None = None
+    first: int = 0
+    missing: tuple[int, ...] = ()
+    key: _PlanKey = ()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Memory:
         return replace(self, tracker=copy.deepcopy(self.tracker, memo))
 
     def planned(self, cells: list[Cell]) -> list[int] | None:
         """The actions of this step in the plan; None where the search has left the plan."""
-        step, everyone = self.tracker.step, len(self.tracker.forecasts)
+        step = self.tracker.step - self.first
         if self.plan is None or step >= len(self.plan.steps):
             return None
         expected, actions = self.plan.steps[step]
-        return actions if expected == cells and len(self.tracker.missing) == everyone else None
+        return actions if expected == cells else None
 
 
 @lru_cache(maxsize=1)
