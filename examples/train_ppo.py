@@ -2,19 +2,22 @@
 
     python examples/train_ppo.py --out runs/ppo
 
-This script trained the package's policy "ppo". Every episode is a different search: the drift,
-the person's start, the dispersion and the drones' start cells are drawn at random, on grids of
-three sizes with one to eight drones. Observations in the layout "crops" have the same length in
-all of them, so one network serves any grid and any number of drones. The weights are saved as
-policy.npz, which the package runs without PyTorch:
+This script trained the package's policy "ppo". Every search is different: the grid, the number of
+drones, the persons and their drift, the probability of detection and the time limit are drawn at
+random. The inputs (`policies.arrivals`) have one length for all of them, so one network serves
+any search. The weights are saved as policy.npz, which the package runs without PyTorch:
 
     PPOPolicy(env.scenario, "runs/ppo/policy.npz")
 
-Structure and names follow CleanRL (S. Huang et al., JMLR 23, 2022). Two things are specific to
+Structure and names follow CleanRL (S. Huang et al., JMLR 23, 2022). Four things are specific to
 search:
 
-- The reward of a search action is its probability of success instead of its outcome. The
-  return has the same mean as a reward for finding the person, and a much lower variance.
+- Searches are simulated in expectation (`training.ExpectedSearches`): nobody is found, and the
+  reward of a search action is the probability of success that it adds. It has the same mean as a
+  reward for finding the person, and no sampling error.
+- The network starts as greedy search on the forecast and learns what to add: its last layer also
+  sees the greedy scores, and begins with them (residual policy learning: T. Silver et al., 2018).
+- The network scores all four directions in the same way, so it need not learn four times.
 - The drones of a swarm choose one after another, and each knows where the earlier ones are
   going. They never collide.
 """
@@ -22,7 +25,6 @@ search:
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from typing import Any
 
 # Set before PyTorch starts its threads, which otherwise spin while they wait for each other.
@@ -33,207 +35,242 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from DroneSwarmSearch import Action, Ending
+from DroneSwarmSearch import Action, Drift, Person, Scenario
 from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
-from DroneSwarmSearch.training import Run, arguments, compare_with_baselines
-from DroneSwarmSearch.vector import DroneVectorEnv, Sampler
+from DroneSwarmSearch.training import ExpectedSearches, Run, arguments, compare_with_baselines
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
-
-Parameters = dict[str, Any]
-
-BATCHES: tuple[tuple[Parameters, Parameters], ...] = (
-    ({"grid_size": 40, "n_drones": 4}, {"num_swarms": 144}),
-    ({"grid_size": 30, "n_drones": 8}, {"num_swarms": 40, "timestep_limit": 80}),
-    ({"grid_size": 20, "n_drones": 2}, {"num_swarms": 192, "probability_of_detection": 0.6}),
-    ({"grid_size": 20, "n_drones": 1}, {"num_swarms": 192, "timestep_limit": 80}),
-)
-"""The batches that the network is trained on: the size of each, and its other parameters."""
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""
 
-HIDDEN = 128  # units in each of the two hidden layers
-NUM_STEPS = 32  # steps of each environment between updates
-UPDATE_EPOCHS = 3
-MINIBATCH_SIZE = 2048
-LEARNING_RATE = 1e-3  # at the start; annealed to a twentieth
+BATCHES = 8  # batches of searches, each of one size
+DRONES = 64  # drones in a batch, in all its searches together
+HIDDEN = 64  # units in each of the two hidden layers
+BASELINE_SCALE = 15.0  # of the greedy scores in the logits at the start
+NUM_STEPS = 32  # steps of each batch between updates
+WARM_UP = 4  # updates of the critic alone, before the actor changes
+UPDATE_EPOCHS = 4
+MINIBATCH_SIZE = 1024
+LEARNING_RATE = 5e-4  # at the start; annealed to a twentieth
 GAMMA = 0.99
 GAE_LAMBDA = 0.95
+TEAM = 0.3  # weight of the other drones' advantages in a drone's
 CLIP_COEF = 0.2
-ENT_COEF = 0.003  # at the start; annealed to zero
-VF_COEF = 2.0
+ENT_COEF = 0.0005  # at the start; annealed to zero
+VF_COEF = 0.5
 MAX_GRAD_NORM = 0.5
+ENOUGH = 0.93  # mean probability of success at which a batch ends before its time limit
 NUM_ACTIONS = len(Action) - 1  # all but idling: a search is free here and never worse
 
-
-def sampler(grid_size: int, n_drones: int) -> Sampler:
-    """Draw random searches; the drift is at most half a cell per step along each axis."""
-    bands = np.linspace(0, grid_size, n_drones + 1).astype(int)
-
-    def draw(rng: Any) -> Mapping[str, Any]:
-        # Start cells: either a row of neighbours, or one cell in each band of the grid.
-        first = rng.integers(0, grid_size**2 - n_drones)
-        in_line = np.stack(np.divmod(first[:, None] + np.arange(n_drones), grid_size)[::-1], -1)
-        x = rng.integers(0, grid_size, n_drones)
-        y = rng.integers(bands[:-1], bands[1:], n_drones)
-        together = rng.random()[:, None, None] < 0.5
-        return {
-            "vector": rng.uniform(-0.5, 0.5, 2),
-            "person_initial_position": rng.integers(0, grid_size, (1, 2)),
-            "disperse_constant": np.exp(rng.uniform(0.0, np.log(15.0))),
-            "drones_positions": np.where(together, in_line, np.stack([x, y], -1)),
-        }
-
-    return draw
+_FROM_VIEW = torch.from_numpy(np.argsort(VIEWS, axis=1))
 
 
-def mlp(inputs: int, outputs: int, std: float) -> nn.Sequential:
-    last = nn.Linear(HIDDEN, outputs)
-    nn.init.orthogonal_(last.weight, std)
-    nn.init.zeros_(last.bias)
-    return nn.Sequential(
-        nn.Linear(inputs, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(), last
-    )
+def draw_person(rng: np.random.Generator, grid_size: int, speed: float, pod: float) -> Person:
+    """A person with one or two hypotheses; the faster the drift, the farther upwind the start."""
+    known = rng.random() < 0.5
+    drifts = []
+    for _ in range(rng.choice([1, 1, 2])):
+        angle = rng.uniform(0.0, 2 * np.pi)
+        towards = np.array([np.cos(angle), np.sin(angle)])
+        start = rng.uniform(0, grid_size, 2)
+        if speed > 0.4:  # the person crosses the grid instead of waiting at its border
+            middle = rng.normal(size=2) * grid_size / 8 + (grid_size - 1) / 2
+            start = middle - towards * rng.uniform(0.0, 0.5) * grid_size
+        start = start.clip(0, grid_size - 1).astype(int)
+        drifts.append(
+            Drift(
+                (int(start[0]), int(start[1])),
+                start_sd=0.0 if known else rng.uniform(0.5, grid_size / 8),
+                vector=tuple(speed * towards),
+                vector_sd=0.0 if known else rng.uniform(0.0, 0.08),
+                diffusion=np.exp(rng.uniform(np.log(0.01), np.log(0.6))),
+            )
+        )
+    return Person(drifts, pod)
+
+
+def draw_searches(rng: np.random.Generator) -> ExpectedSearches:
+    """A batch of searches of one size, with drifts of up to 1.6 cells per step."""
+    n_drones = int(rng.choice([1, 1, 1, 2, 2, 3, 4, 5, 6, 8, 10, 12, 16]))
+    size = int(rng.integers(15, 46) if n_drones < 6 else rng.integers(25, 46))
+    is_long = rng.random() < 0.35
+    limit = int(rng.integers(120, 500) if is_long else rng.integers(2 * size, 4 * size))
+    speed = rng.choice([0.0, rng.uniform(0.0, 0.7), rng.uniform(0.7, 1.6)], p=[0.1, 0.54, 0.36])
+    persons = int(rng.choice([1, 1, 1, 2]))
+    scenarios, starts = [], []
+    for _ in range(min(max(DRONES // n_drones, 4), 24)):
+        pod = float(rng.choice([0.3, 0.4, 0.5, 0.7, 0.85, 1.0]))
+        scenarios.append(
+            Scenario(
+                grid_size=size,
+                n_drones=n_drones,
+                timestep_limit=limit,
+                persons=[draw_person(rng, size, speed, pod) for _ in range(persons)],
+            )
+        )
+        # Start cells: a row of neighbours, or anywhere.
+        first = int(rng.integers(0, size**2 - n_drones))
+        in_line = np.arange(first, first + n_drones)
+        cells = in_line if rng.random() < 0.5 else rng.permutation(size**2)[:n_drones]
+        starts.append(np.stack([cells % size, cells // size], -1))
+    return ExpectedSearches(scenarios, starts)
+
+
+class Views(nn.Module):
+    """A perceptron that observes the inputs in four views; its last layer also sees the inputs.
+
+    The form of `policies.ppo.Network`: shape (n, INPUTS) to shape (n, 4, outputs).
+    """
+
+    def __init__(self, outputs: int, std: float) -> None:
+        super().__init__()
+        self.first, self.second = nn.Linear(INPUTS, HIDDEN), nn.Linear(HIDDEN, HIDDEN)
+        self.last = nn.Linear(HIDDEN + INPUTS, outputs)
+        nn.init.orthogonal_(self.first.weight)
+        nn.init.orthogonal_(self.last.weight[:, :HIDDEN], std)
+        nn.init.zeros_(self.last.weight[:, HIDDEN:])
+        nn.init.zeros_(self.last.bias)
+
+    def forward(self, inputs: torch.Tensor) -> torch.Tensor:
+        hidden = torch.relu(_in_views(inputs, self.first.weight) + self.first.bias)
+        hidden = torch.relu(self.second(hidden))
+        of_hidden, of_inputs = self.last.weight.split([HIDDEN, INPUTS], dim=1)
+        return hidden @ of_hidden.T + _in_views(inputs, of_inputs) + self.last.bias
+
+
+def _in_views(inputs: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """`inputs[:, VIEWS] @ weight.T`, but the weights are turned instead of the inputs."""
+    turned = weight.T[_FROM_VIEW].permute(1, 0, 2)  # [input, view, unit]
+    return (inputs @ turned.reshape(INPUTS, -1)).reshape(len(inputs), len(TURNS), -1)
 
 
 class Agent(nn.Module):
     """Actor and critic, which every drone shares."""
 
-    def __init__(self, inputs: int) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.actor = mlp(inputs, NUM_ACTIONS, std=0.01)
-        self.critic = mlp(inputs, 1, std=0.1)
+        self.actor, self.critic = Views(2, std=0.01), Views(1, std=0.1)
+        with torch.no_grad():
+            for output, place in enumerate(BASELINE):
+                self.actor.last.weight[output, HIDDEN + place] = BASELINE_SCALE
+                # The same with the wider view decides between equal scores.
+                self.actor.last.weight[output, HIDDEN + place + 5] = BASELINE_SCALE / 50
+
+    def get_logits(self, obs: torch.Tensor) -> torch.Tensor:
+        """Logits of the actions, shape (n, NUM_ACTIONS)."""
+        outputs = self.actor(obs)
+        moves = outputs[:, np.argsort(TURNS), 0]
+        return torch.cat([moves, outputs[:, :, 1].mean(dim=1, keepdim=True)], dim=1)
 
     def get_value(self, obs: torch.Tensor) -> torch.Tensor:
-        """Values, shape (n,), of observations of n drones."""
-        value: torch.Tensor = self.critic(obs)[:, 0]
+        """Expected returns relative to the probability that nobody has been found yet: (n,)."""
+        value: torch.Tensor = self.critic(obs)[:, :, 0].mean(dim=1)
         return value
 
     def network(self) -> Network:
         """The actor in the form that the package runs in NumPy."""
-        layers = [layer for layer in self.actor if isinstance(layer, nn.Linear)]
+        layers = (self.actor.first, self.actor.second, self.actor.last)
         return Network(
             [(layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in layers]
         )
 
 
-class Searches:
-    """A batch of searches of one size, stepped with logits instead of actions."""
-
-    def __init__(self, seed: int, **parameters: Any) -> None:
-        self.envs = DroneVectorEnv(observation="crops", **parameters)
-        self.batch = self.envs.batch
-        scenario = self.batch.scenario_of(0)
-        self.grid_size, self.n_drones = scenario.grid_size, scenario.n_drones
-        self.timestep_limit = scenario.timestep_limit
-        self.detection = scenario.detections[0]
-        self.obs, _ = self.envs.reset(seed=seed)
-        self.episode_returns = np.zeros(len(self.batch.ended))
-        self.steps = 0
-
-    def step(
-        self, logits: NDArray[np.float32], rng: np.random.Generator, statistics: Statistics
-    ) -> dict[str, NDArray[Any]]:
-        """Sample the actions of all drones, and step; returns the transitions."""
-        logits = logits.reshape(-1, self.n_drones, NUM_ACTIONS)
-        cells = self.batch.cells
-        # The largest of logits with Gumbel noise is a sample from their softmax.
-        noisy = logits + rng.gumbel(size=logits.shape)
-        actions, masks = choose_in_turn(noisy, cells, self.grid_size)
-
-        # The probability that a search finds the person: it is there, and it is detected.
-        rewards = np.zeros(actions.shape, np.float32)
-        rows, drones = (actions == Action.SEARCH).nonzero()
-        rewards[rows, drones] = self.detection * self.batch.probabilities(rows, cells[rows, drones])
-
-        valid = ~self.batch.ended.repeat(self.n_drones)  # others reset, and ignore the action
-        self.obs, _, dones, _, _ = self.envs.step(actions.reshape(-1))
-        self.steps += 1
-        statistics.add(self)
-        return {
-            "actions": actions.reshape(-1),
-            "masks": masks.reshape(-1, NUM_ACTIONS),
-            "rewards": rewards.reshape(-1),
-            "dones": dones,
-            "valid": valid,
-        }
+def step(agent: Agent, batch: ExpectedSearches, rng: np.random.Generator) -> dict[str, Any]:
+    """Sample the actions of all drones of a batch, and step; returns the transitions."""
+    obs = torch.from_numpy(batch.inputs().reshape(-1, INPUTS))
+    with torch.no_grad():
+        logits, values = agent.get_logits(obs), agent.get_value(obs).numpy()
+    # The largest of logits with Gumbel noise is a sample from their softmax.
+    noisy = logits.numpy() + rng.gumbel(size=logits.shape)
+    by_swarm = noisy.reshape(*batch.positions.shape[:2], NUM_ACTIONS)
+    actions, masks = choose_in_turn(by_swarm, batch.cells, batch.grid_size)
+    masks = masks.reshape(-1, NUM_ACTIONS)
+    masked = logits.masked_fill(~torch.from_numpy(masks), -1e9)
+    flat = torch.from_numpy(actions.reshape(-1, 1))
+    logprobs = masked.log_softmax(dim=1).gather(1, flat)[:, 0]
+    unfound = left_to_find(batch)
+    rewards = batch.advance(actions)
+    return {
+        "obs": obs.numpy(),
+        "actions": actions.reshape(-1),
+        "masks": masks,
+        "logprobs": logprobs.numpy(),
+        "rewards": rewards.reshape(-1),
+        "values": values * unfound,
+        "unfound": unfound,
+    }
 
 
-class Statistics:
-    """Returns and successes of the episodes that ended since the last row of the curve.
+def left_to_find(batch: ExpectedSearches) -> NDArray[np.float64]:
+    """For each drone, the probability that nobody has been found yet: above 0, to divide by."""
+    return np.maximum(1.0 - batch.found, 1e-6).repeat(batch.n_drones)
 
-    Batched episodes start together, so the first to end are the successful ones. Episodes of
-    the first two time limits are left out for that reason.
+
+def with_advantages(
+    steps: list[dict[str, Any]], nextvalues: NDArray[Any] | float, n_drones: int
+) -> dict[str, NDArray[Any]]:
+    """The transitions of one batch with advantages and returns, flattened.
+
+    Args:
+        steps: the transitions of consecutive steps.
+        nextvalues: the values after the last one; 0 after the end of the searches.
+        n_drones: drones in each search.
     """
-
-    def __init__(self) -> None:
-        self.returns: list[float] = []
-        self.found: list[bool] = []
-
-    def add(self, searches: Searches) -> None:
-        searches.episode_returns += searches.batch.rewards.mean(axis=1)
-        ended = searches.batch.ended
-        if searches.steps > 2 * searches.timestep_limit:
-            self.returns += searches.episode_returns[ended].tolist()
-            self.found += (searches.batch.endings[ended] == Ending.FOUND).tolist()
-        searches.episode_returns[ended] = 0.0
-
-    def take(self) -> dict[str, float | None]:
-        """The mean return of a drone and the success rate; starts over."""
-        episodes = len(self.found)
-        reward = sum(self.returns) / episodes if episodes else None
-        found = sum(self.found) / episodes if episodes else None
-        self.returns, self.found = [], []
-        return {"reward": reward, "found": found}
+    data = {key: np.stack([each[key] for each in steps]) for key in steps[0]}
+    rewards, values = data.pop("rewards"), data.pop("values")
+    advantages, lastgaelam = np.zeros_like(values), 0.0
+    for t in reversed(range(len(steps))):
+        delta = rewards[t] + GAMMA * nextvalues - values[t]
+        lastgaelam = delta + GAMMA * GAE_LAMBDA * lastgaelam
+        advantages[t], nextvalues = lastgaelam, values[t]
+    data["returns"] = (advantages + values) / data["unfound"]
+    by_swarm = advantages.reshape(len(steps), -1, n_drones)
+    others = by_swarm.sum(axis=2, keepdims=True) - by_swarm
+    data["advantages"] = (by_swarm + TEAM * others).reshape(values.shape)
+    return {key: each.reshape(-1, *each.shape[2:]) for key, each in data.items()}
 
 
 def rollout(
-    agent: Agent, batches: list[Searches], rng: np.random.Generator, statistics: Statistics
-) -> dict[str, torch.Tensor]:
-    """Step all searches; returns the transitions with advantages and returns, flattened."""
-    num_drones = sum(searches.envs.num_envs for searches in batches)
-    obs = np.empty((NUM_STEPS + 1, num_drones, *batches[0].obs.shape[1:]), np.float32)
-    steps: list[dict[str, NDArray[Any]]] = []
-    for next_obs in obs[:-1]:
-        np.concatenate([searches.obs for searches in batches], out=next_obs)
-        with torch.no_grad():
-            inputs = torch.from_numpy(next_obs)
-            logits, values = agent.actor(inputs), agent.get_value(inputs)
-        first, parts = 0, []
-        for searches in batches:
-            last = first + searches.envs.num_envs
-            parts.append(searches.step(logits[first:last].numpy(), rng, statistics))
-            first = last
-        step = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-        masked = logits.masked_fill(~torch.from_numpy(step["masks"]), -torch.inf)
-        actions = torch.from_numpy(step["actions"])[:, None]
-        logprobs = masked.log_softmax(dim=1).gather(1, actions)[:, 0]
-        steps.append({"values": values.numpy(), "logprobs": logprobs.numpy(), **step})
+    agent: Agent, batches: list[ExpectedSearches], rng: np.random.Generator
+) -> tuple[dict[str, torch.Tensor], list[ExpectedSearches], int]:
+    """Step all batches, and replace those that end.
 
-    np.concatenate([searches.obs for searches in batches], out=obs[-1])
-    with torch.no_grad():
-        nextvalues = agent.get_value(torch.from_numpy(obs[-1])).numpy()
-    data = {key: np.stack([step[key] for step in steps]) for key in steps[0]}
-    advantages = np.zeros_like(data["values"])
-    lastgaelam = np.zeros_like(nextvalues)
-    for t in reversed(range(NUM_STEPS)):
-        # The time limit is terminal as well: the drones observe the remaining time.
-        nextnonterminal = 1.0 - data["dones"][t]
-        delta = data["rewards"][t] + GAMMA * nextnonterminal * nextvalues - data["values"][t]
-        lastgaelam = delta + GAMMA * GAE_LAMBDA * nextnonterminal * lastgaelam
-        advantages[t], nextvalues = lastgaelam, data["values"][t]
-    transitions = {
-        "obs": obs[:-1],
-        "advantages": advantages,
-        "returns": advantages + data["values"],
-        **{key: data[key] for key in ("actions", "masks", "logprobs", "valid")},
-    }
-    return {key: torch.from_numpy(each).flatten(0, 1) for key, each in transitions.items()}
+    Returns:
+        The transitions of all drones, the batches that ended, and the number of steps of all
+        searches.
+    """
+    parts, ended, count = [], [], 0
+    for number in range(len(batches)):
+        steps: list[dict[str, Any]] = []
+        for _ in range(NUM_STEPS):
+            batch = batches[number]
+            steps.append(step(agent, batch, rng))
+            count += len(batch.positions)
+            # The time limit is terminal: the drones observe the remaining time.
+            if batch.step == batch.timestep_limit or batch.found.mean() > ENOUGH:
+                parts.append(with_advantages(steps, 0.0, batch.n_drones))
+                steps, batches[number] = [], draw_searches(rng)
+                ended.append(batch)
+        if steps:
+            obs = torch.from_numpy(batch.inputs().reshape(-1, INPUTS))
+            with torch.no_grad():
+                values = agent.get_value(obs).numpy()
+            parts.append(with_advantages(steps, values * left_to_find(batch), batch.n_drones))
+    data = {}
+    for key in parts[0]:
+        joined = torch.from_numpy(np.concatenate([part[key] for part in parts]))
+        data[key] = joined.float() if joined.is_floating_point() else joined
+    return data, ended, count
 
 
 def update(
-    agent: Agent, optimizer: torch.optim.Optimizer, data: dict[str, torch.Tensor], frac: float
+    agent: Agent,
+    optimizer: torch.optim.Optimizer,
+    data: dict[str, torch.Tensor],
+    frac: float,
+    only_critic: bool = False,
 ) -> float:
     """Update the agent; `frac` is the fraction of the training that remains.
 
@@ -241,21 +278,25 @@ def update(
     """
     for group in optimizer.param_groups:
         group["lr"] = LEARNING_RATE * max(frac, 0.05)
-    valid, entropy = data["valid"].nonzero()[:, 0], torch.zeros(())
+    scale = data["advantages"].square().mean().sqrt() + 1e-8
+    advantages, entropy = (data["advantages"] / scale).clamp(-5.0, 5.0), torch.zeros(())
     for _ in range(UPDATE_EPOCHS):
-        for mb_inds in valid[torch.randperm(len(valid))].split(MINIBATCH_SIZE):
+        for mb_inds in torch.randperm(len(advantages)).split(MINIBATCH_SIZE):
             mb = {key: values[mb_inds] for key, values in data.items()}
-            logits = agent.actor(mb["obs"]).masked_fill(~mb["masks"], -1e9)
+            # Late in a search little is left to find, and the value matters less.
+            errors = mb["unfound"] * (agent.get_value(mb["obs"]) - mb["returns"]).square()
+            v_loss = errors.mean() / (mb["unfound"] * mb["returns"].square()).mean().clamp(1e-6)
+            logits = agent.get_logits(mb["obs"]).masked_fill(~mb["masks"], -1e9)
             all_logprobs = logits.log_softmax(dim=1)
             newlogprob = all_logprobs.gather(1, mb["actions"][:, None])[:, 0]
             ratio = (newlogprob - mb["logprobs"]).exp()
-            advantages = mb["advantages"]
-            advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+            mb_advantages = advantages[mb_inds] - advantages[mb_inds].mean()
             clipped = ratio.clamp(1 - CLIP_COEF, 1 + CLIP_COEF)
-            pg_loss = -torch.min(ratio * advantages, clipped * advantages).mean()
-            v_loss = (agent.get_value(mb["obs"]) - mb["returns"]).square().mean()
+            pg_loss = -torch.min(ratio * mb_advantages, clipped * mb_advantages).mean()
             entropy = -(all_logprobs.exp() * all_logprobs).sum(dim=1).mean()
-            loss = pg_loss - ENT_COEF * frac * entropy + VF_COEF * v_loss
+            loss = VF_COEF * v_loss
+            if not only_critic:
+                loss = loss + pg_loss - ENT_COEF * frac * entropy
             optimizer.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(agent.parameters(), MAX_GRAD_NORM)
@@ -265,52 +306,48 @@ def update(
 
 def train(run: Run, seed: int) -> None:
     torch.manual_seed(seed)
-    first_seed, checkpoint = seed, None
+    agent, checkpoint = Agent(), None
+    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5)
     if run.resuming:
         checkpoint = torch.load(run.checkpoint, weights_only=True)
         run.resume_from(checkpoint["steps"])
-        first_seed += checkpoint["steps"]  # new searches
-    batches = [
-        Searches(
-            first_seed + 10_000_019 * number,
-            sampler=sampler(**size),
-            bayesian_update=True,
-            **size,
-            **parameters,
-        )
-        for number, (size, parameters) in enumerate(BATCHES)
-    ]
-    agent = Agent(batches[0].obs.shape[1])
-    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    if checkpoint is not None:
         agent.load_state_dict(checkpoint["agent"])
         optimizer.load_state_dict(checkpoint["optimizer"])
-    rng, statistics = np.random.default_rng(first_seed), Statistics()
-    steps_per_rollout = NUM_STEPS * sum(parameters["num_swarms"] for _, parameters in BATCHES)
-
-    if checkpoint is None:
-        save(run, agent, optimizer, 0)
+    else:
+        save(run, agent, optimizer, 0, 0)
+    rng = np.random.default_rng([seed, run.steps_done])  # new searches after a resume
+    batches = [draw_searches(rng) for _ in range(BATCHES)]
+    updates = 0 if checkpoint is None else checkpoint["updates"]
     while run.steps_done < run.total_steps:
         frac = 1.0 - run.steps_done / run.total_steps
-        data = rollout(agent, batches, rng, statistics)
-        entropy = update(agent, optimizer, data, frac)
-        steps = run.steps_done + steps_per_rollout
-        save(run, agent, optimizer, steps)
-        run.log(steps, entropy=entropy, **statistics.take())
+        data, ended, count = rollout(agent, batches, rng)
+        entropy = update(agent, optimizer, data, frac, only_critic=updates < WARM_UP)
+        steps, updates = run.steps_done + count, updates + 1
+        save(run, agent, optimizer, steps, updates)
+        found = [min(float(batch.found.mean()), 1.0) for batch in ended]
+        returns = [each / batch.n_drones for each, batch in zip(found, ended, strict=True)]
+        mean = {"reward": np.mean(returns), "found": np.mean(found)} if ended else {}
+        run.log(steps, entropy=entropy, **mean)
 
 
-def save(run: Run, agent: Agent, optimizer: torch.optim.Optimizer, steps: int) -> None:
+def save(run: Run, agent: Agent, optimizer: Any, steps: int, updates: int) -> None:
     """Save the weights, then the checkpoint, whose number of steps --resume relies on."""
     with run.saving("policy.npz") as path:
         agent.network().save(path)
-    state = {"agent": agent.state_dict(), "optimizer": optimizer.state_dict(), "steps": steps}
+    state = {
+        "agent": agent.state_dict(),
+        "optimizer": optimizer.state_dict(),
+        "steps": steps,
+        "updates": updates,
+    }
     with run.saving("checkpoint.pt") as path:
         torch.save(state, path)
 
 
 def main() -> None:
     description = "Train one network for all drones with PPO, on random searches."
-    options = arguments(description, steps=12_000_000, short=130_000).parse_args()
+    parser = arguments(description, steps=180_000, short=10_000)
+    options = parser.parse_args()
     with Run(options, "PPO in one file") as run:
         train(run, options.seed)
     test = search(TEST_SEARCH)

@@ -15,12 +15,12 @@ from helpers import plain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import DroneSwarmSearch
+from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.policies.arrivals import INPUTS, VIEWS
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS, MAX_BYTES, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.wrappers.crops import LENGTH
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
 
@@ -34,32 +34,53 @@ def layers(*widths: int, seed: int = 0) -> Layers:
     ]
 
 
+def network_layers(*hidden: int, seed: int = 0) -> Layers:
+    """Random layers of a network: the last one also sees the inputs."""
+    rng, made = np.random.default_rng(seed), layers(INPUTS, *hidden, 2, seed=seed)
+    weights, biases = made[-1]
+    skip = rng.normal(size=(INPUTS, 2)).astype(np.float32)
+    return [*made[:-1], (np.concatenate([weights, skip]), biases)]
+
+
 def scenario(**parameters: Any) -> Scenario:
     return Scenario(**{"grid_size": 8, "n_drones": 2, **parameters})
 
 
 class TestNetwork:
-    def test_is_a_multilayer_perceptron_with_relu(self) -> None:
-        (first, bias), (second, offset) = made = layers(LENGTH, 4, 5)
-        seen = np.random.default_rng(1).random((3, LENGTH)).astype(np.float32)
-        hidden = seen @ first + bias
-        assert (hidden < 0).any()
-        wanted = np.where(hidden > 0, hidden, 0) @ second + offset
-        assert np.allclose(Network(made)(seen), wanted, rtol=1e-5)
+    def test_is_a_perceptron_whose_last_layer_also_sees_the_inputs(self) -> None:
+        (first, bias), (second, offset) = made = network_layers(4)
+        seen = np.random.default_rng(1).random((3, INPUTS)).astype(np.float32)
+        moves, searches = [], []
+        for view in VIEWS:  # right, down, left, up
+            hidden = seen[:, view] @ first + bias
+            assert (hidden < 0).any()
+            last = np.concatenate([np.where(hidden > 0, hidden, 0), seen[:, view]], axis=1)
+            ahead, search = (last @ second + offset).T
+            moves.append(ahead)
+            searches.append(search)
+        right, down, left, up = moves
+        wanted = np.stack([left, right, up, down, np.mean(searches, axis=0)], axis=1)
+        assert np.allclose(Network(made)(seen), wanted, rtol=1e-4, atol=1e-3)
+
+    def test_without_hidden_layers_is_linear(self) -> None:
+        ((weights, biases),) = made = layers(INPUTS, 2)
+        seen = np.random.default_rng(1).random((3, INPUTS)).astype(np.float32)
+        wanted = (seen[:, VIEWS[0]] @ weights + biases)[:, 0]
+        assert np.allclose(Network(made)(seen)[:, Action.RIGHT], wanted, rtol=1e-4, atol=1e-3)
 
     def test_is_restored_from_a_file(self, tmp_path: Path) -> None:
-        network, seen = Network(layers(LENGTH, 7, 5)), np.ones((2, LENGTH), np.float32)
+        network, seen = Network(network_layers(7)), np.ones((2, INPUTS), np.float32)
         network.save(tmp_path / "weights.npz")
         assert plain(Network.load(tmp_path / "weights.npz")(seen)) == plain(network(seen))
 
     @pytest.mark.parametrize(
         ("made", "message"),
         [
-            ([], r"layers must end in 5 outputs, .*, got \d+"),
-            (layers(LENGTH, 6), r"layers must end in 5 outputs, .*, got 6"),
-            (layers(7, 5), r"layers\[0\] must have weights of shape .*, got \(7, 5\) and \(5,\)"),
-            ([*layers(LENGTH, 8), *layers(9, 5)], r"layers\[1\] must have .*\(8, outputs\)"),
-            ([(np.zeros((LENGTH, 5)), np.zeros(4))], r"as many biases as outputs, got .*\(4,\)"),
+            ([], r"layers must end in 2 outputs, .*, got \d+"),
+            (layers(INPUTS, 6), r"layers must end in 2 outputs, .*, got 6"),
+            (layers(7, 2), r"layers\[0\] must have weights of shape .*, got \(7, 2\) and \(2,\)"),
+            (layers(INPUTS, 8, 2), rf"layers\[1\] must have .*\({INPUTS + 8}, outputs\)"),
+            ([(np.zeros((INPUTS, 2)), np.zeros(4))], r"as many biases as outputs, got .*\(4,\)"),
         ],
     )
     def test_rejects_layers_that_do_not_fit(self, made: Layers, message: str) -> None:
@@ -80,7 +101,7 @@ class TestNetwork:
     @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
     def test_rejects_unusual_compression(self, tmp_path: Path, method: int) -> None:
         whole, path = tmp_path / "whole.npz", tmp_path / "weights.npz"
-        Network(layers(LENGTH, 3, 5)).save(whole)
+        Network(network_layers(3)).save(whole)
         with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", method) as target:
             for name in source.namelist():
                 target.writestr(name, source.read(name))
@@ -89,9 +110,9 @@ class TestNetwork:
 
     def test_rejects_damaged_files(self, tmp_path: Path) -> None:
         """A flipped bit or a truncation raises a clear error or changes nothing."""
-        network, path = Network(layers(LENGTH, 3, 5)), tmp_path / "weights.npz"
+        network, path = Network(network_layers(3)), tmp_path / "weights.npz"
         network.save(path)
-        whole, seen = path.read_bytes(), np.ones((2, LENGTH), np.float32)
+        whole, seen = path.read_bytes(), np.ones((2, INPUTS), np.float32)
         wanted, refused = plain(network(seen)), 0
         rng = np.random.default_rng(0)
         structure = [
@@ -150,21 +171,21 @@ class TestNetwork:
     @pytest.mark.parametrize(
         ("arrays", "message"),
         [
-            ({"weights0": np.full((LENGTH, 5), np.nan)}, "must hold finite numbers"),
-            ({"weights0": np.full((LENGTH, 5), 1e300)}, "must hold finite numbers"),
-            ({"biases0": np.full(5, -np.inf, np.float32)}, "must hold finite numbers"),
-            ({"weights0": np.zeros((LENGTH, 5), int)}, "must hold real numbers, got int64"),
-            ({"weights0": np.zeros((5, LENGTH))}, r"layers\[0\] must have weights of shape"),
+            ({"weights0": np.full((INPUTS, 2), np.nan)}, "must hold finite numbers"),
+            ({"weights0": np.full((INPUTS, 2), 1e300)}, "must hold finite numbers"),
+            ({"biases0": np.full(2, -np.inf, np.float32)}, "must hold finite numbers"),
+            ({"weights0": np.zeros((INPUTS, 2), int)}, "must hold real numbers, got int64"),
+            ({"weights0": np.zeros((2, INPUTS))}, r"layers\[0\] must have weights of shape"),
             ({"weights0": np.float64(1.0)}, r"layers\[0\] must have weights of shape"),
             ({"biases0": np.zeros(4)}, r"layers\[0\] must have weights of shape"),
-            ({"weights1": np.zeros((5, 5))}, "must hold the arrays weights0, biases0"),
+            ({"weights1": np.zeros((2, 2))}, "must hold the arrays weights0, biases0"),
         ],
     )
     def test_rejects_wrong_arrays(
         self, tmp_path: Path, arrays: dict[str, Any], message: str
     ) -> None:
         path = tmp_path / "weights.npz"
-        np.savez(path, **{"weights0": np.zeros((LENGTH, 5)), "biases0": np.zeros(5), **arrays})
+        np.savez(path, **{"weights0": np.zeros((INPUTS, 2)), "biases0": np.zeros(2), **arrays})
         with pytest.raises(ValueError, match=rf"weights\.npz must hold .*: .*{message}"):
             Network.load(path)
 
@@ -185,8 +206,8 @@ class TestNetwork:
             Network.load(tmp_path)
 
     def test_arrays_may_be_in_either_order(self, tmp_path: Path) -> None:
-        ((weights, biases),) = layers(LENGTH, 5)
-        seen = np.ones((2, LENGTH), np.float32)
+        ((weights, biases),) = layers(INPUTS, 2)
+        seen = np.ones((2, INPUTS), np.float32)
         for order in "CF":
             path = tmp_path / f"{order}.npz"
             np.savez(path, weights0=np.array(weights, np.float64, order=order), biases0=biases)
@@ -194,7 +215,7 @@ class TestNetwork:
 
     def test_never_unpickles(self, tmp_path: Path) -> None:
         path = tmp_path / "weights.npz"
-        np.savez(path, weights0=np.array([{}], object), biases0=np.zeros(5), allow_pickle=True)
+        np.savez(path, weights0=np.array([{}], object), biases0=np.zeros(2), allow_pickle=True)
         with pytest.raises(ValueError, match="must hold a network's weights"):
             Network.load(path)
 
@@ -226,13 +247,48 @@ def test_drones_never_collide_or_leave_with_any_network(
         bayesian_update=bayesian_update,
     )
     path = tmp_path_factory.mktemp("weights") / "random.npz"
-    Network(layers(LENGTH, 8, 5, seed=seed)).save(path)
+    Network(network_layers(8, seed=seed)).save(path)
     policy = PPOPolicy(env.scenario, path)
     observations, _ = env.reset(seed=seed)
     while env.agents:
         observations, *_ = env.step(policy(observations))
     frame = env.frame()
     assert all(frame.found) or frame.step == 25
+
+
+class TestSimulations:
+    def success(self, policy: object, searched: Scenario) -> float:
+        """The exact probability of success, from a coverage mission."""
+        return evaluate(policy, NamedSearch("drawn", "Drawn.", searched), episodes=1).success.value
+
+    def test_with_one_person_it_is_never_below_its_parts(self) -> None:
+        rng = np.random.default_rng(7)
+        for _ in range(4):
+            drawn = scenario(
+                grid_size=12,
+                vector=rng.uniform(-1, 1, 2),
+                person_initial_position=rng.integers(0, 12, 2),
+                disperse_constant=8,
+                timestep_limit=25,
+                probability_of_detection=0.6,
+                mission="coverage",
+            )
+            parts = [PPOPolicy(drawn, samples=None), make("greedy-forecast", drawn)]
+            best = max(self.success(part, drawn) for part in parts)
+            found = self.success(PPOPolicy(drawn), drawn)
+            assert found >= best - 1e-9
+            fewer = self.success(PPOPolicy(drawn, samples=0), drawn)
+            assert fewer == pytest.approx(best) and found >= fewer - 1e-9
+
+    def test_finds_the_second_person_after_the_first(self) -> None:
+        two = scenario(grid_size=6, person_initial_position=[(1, 0), (5, 5)], timestep_limit=60)
+        search = NamedSearch("two", "Two persons.", two)
+        assert evaluate("ppo", search, episodes=40).success.value > 0.5
+
+    @pytest.mark.parametrize(("samples", "error"), [(-1, ValueError), (1.5, TypeError)])
+    def test_rejects_invalid_numbers_of_samples(self, samples: Any, error: type) -> None:
+        with pytest.raises(error, match="samples must be"):
+            PPOPolicy(scenario(), samples=samples)
 
 
 class TestDefaultWeights:

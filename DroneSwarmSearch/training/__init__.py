@@ -13,9 +13,17 @@ drone of a swarm acts once.
 """
 
 from DroneSwarmSearch.training.comparison import compare_with_baselines
+from DroneSwarmSearch.training.expected_searches import ExpectedSearches
 from DroneSwarmSearch.training.masks import masks_of_flat
 from DroneSwarmSearch.training.options import arguments
 from DroneSwarmSearch.training.run import Run
 from DroneSwarmSearch.training.task import TRAINING_TASK
 
-__all__ = ["TRAINING_TASK", "Run", "arguments", "compare_with_baselines", "masks_of_flat"]
+__all__ = [
+    "TRAINING_TASK",
+    "ExpectedSearches",
+    "Run",
+    "arguments",
+    "compare_with_baselines",
+    "masks_of_flat",
+]

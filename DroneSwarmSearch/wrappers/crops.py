@@ -92,6 +92,18 @@ class CropsLayout(Layout):
             :, None
         ]
 
+    def write_windows(self, positions: Positions, matrices: Singles, out: Singles) -> None:
+        """Write only the windows of probabilities.
+
+        Args:
+            positions: every drone's (x, y), shape (searches, n, 2).
+            matrices: float32, shape (searches, N, N), at least 0, at any scale.
+            out: receives the windows, scale by scale: float32, shape (searches, n, 4 * 5²).
+        """
+        highest = np.maximum(matrices.max(axis=(1, 2)), np.finfo(np.float32).tiny)
+        windows = out.reshape(*out.shape[:2], len(SCALES), WINDOW**2)
+        self._write_boxes(positions, matrices, highest, windows)
+
     def _write_boxes(
         self, positions: Positions, matrices: Singles, highest: Singles, out: Singles
     ) -> None:

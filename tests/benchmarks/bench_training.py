@@ -1,4 +1,4 @@
-"""Measure the training speed of the one-file PPO and of Stable-Baselines3.
+"""Measure the training speed of Stable-Baselines3 on single environments and on the batch.
 
     pip install torch stable-baselines3 supersuit
     python tests/benchmarks/bench_training.py
@@ -6,7 +6,6 @@
 All cases share the search, the observations (crops), the network and the settings of PPO. They
 take turns within one process; rates are environment steps per second, updates included:
 
-- one file: `examples/train_ppo.py`, on a batch of searches;
 - SB3: Stable-Baselines3's PPO on a single environment, through SuperSuit;
 - SB3, batched: the same on a batch, through `SB3VecEnv`;
 - network: only the network's forward passes and updates, an upper limit for any trainer.
@@ -16,25 +15,23 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import supersuit
 import torch
 from stable_baselines3 import PPO
 from timing import Run, Spread, take_turns
 from torch import nn
 
-from DroneSwarmSearch import DroneSwarmSearch
+from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
 
-sys.path.append(str(Path(__file__).parents[2] / "examples"))
-
-import train_ppo as example
+HIDDEN = 128  # units in each of the two hidden layers
+NUM_STEPS = 32  # steps of each environment between updates
+UPDATE_EPOCHS = 3
+MINIBATCH_SIZE = 2048
 
 SEARCH: dict[str, Any] = {
     "grid_size": 20,
@@ -45,46 +42,32 @@ SEARCH: dict[str, Any] = {
 }
 
 
-def one_file(num_swarms: int, n_drones: int) -> Run:
-    """Rollouts and updates of the example."""
-    batches = [example.Searches(0, num_swarms=num_swarms, n_drones=n_drones, **SEARCH)]
-    agent = example.Agent(batches[0].obs.shape[1])
-    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    rng, statistics = np.random.default_rng(0), example.Statistics()
-
-    def rollout_and_update() -> None:
-        data = example.rollout(agent, batches, rng, statistics)
-        example.update(agent, optimizer, data, 1.0)
-
-    return repeated(rollout_and_update, example.NUM_STEPS * num_swarms)
-
-
 def network_only(num_swarms: int, n_drones: int) -> Run:
     """The network's share of the above, on random data."""
-    num_drones = num_swarms * n_drones
     length = DroneVectorEnv(1, observation="crops").single_observation_space.shape[0]
-    agent = example.Agent(length)
-    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    size, actions = example.NUM_STEPS * num_drones, example.NUM_ACTIONS
-    obs, numbers = torch.rand(size, length), torch.rand(size)
-    data = {
-        "obs": obs,
-        "actions": torch.randint(actions, (size,)),
-        "masks": torch.ones(size, actions, dtype=torch.bool),
-        "logprobs": torch.full((size,), -math.log(actions)),
-        "advantages": numbers,
-        "returns": numbers,
-        "valid": torch.ones(size, dtype=torch.bool),
-    }
+    actor, critic = (
+        nn.Sequential(
+            *(nn.Linear(length, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU()),
+            nn.Linear(HIDDEN, outputs),
+        )
+        for outputs in (len(Action), 1)
+    )
+    optimizer = torch.optim.Adam([*actor.parameters(), *critic.parameters()], fused=True)
+    obs = torch.rand(NUM_STEPS * num_swarms * n_drones, length)
 
     def forward_and_update() -> None:
         with torch.no_grad():
-            for part in obs.split(num_drones):
-                agent.actor(part)
-                agent.get_value(part)
-        example.update(agent, optimizer, data, 1.0)
+            for part in obs.split(num_swarms * n_drones):
+                actor(part)
+                critic(part)
+        for _ in range(UPDATE_EPOCHS):
+            for part in obs.split(MINIBATCH_SIZE):
+                loss = actor(part).log_softmax(dim=1).square().mean() + critic(part).square().mean()
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
 
-    return repeated(forward_and_update, example.NUM_STEPS * num_swarms)
+    return repeated(forward_and_update, NUM_STEPS * num_swarms)
 
 
 def repeated(function: Any, steps_per_call: int) -> Run:
@@ -98,18 +81,18 @@ def repeated(function: Any, steps_per_call: int) -> Run:
 
 
 def sb3(env: Any, n_drones: int, transitions: int) -> Run:
-    """PPO of Stable-Baselines3 with the example's network and settings."""
-    hidden = [example.HIDDEN, example.HIDDEN]
+    """PPO of Stable-Baselines3 with the shared network and settings."""
+    hidden = [HIDDEN, HIDDEN]
     model = PPO(
         "MlpPolicy",
         env,
-        learning_rate=example.LEARNING_RATE,
+        learning_rate=1e-3,
         n_steps=max(transitions // env.num_envs, 1),
-        batch_size=min(example.MINIBATCH_SIZE, transitions),
-        n_epochs=example.UPDATE_EPOCHS,
-        gamma=example.GAMMA,
-        gae_lambda=example.GAE_LAMBDA,
-        ent_coef=example.ENT_COEF,
+        batch_size=min(MINIBATCH_SIZE, transitions),
+        n_epochs=UPDATE_EPOCHS,
+        gamma=0.99,
+        gae_lambda=0.95,
+        ent_coef=0.003,
         policy_kwargs={"net_arch": {"pi": hidden, "vf": hidden}, "activation_fn": nn.ReLU},
         device="cpu",
     )
@@ -145,10 +128,9 @@ def batched_env(num_swarms: int, n_drones: int) -> SB3VecEnv:
 def measure(n_drones: int, options: argparse.Namespace) -> None:
     """Measure all cases with swarms of one size, and print the rates."""
     num_swarms = options.num_swarms
-    transitions = example.NUM_STEPS * num_swarms * n_drones
+    transitions = NUM_STEPS * num_swarms * n_drones
     runs: dict[str, Run] = {
-        "one file": one_file(num_swarms, n_drones),
-        "SB3": sb3(single_env(n_drones), n_drones, example.MINIBATCH_SIZE),
+        "SB3": sb3(single_env(n_drones), n_drones, MINIBATCH_SIZE),
         "SB3, batched": sb3(batched_env(num_swarms, n_drones), n_drones, transitions),
         "network": network_only(num_swarms, n_drones),
     }
@@ -156,7 +138,7 @@ def measure(n_drones: int, options: argparse.Namespace) -> None:
         runs,
         rounds=options.rounds,
         seconds=options.seconds,
-        warm_up=example.MINIBATCH_SIZE // n_drones,
+        warm_up=MINIBATCH_SIZE // n_drones,
     )
     print(f"{n_drones} drones; medians (quartiles)")
     for name, values in rates.items():

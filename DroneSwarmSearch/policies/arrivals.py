@@ -1,0 +1,305 @@
+"""The inputs of the network "ppo": the success of searches at each drone's time of arrival.
+
+A drone that flies to a cell arrives some steps later, when the person may have drifted on. For
+every drone, `Arrivals` therefore evaluates each cell in the step in which that drone could search
+it, discounts the result by the distance, and describes it relative to the drone and to its best
+cell. The inputs do not depend on the scale of the probabilities, and have one length for all
+grids and numbers of drones, so one network serves them all.
+
+The inputs also have the four-fold symmetry of the grid: turning a search by a right angle only
+changes their order. `VIEWS` holds that order for each direction, so that a network can score
+every direction in the same way.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
+
+__all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
+
+Ints = NDArray[np.integer]
+Singles = NDArray[np.float32]
+
+NEAR, FAR = 0.7, 0.9
+"""Factors on the success of a search for every step of the way: for the best cell, as in greedy
+search, and for a wider view."""
+
+STEPS = 32
+"""The most steps to look ahead; cells farther away count as they will be in the last of them."""
+
+CLAIMED = 1e-3
+"""Factor on the success in a cell that another drone claims."""
+
+LEAST = 1e-5
+"""The least score of an action, relative to the best one's, that is distinguished from 0."""
+
+TINY = np.float32(1e-30)
+"""Replaces sums of 0 in denominators."""
+
+TURNS = (Action.RIGHT, Action.DOWN, Action.LEFT, Action.UP)
+"""The directions of the four views, each a quarter turn to the right of the one before."""
+
+NEAR_BORDER = 8
+"""Distances from the border, in cells, are distinguished up to this one."""
+
+_BOXES = len(SCALES) * WINDOW**2
+_SCORES = LENGTH + 3 * _BOXES  # of the scores: groups of four directions and a fifth number
+_GROUPS = 6
+_DRIFT = _SCORES + 5 * _GROUPS
+_BORDER = _DRIFT + 4
+_GLOBALS = _BORDER + 4
+
+INPUTS = _GLOBALS + 6
+"""The number of inputs."""
+
+BASELINE = (_SCORES, _SCORES + 4)
+"""Two of the inputs: the scores of greedy search on the forecast, for flying straight ahead and
+for searching."""
+
+
+def _views() -> NDArray[np.int64]:
+    views = np.tile(np.arange(INPUTS), (4, 1))
+    middle = WINDOW // 2
+    right, ahead = np.mgrid[-middle : middle + 1, -middle : middle + 1]
+    windows = [*range(0, LENGTH - 2, WINDOW**2), *range(LENGTH, _SCORES, WINDOW**2)]
+    directions = [*range(_SCORES, _DRIFT, 5), _DRIFT, _BORDER]
+    for turn, view in enumerate(views):
+        x, y = ((ahead, right), (-right, ahead), (-ahead, -right), (right, -ahead))[turn]
+        boxes = ((y + middle) * WINDOW + x + middle).reshape(-1)
+        for first in windows:
+            view[first : first + WINDOW**2] = first + boxes
+        for first in directions:
+            view[first : first + 4] = first + (np.arange(4) + turn) % 4
+    return views
+
+
+VIEWS = _views()
+"""The order of the inputs in each view: int64, shape (4, INPUTS).
+
+`inputs[..., VIEWS[k]]` is what a drone observes that looks in direction `TURNS[k]`: in its windows
+x points straight ahead and y to its right.
+"""
+
+
+class Arrivals:
+    """The inputs of all drones of some searches, of one size.
+
+    Each drone has `INPUTS` numbers:
+
+    - the layout "crops" (`CropsLayout`) of the success of searches now, with 0 in place of the
+      maximum's logarithm;
+    - windows as in that layout, without the drones: of the success on arrival, times ``FAR`` to
+      the power of the distance; of the same in the cells that no other drone is closer to; and of
+      the sum of the successes on arrival and in all later steps seen, so discounted, which shows
+      where a person drifts past a drone that waits;
+    - six groups of scores of the directions in `TURNS`. In the first five, the fifth number is
+      the score of searching, and each is the logarithm relative to the greatest: the best cell
+      on that side, discounted by ``NEAR`` and by ``FAR``, without the cells that other drones
+      claim; the sums over all cells on that side in the first two windows; and the best cell
+      for waiting. The last group tells which moves lead closer to the drone's own claim, and how
+      far that is;
+    - the mean drift towards and the distance from the border in the directions in `TURNS`;
+    - the remaining steps, probability of detection, number of drones, size of the likely area,
+      and that size relative to the searches left, on logarithmic scales except for the second;
+      and the discount of the best cell.
+
+    Drones claim cells in turn, the greatest discounted success first, as in greedy search.
+
+    Args:
+        grid_size: cells along each side, N.
+        n_drones: drones in each search, n.
+    """
+
+    def __init__(self, grid_size: int, n_drones: int) -> None:
+        self.grid_size, self.n_drones = grid_size, n_drones
+        self._crops, self._windows = CropsLayout(grid_size, n_drones), CropsLayout(grid_size, 1)
+        axis = np.arange(grid_size)
+        self._axis = axis.astype(np.float32)
+        self._offsets = np.abs(axis[:, None] - axis)
+        self._cells = axis[:, None] * grid_size + axis
+        exponents = np.arange(2 * grid_size)
+        self._discounts = [(factor**exponents).astype(np.float32) for factor in (NEAR, FAR)]
+        # [drone's coordinate, cell's coordinate]: whether the cell is on that side.
+        self._higher, self._lower = axis > axis[:, None], axis < axis[:, None]
+
+    def steps(self, remaining: int) -> int:
+        """How many steps to look ahead when so many steps remain until the time limit."""
+        return min(remaining - 1, 2 * self.grid_size - 2, STEPS)
+
+    def inputs(
+        self,
+        ahead: NDArray[np.floating],
+        positions: Ints,
+        remaining: Ints,
+        limit: int,
+        detections: NDArray[np.floating],
+    ) -> Singles:
+        """The inputs of every drone.
+
+        Args:
+            ahead: the probability of success (POS) of a search of each cell, now and in the
+                next steps, see `BeliefTracker.success_ahead`; shape (searches, steps + 1, N, N),
+                at any scale. If no search can succeed now, all cells count as equal.
+            positions: every drone's (x, y), shape (searches, n, 2).
+            remaining: steps until the time limit, at least 1; shape (searches,).
+            limit: the time limit, in steps.
+            detections: the probability of detection, shape (searches,).
+
+        Returns:
+            float32, shape (searches, n, INPUTS).
+        """
+        searches, n, size = len(ahead), self.n_drones, self.grid_size
+        out = np.empty((searches, n, INPUTS), np.float32)
+        flat = out.reshape(-1, INPUTS)
+        ahead = _scaled(ahead)
+        fraction = (remaining / limit).astype(np.float32)
+        self._crops.write(positions, ahead[:, 0], fraction, out[..., :LENGTH])
+        out[..., LENGTH - 1] = 0.0
+
+        x, y = positions.reshape(-1, 2).T
+        distances = self._offsets[y][:, :, None] + self._offsets[x][:, None, :]
+        too_far = distances >= remaining.repeat(n)[:, None, None]
+        arrivals, waits = self._on_arrival(ahead, distances), self._waits(ahead, distances)
+        arrivals[too_far] = waits[too_far] = 0.0
+        near, far = (arrivals * discount.take(distances) for discount in self._discounts)
+        by_search = distances.reshape(searches, n, size, size)
+        closest = by_search == by_search.min(axis=1, keepdims=True)
+        own = far * closest.reshape(distances.shape)
+        sums = [self._on_each_side(values, x, y, np.sum) for values in (far, own)]
+        for place, values in enumerate((far, own, waits)):
+            first = LENGTH + place * _BOXES
+            windows = flat[:, None, first : first + _BOXES]
+            self._windows.write_windows(np.stack([x, y], 1)[:, None], values, windows)
+
+        claims = self._claims(near.reshape(searches, n, -1))
+        self._take_off(claims, near, far)
+        best = [self._on_each_side(values, x, y, np.max) for values in (near, far)]
+        sums.append(self._on_each_side(waits, x, y, np.max))
+        scores = flat[:, _SCORES:_DRIFT].reshape(-1, _GROUPS, 5)
+        for place, values in enumerate((*best, *sums)):
+            relative = values / np.maximum(values.max(axis=1, keepdims=True), TINY)
+            scores[:, place] = np.log(np.maximum(relative, np.float32(LEAST))) / 2
+        down, right = claims.reshape(-1) // size - y, claims.reshape(-1) % size - x
+        scores[:, -1, :4] = np.stack([right, down, -right, -down], 1) > 0
+        scores[:, -1, 4] = (np.abs(down) + np.abs(right)) / np.float32(size)
+
+        drift_x, drift_y = self._drift(ahead)
+        drift = np.stack([drift_x, drift_y, -drift_x, -drift_y], 1)
+        out[..., _DRIFT:_BORDER] = drift.clip(0.0)[:, None]
+        border = np.stack([size - 1 - x, size - 1 - y, x, y], 1)
+        flat[:, _BORDER:_GLOBALS] = border.clip(0, NEAR_BORDER) / NEAR_BORDER
+
+        now = ahead[:, 0].reshape(searches, -1)
+        squares = np.maximum(np.square(now).sum(axis=1), TINY)
+        area = np.maximum(now.sum(axis=1) ** 2 / squares, 1.0)  # of as many equal cells
+        effort = n * remaining * np.maximum(detections, 0.01)
+        common = out[..., _GLOBALS:]
+        common[..., 0] = (np.log(remaining) / 4)[:, None]
+        common[..., 1] = detections[:, None]
+        common[..., 2] = np.log(n) / 3
+        common[..., 3] = (np.log(area) / 4)[:, None]
+        common[..., 4] = (np.log(area / effort) / 4)[:, None]
+        highest = np.maximum(arrivals.max(axis=(1, 2)), TINY)
+        common[..., 5] = (best[1].max(axis=1) / highest).reshape(searches, n)
+        return out
+
+    def _on_arrival(self, ahead: Singles, distances: Ints) -> Singles:
+        """Each cell's success when each drone arrives: float32, shape (drones, N, N).
+
+        Args:
+            ahead: as for `inputs`.
+            distances: of each cell from each drone, in steps: shape (drones, N, N).
+        """
+        searches, steps, *_ = ahead.shape
+        search = np.arange(searches).repeat(self.n_drones)[:, None, None]
+        step = search * steps + np.minimum(distances, steps - 1)
+        arrivals: Singles = ahead.reshape(-1).take(step * self.grid_size**2 + self._cells)
+        return arrivals
+
+    def _waits(self, ahead: Singles, distances: Ints) -> Singles:
+        """Each cell's success on arrival and later, added up with the discount ``FAR``.
+
+        Arguments and result as for `_on_arrival`.
+        """
+        later = ahead * self._discounts[1][: ahead.shape[1], None, None]
+        for step in reversed(range(ahead.shape[1] - 1)):
+            later[:, step] += later[:, step + 1]
+        return self._on_arrival(later, distances)
+
+    def _claims(self, values: Singles) -> Ints:
+        """Each drone's cell, y * N + x, claimed in turn: int64, shape (searches, n).
+
+        Args:
+            values: of each cell to each drone: shape (searches, n, N²).
+        """
+        searches, n, _ = values.shape
+        values = values.copy()
+        favourites: Ints = values.argmax(axis=2)
+        best = np.take_along_axis(values, favourites[..., None], 2)[..., 0]
+        rows = np.arange(searches)
+        for _ in range(n - 1):
+            drone = best.argmax(axis=1)
+            claimed = favourites[rows, drone]
+            best[rows, drone] = -np.inf
+            values[rows, :, claimed] *= CLAIMED
+            rivals = (favourites == claimed[:, None]) & (best > -np.inf)
+            favourites[rivals] = values[rivals].argmax(axis=1)
+            best[rivals] = values[rivals].max(axis=1)
+        return favourites
+
+    def _take_off(self, claims: Ints, *maps: Singles) -> None:
+        """Lower each drone's values, (drones, N, N), of the cells that the others claim."""
+        drones = np.arange(claims.size)
+        own = claims.reshape(-1)
+        for shift in range(1, self.n_drones):
+            other = np.roll(claims, shift, axis=1).reshape(-1)
+            differs = other != own
+            for values in maps:
+                values.reshape(len(own), -1)[drones[differs], other[differs]] *= CLAIMED
+
+    def _on_each_side(self, values: Singles, x: Ints, y: Ints, reduce: Any) -> Singles:
+        """The maximum or sum on each drone's side of each direction, and in its own cell.
+
+        Args:
+            values: of each cell to each drone: shape (drones, N, N), at least 0.
+            x: the drones' columns, shape (drones,).
+            y: their rows.
+            reduce: `np.max` or `np.sum`.
+
+        Returns:
+            float32, shape (drones, 5).
+        """
+        columns, rows = reduce(values, axis=1), reduce(values, axis=2)
+        parts = [
+            reduce(line * side[at], axis=1)
+            for side in (self._higher, self._lower)
+            for line, at in ((columns, x), (rows, y))
+        ]
+        return np.stack([*parts, values[np.arange(len(x)), y, x]], 1)
+
+    def _drift(self, ahead: Singles) -> tuple[Singles, Singles]:
+        """The mean drift over the next steps along x and y, in cells per step: (searches,)."""
+        last = min(4, ahead.shape[1] - 1)
+        now, later = ahead[:, 0], ahead[:, last]
+        along = []
+        for axis in (1, 2):
+            means = [
+                part.sum(axis=axis) @ self._axis / np.maximum(part.sum(axis=(1, 2)), TINY)
+                for part in (now, later)
+            ]
+            along.append((means[1] - means[0]) / max(last, 1))
+        return along[0], along[1]
+
+
+def _scaled(ahead: NDArray[np.floating]) -> Singles:
+    """The argument of `Arrivals.inputs` with the best cell now at 1, or 1 in all cells."""
+    highest = ahead[:, 0].max(axis=(1, 2))
+    possible = (highest > 0.0)[:, None, None, None]
+    scale = np.where(highest > 0.0, highest, 1.0)[:, None, None, None]
+    return np.where(possible, ahead / scale, 1.0).astype(np.float32)

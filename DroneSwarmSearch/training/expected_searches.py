@@ -1,0 +1,134 @@
+"""Searches in expectation: nobody is ever found, and searches pay their probability of success.
+
+With one person, everything before the find follows from the drones' actions, so a search can be
+simulated without drawing persons: the belief is multiplied by the probability of missing and
+drifts on, unnormalised, and what a search takes off is the probability that it finds the person
+at that moment. These rewards add up to the probability of success of the whole search, without
+sampling error. With several persons, they add up to the mean over them, as in a coverage mission.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
+from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
+from DroneSwarmSearch.rules import Action, neighbours_of_all
+from DroneSwarmSearch.scenario import Scenario
+
+__all__ = ["ExpectedSearches"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.integer]
+Singles = NDArray[np.float32]
+
+
+class ExpectedSearches:
+    """Some searches of one grid size, number of drones and time limit, stepped together.
+
+    Beliefs are float32, and move as those of `drift.belief` do.
+
+    Args:
+        scenarios: their parameters. The persons of a search have the same probability of
+            detection.
+        drones_positions: every drone's start cell (x, y), shape (searches, n, 2).
+
+    Attributes:
+        grid_size: cells along each side, N.
+        n_drones: drones in each search, n.
+        timestep_limit: steps in a search.
+        step: completed steps.
+        positions: every drone's (x, y), shape (searches, n, 2).
+        found: the probability of success (POS) so far: float64, shape (searches,).
+
+    Raises:
+        ValueError: the scenarios differ in size, number of drones or time limit, persons of one
+            search differ in their probability of detection, or a position is invalid.
+    """
+
+    def __init__(self, scenarios: Sequence[Scenario], drones_positions: ArrayLike) -> None:
+        if not scenarios:
+            raise ValueError("scenarios must hold at least one Scenario, got none")
+        sizes = {(each.grid_size, each.n_drones, each.timestep_limit) for each in scenarios}
+        if len(sizes) > 1 or any(len({*each.detections}) > 1 for each in scenarios):
+            raise ValueError(
+                "scenarios must have one grid_size, n_drones and timestep_limit, and each one "
+                f"probability of detection, got {scenarios!r}"
+            )
+        [(self.grid_size, self.n_drones, self.timestep_limit)] = sizes
+        places = zip(scenarios, np.asarray(drones_positions), strict=True)
+        cells = np.array([each.drone_cells(positions) for each, positions in places])
+        self.step = 0
+        self.positions = np.stack([cells % self.grid_size, cells // self.grid_size], -1)
+        self.found = np.zeros(len(scenarios))
+        self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
+        self._arrivals = Arrivals(self.grid_size, self.n_drones)
+        neighbours = neighbours_of_all(self.grid_size)  # [cell, action]
+        self._neighbours = np.where(neighbours < 0, np.arange(len(neighbours))[:, None], neighbours)
+        self._tabulate(scenarios)
+
+    def _tabulate(self, scenarios: Sequence[Scenario]) -> None:
+        """Compute the beliefs before the first search, and the moves of all steps."""
+        size, steps = self.grid_size, self.timestep_limit + STEPS
+        forecasts = [each.forecasts() for each in scenarios]
+        most = max(sum(len(each.weights) for each in persons) for persons in forecasts)
+        # The hypotheses about all persons share one axis; a search with fewer has zeros.
+        self._beliefs: Any = np.zeros((most, size, size, len(scenarios)), np.float32)
+        # [step, right along x, left along x, right along y, left along y; hypothesis; cell; search]
+        self._moves = np.zeros((steps, 4, most, size, len(scenarios)), np.float32)
+        for search, persons in enumerate(forecasts):
+            first = 0
+            for forecast in persons:
+                part = slice(first, first := first + len(forecast.weights))
+                self._beliefs[part, ..., search] = forecast.joint(0) / len(persons)
+                for step in range(steps):
+                    self._moves[step, :, part, :, search] = forecast.moves(step)
+
+    @property
+    def cells(self) -> Ints:
+        """Every drone's cell, y * N + x: shape (searches, n)."""
+        cells: Ints = self.positions[..., 1] * self.grid_size + self.positions[..., 0]
+        return cells
+
+    def inputs(self) -> Singles:
+        """What every drone observes, see `Arrivals`: float32, shape (searches, n, INPUTS)."""
+        remaining = self.timestep_limit - self.step
+        steps = self._arrivals.steps(remaining)
+        size, count = self.grid_size, len(self.positions)
+        ahead = np.empty((count, steps + 1, size, size), np.float32)
+        beliefs = self._beliefs
+        for step in range(steps + 1):
+            if step:
+                beliefs = after_drift(beliefs, *self._moves[self.step + step - 1])
+            ahead[:, step] = over_hypotheses(beliefs).transpose(2, 0, 1)
+        return self._arrivals.inputs(
+            ahead, self.positions, np.full(count, remaining), self.timestep_limit, self._detections
+        )
+
+    def advance(self, actions: Ints) -> Floats:
+        """Let every drone act once; drones must neither collide nor leave the grid.
+
+        Args:
+            actions: see `Action`, shape (searches, n).
+
+        Returns:
+            The probability of success that each drone's search adds, 0 for other actions:
+            float64, shape (searches, n).
+        """
+        rewards = np.zeros(actions.shape)
+        search, drone = (actions == Action.SEARCH).nonzero()
+        x, y = self.positions[search, drone].T
+        detections = self._detections[search]
+        before = self._beliefs[:, y, x, search]  # no two drones are in one cell
+        rewards[search, drone] = detections * before.sum(axis=0)
+        self._beliefs[:, y, x, search] = (1.0 - detections) * before
+        self.found += rewards.sum(axis=1)
+        cells = self._neighbours[self.cells, actions]
+        self.positions = np.stack([cells % self.grid_size, cells // self.grid_size], -1)
+        self._beliefs = after_drift(self._beliefs, *self._moves[self.step])
+        self.step += 1
+        return rewards

@@ -1,0 +1,202 @@
+"""The inputs of the trained network, and the simulation in expectation that it is trained in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
+from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.policies.arrivals import (
+    BASELINE,
+    CLAIMED,
+    FAR,
+    INPUTS,
+    NEAR,
+    TURNS,
+    VIEWS,
+    Arrivals,
+)
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.training import ExpectedSearches
+from DroneSwarmSearch.wrappers.masks import choose_in_turn
+
+SIZE, DRONES, STEPS = 9, 3, 6
+TOWARDS = {Action.RIGHT: (1, 0), Action.DOWN: (0, 1), Action.LEFT: (-1, 0), Action.UP: (0, -1)}
+
+
+def drawn(seed: int = 0) -> dict[str, Any]:
+    """Random arguments of `Arrivals.inputs` for two searches."""
+    rng = np.random.default_rng(seed)
+    cells = np.stack([rng.permutation(SIZE**2)[:DRONES] for _ in range(2)])
+    return {
+        "ahead": rng.random((2, STEPS + 1, SIZE, SIZE)).astype(np.float32) ** 4,
+        "positions": np.stack([cells % SIZE, cells // SIZE], -1),
+        "remaining": np.array([20, 5]),
+        "limit": 30,
+        "detections": np.array([0.4, 1.0], np.float32),
+    }
+
+
+def inputs(**arguments: Any) -> np.ndarray:
+    n_drones = arguments["positions"].shape[1]
+    return Arrivals(arguments["ahead"].shape[-1], n_drones).inputs(**arguments)
+
+
+def test_scores_are_those_of_the_best_cells_on_arrival() -> None:
+    """Compared with loops over cells, for one drone: nobody else claims a cell."""
+    arguments = drawn()
+    arguments["positions"] = arguments["positions"][:, :1]
+    seen = inputs(**arguments)[:, 0]
+    ahead = arguments["ahead"]
+    for search in range(2):
+        (px, py), remaining = arguments["positions"][search, 0], arguments["remaining"][search]
+        for factor, shift in ((NEAR, 0), (FAR, 5)):
+            best = dict.fromkeys([*TURNS, Action.SEARCH], 0.0)
+            for y in range(SIZE):
+                for x in range(SIZE):
+                    distance = abs(x - px) + abs(y - py)
+                    value = factor**distance * ahead[search, min(distance, STEPS), y, x]
+                    if distance >= remaining:
+                        continue
+                    for action, (dx, dy) in TOWARDS.items():
+                        if (x - px) * dx + (y - py) * dy > 0:
+                            best[action] = max(best[action], value)
+                    if distance == 0:
+                        best[Action.SEARCH] = value
+            highest = max(best.values())
+            scores = [np.log(max(value / highest, 1e-5)) / 2 for value in best.values()]
+            first = BASELINE[0] + shift
+            assert np.allclose(seen[search, first : first + 5], scores, atol=1e-4)
+
+
+def test_claimed_cells_are_left_to_the_drone_that_claims_them() -> None:
+    ahead = np.full((1, 1, 7, 7), 1e-4, np.float32)
+    ahead[0, 0, 3, 3], ahead[0, 0, 3, 0] = 1.0, 0.1
+    arguments = {
+        "ahead": ahead,
+        "positions": np.array([[(4, 3), (5, 3)]]),
+        "remaining": np.array([50]),
+        "limit": 50,
+        "detections": np.ones(1, np.float32),
+    }
+    near, behind = inputs(**arguments)[0]
+    left = BASELINE[0] + TURNS.index(Action.LEFT)
+    assert near[left] == behind[left] == 0.0  # the best direction of both
+    group = slice(BASELINE[0] + 25, BASELINE[0] + 30)
+    assert near[group][4] == pytest.approx(1 / 7)  # its claim is next to it
+    assert behind[group][4] == pytest.approx(5 / 7)  # and the other's is the lesser cell
+    assert near[group][:4].tolist() == behind[group][:4].tolist() == [0, 0, 1, 0]
+    assert CLAIMED * NEAR**2 < 0.1 * NEAR**5
+
+
+def test_turned_searches_have_turned_inputs() -> None:
+    """In view k, everything is as it would be in view 0 after turning the search k times."""
+    arguments = drawn(1)
+    seen = inputs(**arguments)
+    for turn in range(1, 4):
+        # A quarter turn to the left takes (x, y) to (y, N - 1 - x), and down to the right.
+        arguments["ahead"] = np.rot90(arguments["ahead"], axes=(2, 3)).copy()
+        x, y = np.moveaxis(arguments["positions"], -1, 0)
+        arguments["positions"] = np.stack([y, SIZE - 1 - x], -1)
+        assert np.allclose(inputs(**arguments)[..., VIEWS[0]], seen[..., VIEWS[turn]], atol=1e-3)
+
+
+def test_the_views_are_permutations() -> None:
+    assert (np.sort(VIEWS, axis=1) == np.arange(INPUTS)).all()
+    assert (VIEWS[0] == np.arange(INPUTS)).all()
+
+
+def test_do_not_depend_on_the_scale_or_on_the_rest_of_the_batch() -> None:
+    arguments = drawn(2)
+    seen = inputs(**arguments)
+    assert np.isfinite(seen).all()
+    arguments["ahead"] = arguments["ahead"] * np.float32(1e-6)
+    assert np.allclose(inputs(**arguments), seen, atol=1e-3)
+    for search in range(2):
+        one = {
+            key: value if key == "limit" else value[search : search + 1]
+            for key, value in drawn(2).items()
+        }
+        assert np.allclose(inputs(**one)[0], seen[search], atol=1e-4)
+
+
+def test_an_empty_map_gives_finite_inputs() -> None:
+    arguments = drawn()
+    arguments["ahead"] *= 0
+    assert np.isfinite(inputs(**arguments)).all()
+
+
+def searches(count: int = 3, persons: int = 2, detection: float = 0.6) -> Any:
+    """The arguments of `ExpectedSearches`: uncertain persons, two hypotheses about the first."""
+    rng = np.random.default_rng(5)
+    scenarios, starts = [], []
+    for _ in range(count):
+        drifts = [
+            [
+                Drift((4, 5), start_sd=1.0, vector=rng.uniform(-1, 1, 2), diffusion=0.2)
+                for _ in range(2 if person == 0 else 1)
+            ]
+            for person in range(persons)
+        ]
+        people = [Person(each, detection) for each in drifts]
+        scenarios.append(
+            Scenario(grid_size=9, n_drones=3, timestep_limit=15, persons=people, mission="coverage")
+        )
+        starts.append([(0, 0), (4, 4), (8, 1)])
+    return scenarios, starts
+
+
+class TestExpectedSearches:
+    def test_agree_with_the_tracked_belief(self) -> None:
+        scenarios, starts = searches()
+        batch, rng = ExpectedSearches(scenarios, starts), np.random.default_rng(0)
+        trackers, arrivals = [*map(BeliefTracker, scenarios)], Arrivals(9, 3)
+        while batch.step < batch.timestep_limit:
+            remaining = 15 - batch.step
+            seen = batch.inputs()
+            for number, tracker in enumerate(trackers):
+                ahead = tracker.success_ahead(arrivals.steps(remaining))
+                here = slice(number, number + 1)
+                wanted = arrivals.inputs(
+                    (ahead / ahead[0].max())[None].astype(np.float32),
+                    batch.positions[here],
+                    np.array([remaining]),
+                    15,
+                    np.array([0.6]),
+                )
+                assert np.allclose(seen[number], wanted[0], atol=0.01)
+            actions, _ = choose_in_turn(rng.random((3, 3, 5)), batch.cells, 9)
+            for number, tracker in enumerate(trackers):
+                tracker.update([*map(tuple, batch.positions[number].tolist())], actions[number])
+            batch.advance(actions)
+
+    @pytest.mark.parametrize("persons", [1, 2])
+    def test_rewards_add_up_to_the_probability_of_success(self, persons: int) -> None:
+        """The environment computes the same in its coverage mission."""
+        scenarios, starts = searches(1, persons)
+        env = DroneSwarmSearch(scenario=scenarios[0])
+        observations, infos = env.reset(options={"drones_positions": starts[0]})
+        batch, policy = ExpectedSearches(scenarios, starts), make("greedy-posterior", env.scenario)
+        total = 0.0
+        while env.agents:
+            actions = policy(observations)
+            rewards = batch.advance(np.array([[*actions.values()]]))
+            assert (rewards >= 0).all()
+            total += rewards.sum()
+            observations, _, _, _, infos = env.step(actions)
+        assert total == pytest.approx(float(batch.found[0])) and total > 0.2
+        wanted = infos["drone0"]["probability_of_success"]
+        assert total == pytest.approx(wanted, abs=1e-5)
+
+    def test_reject_searches_of_different_sizes(self) -> None:
+        scenarios, starts = searches(1)
+        with pytest.raises(ValueError, match="scenarios must hold at least one Scenario"):
+            ExpectedSearches([], [])
+        other = Scenario(grid_size=9, n_drones=3, timestep_limit=16)
+        with pytest.raises(ValueError, match="one grid_size, n_drones and timestep_limit"):
+            ExpectedSearches([*scenarios, other], starts * 2)
+        with pytest.raises(ValueError, match="drones_positions"):
+            ExpectedSearches(scenarios, [[(0, 0), (0, 0), (1, 1)]])
