@@ -76,7 +76,7 @@ class Look(NamedTuple):
 LOOKS = {
     "planner": Look("#d55e00", "D"),
     "ppo": Look("#5b3fa0", "h"),
-    "greedy-forecast": Look("#1b3a6b", "*"),
+    "greedy-forecast": Look("#1b3a6b", ">"),
     "greedy-posterior": Look("#0072b2", "o"),
     "greedy-matrix": Look("#56b4e9", "s"),
     "parallel-sweep": Look("#009e73", "^"),
@@ -86,7 +86,7 @@ LOOKS = {
     "random": Look("#9aa0a8", "P"),
 }
 
-OTHERS = (Look("#b3243c", "H"), Look("#8c4a2f", "<"), Look("#000000", "d"), Look("#3d6b35", ">"))
+OTHERS = (Look("#b3243c", "H"), Look("#8c4a2f", "<"), Look("#000000", "d"), Look("#3d6b35", "8"))
 """For other policies, in their order."""
 
 
