@@ -16,8 +16,9 @@ from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning import best_success
+from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan, Target
+from DroneSwarmSearch.planning.plan import Plan
 from DroneSwarmSearch.policies import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 

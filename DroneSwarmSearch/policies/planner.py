@@ -20,8 +20,9 @@ from DroneSwarmSearch._internal.grid import Neighbours, grid_of
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.exact import branch_and_bound
+from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan, Report, Target, idle_paths
+from DroneSwarmSearch.planning.plan import Plan, Report, idle_paths
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy, PosteriorGreedyPolicy

@@ -1,0 +1,209 @@
+"""The forward and backward pass of a plan, for one person, and boxes of cells.
+
+See `plan` for what the passes are for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.planning.paths import Path
+
+__all__ = ["Box", "Passes", "Target"]
+
+Floats = NDArray[np.float64]
+
+NEGLIGIBLE = 1e-13
+"""A cell with less probability cannot make a plan better."""
+
+
+@dataclass
+class Target:
+    """A missing person.
+
+    Attributes:
+        chain: the person's steps.
+        detection: the probability of detection.
+        belief: the person's distribution at the plan's first step: float64, shape (M, N, N),
+            indexed [hypothesis, y, x].
+        worth: the worth of finding this person in each step of the plan: float64, shape (n,).
+        unfound: the worth of the person's being in a cell, unfound, at the beginning of each
+            step and after the last one: float64, shape (n + 1, M, N, N); None for 0.
+    """
+
+    chain: MarkovChain
+    detection: float
+    belief: Floats
+    worth: Floats
+    unfound: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of cells: rows top to before bottom, columns left to before right."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+    size: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return max(self.bottom - self.top, 0), max(self.right - self.left, 0)
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.top, self.bottom)
+
+    @property
+    def columns(self) -> slice:
+        return slice(self.left, self.right)
+
+    def grown(self, margin: int) -> Box:
+        """The box with a margin, on the grid."""
+        return Box(
+            max(self.top - margin, 0),
+            min(self.bottom + margin, self.size),
+            max(self.left - margin, 0),
+            min(self.right + margin, self.size),
+            self.size,
+        )
+
+    def common(self, other: Box) -> Box:
+        """The cells in both boxes."""
+        return Box(
+            max(self.top, other.top),
+            min(self.bottom, other.bottom),
+            max(self.left, other.left),
+            min(self.right, other.right),
+            self.size,
+        )
+
+    def to_local(self, cell: int) -> int:
+        """The number of a grid cell within the box."""
+        y, x = divmod(cell, self.size)
+        return (y - self.top) * (self.right - self.left) + x - self.left
+
+    def to_grid(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The grid cells of cells within the box."""
+        y, x = np.divmod(cells, self.right - self.left)
+        return (y + self.top) * self.size + x + self.left
+
+    def inside(self, cells: NDArray[np.int64]) -> list[list[int]]:
+        """For each column of grid cells, the numbers within the box of those inside it."""
+        y, x = np.divmod(cells, self.size)
+        is_inside = (self.top <= y) & (y < self.bottom) & (self.left <= x) & (x < self.right)
+        local = (y - self.top) * (self.right - self.left) + x - self.left
+        result: list[list[int]] = [[] for _ in range(cells.shape[1])]
+        for which, step in zip(*is_inside.nonzero(), strict=True):
+            result[step].append(int(local[which, step]))
+        return result
+
+
+class Passes:
+    """The forward and backward pass of one target, computed as far as they are needed.
+
+    Attributes:
+        kept: the probability that the searches of a step miss the person in a cell, by step:
+            shape (n, N, N).
+        masses: the probability that the person is in a cell, and unfound, before each step and
+            after the last: shape (n + 1, M, N, N).
+        rests: what the plan is expected to gain from a person in a cell after the searches of
+            each step: shape (n, M, N, N).
+    """
+
+    def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
+        n, grid = len(target.worth), target.belief.shape[1:]
+        self.target = target
+        self._first = first
+        self.kept = np.ones((n, *grid))
+        self.masses = np.empty((n + 1, *target.belief.shape))
+        self.masses[0] = target.belief
+        self.rests = np.empty((n, *target.belief.shape))
+        self._masses_to = 0  # masses are up to date until this step
+        self._rests_from = n  # rests are up to date from this step
+        self._extents: NDArray[np.int64] | None = None  # see `likely`
+        for path in paths:
+            self.change(path, 0, self.target.detection)
+
+    def change(self, path: Path, begin: int, detection: float) -> None:
+        """Add the searches of a path that begins in a step; a detection of 0 removes them."""
+        steps = path.searches.nonzero()[0]
+        flat = self.kept.reshape(len(self.kept), -1)
+        flat[begin + steps, path.cells[steps]] = 1.0 - detection
+
+    def is_changed(self, begin: int, end: int) -> None:
+        """Note that searches from step `begin` to before step `end` are others."""
+        self._masses_to = min(self._masses_to, begin)
+        self._rests_from = max(self._rests_from, end - 1)
+
+    def matrices(self, step: int) -> tuple[Floats, Floats]:
+        return self.target.chain.matrices(self._first + step)
+
+    def forward_to(self, step: int) -> None:
+        """Bring the masses up to date until before a step."""
+        for now in range(self._masses_to, step):
+            along_x, along_y = self.matrices(now)
+            mass = self.masses[now] * self.kept[now]
+            np.matmul(along_y.swapaxes(1, 2) @ mass, along_x, out=self.masses[now + 1])
+        self._masses_to = max(self._masses_to, step)
+
+    def backward_to(self, step: int) -> None:
+        """Bring the rests up to date from a step on."""
+        for now in range(self._rests_from - 1, step - 1, -1):
+            along_x, along_y = self.matrices(now)
+            value = self.value_before(now + 1)
+            np.matmul(along_y @ value, along_x.swapaxes(1, 2), out=self.rests[now])
+        self._rests_from = min(self._rests_from, step)
+
+    def value_before(self, step: int) -> Floats:
+        """What the plan is expected to gain from a person in each cell before a step."""
+        target = self.target
+        value = np.zeros_like(target.belief)
+        if step < len(self.kept):
+            kept = self.kept[step]
+            value = kept * self.rests[step] + (1.0 - kept) * target.worth[step]
+        if target.unfound is not None:
+            value = value + target.unfound[step]
+        return value
+
+    def likely(self, begin: int, end: int) -> Box:
+        """The smallest box of all cells that are not negligible in some steps, without searches.
+
+        A search that looks useless may find the person once an earlier one is removed.
+        """
+        if self._extents is None:
+            self._extents = self._unsearched_extents()
+        top, bottom, left, right = self._extents[:, begin:end]
+        size = self.kept.shape[-1]
+        return Box(int(top.min()), int(bottom.max()), int(left.min()), int(right.max()), size)
+
+    def _unsearched_extents(self) -> NDArray[np.int64]:
+        """First row, last row + 1, first column and last column + 1 of the forecast, by step."""
+        mass, extents = self.target.belief, []
+        for step in range(len(self.kept)):
+            is_likely = mass.max(axis=0) > NEGLIGIBLE
+            rows, columns = is_likely.any(axis=1).nonzero()[0], is_likely.any(axis=0).nonzero()[0]
+            extents.append((rows[0], rows[-1] + 1, columns[0], columns[-1] + 1))
+            mass = self.target.chain.forward(mass, self._first + step)
+        return np.array(extents).T
+
+    def found(self) -> Floats:
+        """The probability of finding the person in each step."""
+        self.forward_to(len(self.kept))
+        masses = self.masses[:-1].sum(axis=1) if self.masses.shape[1] > 1 else self.masses[:-1, 0]
+        found: Floats = ((1.0 - self.kept) * masses).sum(axis=(1, 2))
+        return found
+
+    def value(self) -> float:
+        """The expected worth of finding the person, and of not finding the person."""
+        total = float(self.target.worth @ self.found())
+        if self.target.unfound is not None:
+            total += float(np.vdot(self.masses, self.target.unfound))
+        return total

@@ -1,0 +1,161 @@
+"""One segment of one drone's path: what its searches gain, and what a replacement would gain.
+
+Removing or adding the searches of a segment changes the passes only near the segment. A drone
+that gets from one end to the other in L steps stays in a box, and a person who leaves the box must
+come back to be searched again, so a margin of L / 2 cells around it makes the passes exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch.drift.belief import over_hypotheses
+from DroneSwarmSearch.planning.passes import Box, Passes
+from DroneSwarmSearch.planning.paths import Path
+
+__all__ = ["Segment", "reach_of"]
+
+Floats = NDArray[np.float64]
+
+
+def reach_of(start: int, goal: int | None, steps: int, size: int) -> Box:
+    """The cells on the way from a start cell to a goal, in a number of steps."""
+    y, x = divmod(start, size)
+    if goal is None:
+        return Box(y, y + 1, x, x + 1, size).grown(steps)
+    to_y, to_x = divmod(goal, size)
+    slack = (steps - abs(to_y - y) - abs(to_x - x)) // 2
+    box = Box(min(y, to_y), max(y, to_y) + 1, min(x, to_x), max(x, to_x) + 1, size)
+    return box.grown(slack)
+
+
+class Segment:
+    """What one target contributes to the gains of a segment of one drone's path."""
+
+    def __init__(self, passes: Passes, old: Path, begin: int, end: int, reach: Box) -> None:
+        passes.forward_to(end - 1)
+        passes.backward_to(begin)
+        self._passes, self._begin, self._reach = passes, begin, reach
+        masses = passes.masses[begin:end]
+        box = reach.grown((end - begin) // 2).common(passes.likely(begin, end))
+        self._box = box
+        self.cells = 0
+        if not all(box.shape):
+            return
+        where = (slice(None), slice(None), box.rows, box.columns)
+        self.cells = masses[0][where[1:]].size
+        q, worth = passes.target.detection, passes.target.worth[begin:end]
+        self._matrices = []
+        for step in range(begin, end):
+            along_x, along_y = passes.matrices(step)
+            self._matrices.append(
+                (along_x[:, box.columns, box.columns], along_y[:, box.rows, box.rows])
+            )
+        self._kept = passes.kept[begin:end, box.rows, box.columns].copy()
+        searches = self._local(old)
+        for step, y, x in searches:
+            self._kept[step, y, x] = 1.0
+        # Without the drone's own searches:
+        self._masses, self._rests = masses[where].copy(), passes.rests[begin:end][where].copy()
+        left: Floats | None = None
+        last = end - begin - 1
+        at = {step: (y, x) for step, y, x in searches}
+        for step in range(last + 1):
+            search = at.get(step)
+            if left is not None:
+                after = left * self._kept[step]
+            elif search is not None:
+                after = np.zeros_like(self._masses[0])
+            else:
+                continue
+            if search is not None:
+                after[(slice(None), *search)] += q * self._masses[(step, slice(None), *search)]
+            if left is not None:
+                self._masses[step] += left
+            if step < last:
+                along_x, along_y = self._matrices[step]
+                left = along_y.swapaxes(1, 2) @ after @ along_x
+        fewer: Floats | None = None
+        self._old_gain = 0.0
+        for step in range(last, -1, -1):
+            search = at.get(step)
+            if fewer is not None:
+                before = fewer * self._kept[step]
+            elif search is not None:
+                before = np.zeros_like(self._rests[0])
+            else:
+                continue
+            if search is not None:
+                here = (step, slice(None), *search)
+                rest = self._rests[here]
+                before[(slice(None), *search)] += q * (worth[step] - rest)
+                without = rest if fewer is None else rest - fewer[(slice(None), *search)]
+                mass = masses[where][here]
+                self._old_gain += q * float(mass @ (worth[step] - without))
+            if fewer is not None:
+                self._rests[step] -= fewer
+            if step:
+                along_x, along_y = self._matrices[step - 1]
+                fewer = along_y @ before @ along_x.swapaxes(1, 2)
+        self._worth, self._q = worth, q
+
+    def _local(self, path: Path) -> list[tuple[int, int, int]]:
+        """The searches of a path in the box: step, row and column."""
+        steps = path.searches.nonzero()[0]
+        y, x = np.divmod(path.cells[steps], self._box.size)
+        box = self._box
+        inside = (box.top <= y) & (y < box.bottom) & (box.left <= x) & (x < box.right)
+        rows, columns = y[inside] - box.top, x[inside] - box.left
+        return list(zip(steps[inside].tolist(), rows.tolist(), columns.tolist(), strict=True))
+
+    def add_gains(self, gains: Floats) -> None:
+        """Add the gain of one search of each cell in reach in each step."""
+        if not self.cells:
+            return
+        box, reach = self._box, self._reach
+        common = box.common(reach)
+        if not all(common.shape):
+            return
+        inner = (
+            slice(None),
+            slice(None),
+            slice(common.top - box.top, common.bottom - box.top),
+            slice(common.left - box.left, common.right - box.left),
+        )
+        gain = self._worth[:, None, None, None] - self._rests[inner]
+        gain *= self._masses[inner]
+        gain *= self._q
+        outer = (
+            slice(None),
+            slice(common.top - reach.top, common.bottom - reach.top),
+            slice(common.left - reach.left, common.right - reach.left),
+        )
+        gains[outer] += over_hypotheses(gain.swapaxes(0, 1))
+
+    def gain(self, new: Path) -> float:
+        """How much the value increases if the segment is replaced."""
+        if not self.cells:
+            return 0.0
+        total, fewer, q = 0.0, None, self._q
+        at = {step: (y, x) for step, y, x in self._local(new)}
+        last = max(at, default=-1)
+        for step in range(last + 1):
+            search = at.get(step)
+            if fewer is not None:
+                after = fewer * self._kept[step]
+            elif search is not None:
+                after = np.zeros_like(self._masses[0])
+            else:
+                continue
+            if search is not None:
+                here = (slice(None), *search)
+                mass = self._masses[(step, *here)]
+                if fewer is not None:
+                    mass = mass - fewer[here]
+                total += q * float(mass @ (self._worth[step] - self._rests[(step, *here)]))
+                after[here] += q * mass
+            if step < last:
+                along_x, along_y = self._matrices[step]
+                fewer = along_y.swapaxes(1, 2) @ after @ along_x
+        return total - self._old_gain
