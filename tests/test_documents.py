@@ -116,14 +116,13 @@ def between(fence: re.Match[str], following: re.Match[str]) -> str:
 
 def block_params() -> list[object]:
     """The Python blocks as test parameters; those that start Ray are slow."""
-    return [
-        pytest.param(
-            block,
-            id=block.test_id,
-            marks=[pytest.mark.slow] * ("ray" in block.optional_packages),
-        )
-        for block in blocks("python")
-    ]
+    params: list[object] = []
+    for block in blocks("python"):
+        marks = [pytest.mark.slow] * ("ray" in block.optional_packages)
+        if block.output is not None and "planner" in block.text:
+            marks.append(pytest.mark.good_plans)  # the page shows what such plans reach
+        params.append(pytest.param(block, id=block.test_id, marks=marks))
+    return params
 
 
 @pytest.mark.filterwarnings("default")

@@ -44,7 +44,7 @@ EXPECTED_ORDER: tuple[tuple[str, ...], ...] = (
     ("greedy-matrix", "parallel-sweep", "creeping-line", "expanding-square", "sector-search"),
     ("random",),
 )
-"""The order that one expects, best first; policies of one group are not ranked.
+"""The expected order, best first; policies of one group are not ranked.
 
 With one person, the only news before the end is "not found", so an optimal policy is an open-loop
 plan, which the planner approximates. The rest is an expectation: effort that ignores what is known

@@ -1,6 +1,6 @@
 """The exact success of a deterministic policy, from episodes without chance finds.
 
-While a search goes on, the drones only learn that nobody was found. Given that, a policy that is
+Until the first find, the drones only learn that nobody was found, so a policy that is
 deterministic in what it observes flies one path. With one person, success within t steps is
 therefore one minus the product, over these steps, of the probability that the step's searches do
 not find the person (`drift.belief`), and one episode without a find gives all of it.

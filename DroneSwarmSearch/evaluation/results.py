@@ -184,10 +184,10 @@ class Evaluation:
 
     @cached_property
     def sampled_success(self) -> Estimate | None:
-        """The share of episodes that succeeded, with Wilson's interval, also if success is exact.
+        """The share of episodes that succeeded, with Wilson's interval, even if success is exact.
 
-        Its interval holds the exact success in about 95% of evaluations: the exact success is
-        the forecast, the share what was found. None in the coverage mission.
+        The exact success is the forecast, and this share is what was found; its interval holds
+        the forecast in about 95% of evaluations. None in the coverage mission.
         """
         if self.coverage is not None:
             return None

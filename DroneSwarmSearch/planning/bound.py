@@ -20,10 +20,10 @@ over the persons and the numbers of steps makes all the sampled bounds hold toge
 probability `CONFIDENCE`.
 
 If q < 1, the larger function 1 - (1 - q)^s of the effort s along the trajectory gives another
-bound, without a sample, because it is a product. The smaller bound is returned. In small searches
-branch and bound finds the optimum itself. Finding all of several persons is at most as likely as
-finding the one who is hardest to find. In a coverage mission, the probability of success is the
-mean over persons, and so is its bound.
+bound, without a sample, because it is a product. The smaller bound is returned. In small searches,
+branch and bound finds the optimum, which replaces the relaxation. Finding all of several persons
+is at most as likely as finding the one who is hardest to find. In a coverage mission, the
+probability of success is the mean over persons, and so is its bound.
 """
 
 from __future__ import annotations
@@ -70,8 +70,7 @@ CONFIDENCE = 0.999
 """Probability that a sampled bound holds, for all persons and numbers of steps together."""
 
 HORIZONS = 12
-"""Numbers of steps for which the relaxation is solved; the others use the next larger one's
-bound."""
+"""Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
 WORK = 6e7
 """The most work for the best paths, in values to update: a fraction of a second."""
@@ -146,9 +145,9 @@ def success_bound(
     Args:
         scenario: the search.
         drones_positions: every drone's start cell (x, y).
-        memory: the number of actions K that drones remember: more of them take longer and make
-            the bound tighter. By default, as many as a fixed amount of work allows; in small
-            searches, branch and bound then finds the optimum itself.
+        memory: the number of actions K that drones remember: with more of them, the bound is
+            tighter and takes longer. By default, as many as a fixed amount of work allows, and
+            the optimum where branch and bound soon finds it.
         sample: trajectories to draw for each person with too many to enumerate.
         gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
@@ -320,7 +319,7 @@ class _Relaxation:
         )
         bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0], mixture)}
         report(0.7)
-        # Fewer trajectories, memories and iterations do for the shape of the curve.
+        # Fewer trajectories, remembered actions and iterations suffice for the curve's shape.
         some = self._trajectories
         if self._failure is not None:
             some = _equal(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])

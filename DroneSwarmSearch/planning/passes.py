@@ -138,8 +138,8 @@ class Passes:
         flat = self.kept.reshape(len(self.kept), -1)
         flat[begin + steps, path.cells[steps]] = 1.0 - detection
 
-    def is_changed(self, begin: int, end: int) -> None:
-        """Note that searches from step `begin` to before step `end` are others."""
+    def invalidate(self, begin: int, end: int) -> None:
+        """Mark the passes as out of date: searches from `begin` to before `end` have changed."""
         self._masses_to = min(self._masses_to, begin)
         self._rests_from = max(self._rests_from, end - 1)
 
@@ -174,9 +174,10 @@ class Passes:
         return value
 
     def likely(self, begin: int, end: int) -> Box:
-        """The smallest box of all cells that are not negligible in some steps, without searches.
+        """The smallest box of the cells that the person may be in, in some steps, unless found.
 
-        A search that looks useless may find the person once an earlier one is removed.
+        It ignores searches: one that gains nothing may find the person once an earlier one is
+        removed.
         """
         if self._extents is None:
             self._extents = self._unsearched_extents()
@@ -202,7 +203,7 @@ class Passes:
         return found
 
     def value(self) -> float:
-        """The expected worth of finding the person, and of not finding the person."""
+        """The expected worth of finding the person, and of the unfound person's cells."""
         total = float(self.target.worth @ self.found())
         if self.target.unfound is not None:
             total += float(np.vdot(self.masses, self.target.unfound))

@@ -15,10 +15,10 @@ E. Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds 
   Operations Research 28:1275, 1980).
 - The best path of a drone for given gains is a dynamic programme (`paths`). The sum of gains
   overrates a path that looks for the same person twice. So the plan changes one segment of one
-  drone's path at a time, and only if its exact value increases.
+  drone's path at a time (`segments`), and only if its exact value increases.
 - When no segment improves, the plan distorts the gains of one segment at random, improves the
-  steps around it again, and keeps the result if it is better (large neighbourhood search; P. Shaw,
-  CP 1998).
+  steps around it again, and keeps the result unless it is worse (large neighbourhood search; P.
+  Shaw, CP 1998).
 
 No two drones are ever in one cell: each avoids the cells where the others will be.
 """
@@ -226,7 +226,7 @@ class Plan:
         for passes in self._passes:
             passes.change(old, begin, 0.0)
             passes.change(new, begin, passes.target.detection)
-            passes.is_changed(begin, end)
+            passes.invalidate(begin, end)
         path.cells[begin : end + 1], path.searches[begin:end] = new
 
     def perturb(self, rng: np.random.Generator) -> None:

@@ -88,7 +88,7 @@ x points straight ahead and y to its right.
 
 
 class Arrivals:
-    """The inputs of all drones of some searches, of one size.
+    """The inputs of all drones of several searches with one grid size and number of drones.
 
     Each drone has `INPUTS` numbers:
 
@@ -96,13 +96,13 @@ class Arrivals:
       maximum's logarithm;
     - windows as in that layout, without the drones: of the success on arrival, times ``FAR`` to
       the power of the distance; of the same in the cells that no other drone is closer to; and of
-      the sum of the successes on arrival and in all later steps seen, so discounted, which shows
-      where a person drifts past a drone that waits;
+      the discounted sum of the successes on arrival and in all later steps, which shows where a
+      person drifts past a waiting drone;
     - six groups of scores of the directions in `TURNS`. In the first five, the fifth number is
       the score of searching, and each is the logarithm relative to the greatest: the best cell
       on that side, discounted by ``NEAR`` and by ``FAR``, without the cells that other drones
       claim; the sums over all cells on that side in the first two windows; and the best cell
-      for waiting. The last group tells which moves lead closer to the drone's own claim, and how
+      for waiting. The last group shows which moves lead closer to the drone's own claim, and how
       far that is;
     - the mean drift towards and the distance from the border in the directions in `TURNS`;
     - the remaining steps, probability of detection, number of drones, size of the likely area,
@@ -129,7 +129,7 @@ class Arrivals:
         self._higher, self._lower = axis > axis[:, None], axis < axis[:, None]
 
     def steps(self, remaining: int) -> int:
-        """How many steps to look ahead when so many steps remain until the time limit."""
+        """How many steps to look ahead, given the steps remaining until the time limit."""
         return min(remaining - 1, 2 * self.grid_size - 2, STEPS)
 
     def inputs(

@@ -35,7 +35,7 @@ MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
 
 FOLLOWED = 16
-"""For how many steps what a planned search finds is followed; later, it would have spread."""
+"""Steps for which an `Outlook` follows what a planned search finds; by then it has spread."""
 
 TOLERANCE = 1e-5
 """Largest relative error of a matching matrix: a few roundings in single precision. This
@@ -222,7 +222,7 @@ class BeliefTracker:
 
 
 class Outlook:
-    """What searches in the next steps will find, less what planned searches find before.
+    """The success of searches in the next steps, less what planned searches find before them.
 
     Args:
         tracker: the beliefs; do not update it while the outlook is in use.
@@ -245,7 +245,7 @@ class Outlook:
         self.success /= len(tracker.missing)
 
     def search(self, cell: Cell, ahead: int) -> None:
-        """Plan a search, and take off what it finds, wherever that would drift.
+        """Plan a search: subtract what it finds, wherever that would drift.
 
         Args:
             cell: the (x, y) to search.

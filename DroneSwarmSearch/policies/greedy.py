@@ -221,7 +221,7 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
     It chooses like `PosteriorGreedyPolicy`, but the value of a cell at distance d is its
     probability of success d steps from now, if nobody searches before
     (`BeliefTracker.success_ahead`). So drones meet a drifting person instead of following. What a
-    drone finds on its target is taken off for drones that arrive later, wherever it drifts. Cells
+    drone finds on its target is subtracted for drones that arrive later, wherever it drifts. Cells
     that a drone cannot reach and search before the time limit have no value.
     """
 

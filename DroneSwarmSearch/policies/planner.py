@@ -10,8 +10,7 @@ from __future__ import annotations
 import copy
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +25,11 @@ from DroneSwarmSearch.planning.plan import Plan, Report, idle_paths
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy, PosteriorGreedyPolicy
+from DroneSwarmSearch.policies.shared_plans import HORIZON, PlanMemory, SharedPlans
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["PlannerPolicy"]
-
-HORIZON = 500
-"""The most steps to plan at once, which bounds time and memory; longer episodes are planned in
-parts."""
 
 EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last. Of several plans, the one
@@ -49,9 +45,9 @@ MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
 
 WORK, WORK_AFTER_FIND = 2.5e8, 2e6
-"""The most work to improve the best initial plan and to explore from it, for a first plan, and to
-explore after a find: about ten seconds, and a tenth of one. Many episodes have a find in almost
-every step."""
+"""The most work for a first plan, to improve the best initial plan and explore from it, and for
+exploring after a find: about ten seconds, and a tenth of one. An evaluation plans after a find in
+almost every step."""
 
 MAX_LENGTH_AFTER_FIND = 24
 """Length of the longest path segments to improve after a find."""
@@ -73,7 +69,7 @@ EXACT_NODES, EXACT_NODES_AFTER_FIND = 50_000, 500
 """The most partial plans that branch and bound extends: a few seconds."""
 
 ROUNDING = 1e-9
-"""A plan that is better by less is not worth the change."""
+"""Plans whose success differs by less are equally good."""
 
 FEW_DRONES = 4
 """The most drones for which idle drones are an initial plan, too."""
@@ -82,16 +78,10 @@ INTERVALS, INTERVALS_AFTER_FIND = 15, 4
 """With several persons: how many times in an episode the drones are assumed to notice finds."""
 
 REVISIONS = 3
-"""With several persons: how often the first plan is improved for revised worths of the finds."""
-
-CACHED_PLANS = 4096
-"""The most plans to keep for other searches that reach the same situation."""
+"""With several persons: how many times the first plan is improved, each time for revised worths
+of the finds."""
 
 Floats = NDArray[np.float64]
-
-_PlanKey = tuple[Any, ...]
-"""Step, drones' cells and missing persons at every plan made in a search. With the scenario it
-determines the plan."""
 
 
 class PlannerPolicy(SwarmPolicy):
@@ -120,7 +110,7 @@ class PlannerPolicy(SwarmPolicy):
         self._greedy = PosteriorGreedyPolicy(scenario)
         self._forecast_greedy = ForecastGreedyPolicy(scenario)
         self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
-        self._plans: dict[_PlanKey, list[Path]] = {}
+        self._plans: SharedPlans[list[Path]] = SharedPlans()
         self._has_bar = True
 
     def prepare(self, drones_positions: object, report: Report | None = None) -> None:
@@ -158,17 +148,12 @@ class PlannerPolicy(SwarmPolicy):
 
     def _replan(self, memory: _PlanMemory, cells: list[Cell], report: Report | None = None) -> None:
         """Give a search a plan from its present step on."""
-        tracker = memory.tracker
-        key = (*memory.key, tracker.step, tuple(cells), tracker.missing)
-        paths = self._plans.get(key)
-        if paths is None:
-            if len(self._plans) == CACHED_PLANS:
-                self._plans.clear()
-            starts = self._cell_numbers(cells)
+
+        def make() -> list[Path]:
             with Progress("planning", 1.0, self._has_bar and sys.stderr.isatty()) as bar:
-                self._plans[key] = paths = self._plan(memory, starts, report or bar)
-        memory.key, memory.paths = key, paths
-        memory.first, memory.missing = tracker.step, tracker.missing
+                return self._plan(memory, self._cell_numbers(cells), report or bar)
+
+        self._plans.give(memory, cells, make)
 
     def _plan(self, memory: _PlanMemory, starts: list[int], report: Report) -> list[Path]:
         """The paths of a new plan."""
@@ -420,25 +405,8 @@ def _part(report: Report, begin: float, end: float) -> Report:
 
 
 @dataclass
-class _PlanMemory:
-    """A search and its plan.
-
-    Attributes:
-        tracker: the beliefs.
-        paths: the plan, one path for each drone; shared between searches, never changed.
-        first: the step in which the plan was made.
-        missing: the persons missing at that step.
-        key: the plan's key in the cache.
-    """
-
-    tracker: BeliefTracker
-    paths: list[Path] | None = None
-    first: int = 0
-    missing: tuple[int, ...] = ()
-    key: _PlanKey = ()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> _PlanMemory:
-        return replace(self, tracker=copy.deepcopy(self.tracker, memo))
+class _PlanMemory(PlanMemory[list[Path]]):
+    """A search and its plan, one path for each drone."""
 
     def is_valid(self, cells: list[int]) -> bool:
         """Whether the plan covers this step, with these drones' cells and missing persons."""
@@ -447,17 +415,17 @@ class _PlanMemory:
     def rest(self, cells: list[int]) -> list[Path] | None:
         """The rest of the plan; None if there is none, or a drone is not where it should be."""
         done = self.tracker.step - self.first
-        if self.paths is None or done >= len(self.paths[0].searches):
+        if self.plan is None or done >= len(self.plan[0].searches):
             return None
-        if any(path.cells[done] != cell for path, cell in zip(self.paths, cells, strict=True)):
+        if any(path.cells[done] != cell for path, cell in zip(self.plan, cells, strict=True)):
             return None
-        return [Path(path.cells[done:], path.searches[done:]) for path in self.paths]
+        return [Path(path.cells[done:], path.searches[done:]) for path in self.plan]
 
     def actions(self, neighbours: Neighbours) -> list[int]:
         """The drones' actions in this step."""
-        assert self.paths is not None
+        assert self.plan is not None
         done, actions = self.tracker.step - self.first, []
-        for path in self.paths:
+        for path in self.plan:
             here, ahead = path.cells[done : done + 2].tolist()
             if here == ahead:
                 actions.append(int(Action.SEARCH if path.searches[done] else Action.IDLE))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
+from DroneSwarmSearch.policies.shared_plans import HORIZON, PlanMemory, SharedPlans
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
@@ -32,16 +33,10 @@ __all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]
 Singles = NDArray[np.float32]
 
 SAMPLES = 4
-"""Samples of the network's actions among the simulations before a search."""
+"""Simulations with sampled actions before a search."""
 
 TEMPERATURE = 0.5
 """Factor on the Gumbel noise of a sample: with 1 it follows the network's probabilities."""
-
-HORIZON = 500
-"""The most steps to simulate, which bounds time and memory."""
-
-CACHED_PLANS = 4096
-"""The most simulations to keep for other searches that reach the same situation."""
 
 OUTPUTS = 2
 """Outputs of the network in each view: the scores of flying straight ahead and of searching."""
@@ -52,10 +47,6 @@ MAX_BYTES = 2**28
 DEFAULT_WEIGHTS = Path(__file__).with_name("ppo.npz")
 """The packaged weights."""
 
-
-_PlanKey = tuple[Any, ...]
-"""Step, drones' cells and missing persons at every plan made in a search. With the scenario it
-determines the plan."""
 
 _Act = Callable[[BeliefTracker, list[Cell]], list[int]]
 """The actions of one step, given the beliefs and every drone's cell."""
@@ -191,9 +182,9 @@ class PPOPolicy(SwarmPolicy):
     Until a person is found, an unsuccessful search can be simulated exactly. Before the first
     step, the policy therefore simulates the search several times: with the network's best
     actions, with `samples` samples of its actions, and with greedy search on the forecast
-    (`ForecastGreedyPolicy`). It follows the actions of the simulation with the greatest
-    probability of success until a find, and then simulates the rest without samples. With one
-    person it is at least as successful as each of them (parallel rollout: H. S. Chang, R. Givan,
+    (`ForecastGreedyPolicy`). It follows the simulation with the greatest probability of success
+    until a find, and then simulates the rest without samples. With one person, it is therefore at
+    least as successful as each of them (parallel rollout: H. S. Chang, R. Givan,
     E. K. P. Chong, Discrete Event Dynamic Systems 14:309, 2004).
 
     Source: J. Schulman, F. Wolski, P. Dhariwal, A. Radford, O. Klimov, Proximal policy
@@ -221,7 +212,7 @@ class PPOPolicy(SwarmPolicy):
         self._tracker = BeliefTracker(scenario)
         # In a coverage mission nobody is found, as in the simulations.
         self._coverage = replace(scenario, mission="coverage")
-        self._plans: dict[_PlanKey, _Plan] = {}
+        self._plans: SharedPlans[_Plan] = SharedPlans()
 
     def begin(self) -> _Memory:
         return _Memory(copy.deepcopy(self._tracker))
@@ -230,9 +221,7 @@ class PPOPolicy(SwarmPolicy):
         tracker = memory.tracker
         tracker.observe(matrix)
         if self._samples is not None and tracker.missing != memory.missing:
-            key = (*memory.key, tracker.step, tuple(cells), tracker.missing)
-            memory.plan = self._best_plan(key, tracker, cells)
-            memory.key, memory.first, memory.missing = key, tracker.step, tracker.missing
+            self._plans.give(memory, cells, lambda: self._best_plan(tracker, cells))
         actions = memory.planned(cells)
         if actions is None:
             actions = self._preferred(tracker, cells)
@@ -259,23 +248,19 @@ class PPOPolicy(SwarmPolicy):
         actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
         return actions
 
-    def _best_plan(self, key: _PlanKey, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
+    def _best_plan(self, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
         """The most successful simulation of the rest of a search."""
-        if key not in self._plans:
-            greedy = ForecastGreedyPolicy(self._coverage)
+        greedy = ForecastGreedyPolicy(self._coverage)
 
-            def act_greedily(tracker: BeliefTracker, cells: list[Cell]) -> list[int]:
-                return [*map(int, greedy.choose(copy.deepcopy(tracker), cells, tracker.matrix()))]
+        def act_greedily(tracker: BeliefTracker, cells: list[Cell]) -> list[int]:
+            return [*map(int, greedy.choose(copy.deepcopy(tracker), cells, tracker.matrix()))]
 
-            candidates: list[_Act] = [self._preferred, act_greedily]
-            # After a find there are many continuations: samples would take too long.
-            for seed in range(self._samples or 0 if tracker.step == 0 else 0):
+        candidates: list[_Act] = [self._preferred, act_greedily]
+        if tracker.step == 0:  # after a find, samples for all continuations would take too long
+            for seed in range(self._samples or 0):
                 candidates.append(partial(self._preferred, rng=np.random.default_rng(seed)))
-            plans = [self._simulated(act, tracker, cells) for act in candidates]
-            if len(self._plans) == CACHED_PLANS:
-                self._plans.clear()
-            self._plans[key] = max(plans, key=lambda plan: plan.success)
-        return self._plans[key]
+        plans = [self._simulated(act, tracker, cells) for act in candidates]
+        return max(plans, key=lambda plan: plan.success)
 
     def _simulated(self, act: _Act, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
         """The search until the time limit, or for `HORIZON` steps, if nobody is found."""
@@ -320,25 +305,8 @@ class _Plan(NamedTuple):
 
 
 @dataclass
-class _Memory:
-    """A search.
-
-    Attributes:
-        tracker: the beliefs.
-        plan: the simulation to follow until a find; shared between searches, never changed.
-        first: the step in which the plan begins.
-        missing: the persons missing then.
-        key: the plan's key in the cache.
-    """
-
-    tracker: BeliefTracker
-    plan: _Plan | None = None
-    first: int = 0
-    missing: tuple[int, ...] = ()
-    key: _PlanKey = ()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> _Memory:
-        return replace(self, tracker=copy.deepcopy(self.tracker, memo))
+class _Memory(PlanMemory[_Plan]):
+    """A search and the simulation to follow until a find."""
 
     def planned(self, cells: list[Cell]) -> list[int] | None:
         """The actions of this step in the plan; None where the search has left the plan."""

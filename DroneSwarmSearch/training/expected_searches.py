@@ -1,10 +1,11 @@
-"""Searches in expectation: nobody is ever found, and searches pay their probability of success.
+"""Searches in expectation: nobody is found, and each search pays its probability of success.
 
 With one person, everything before the find follows from the drones' actions, so a search can be
-simulated without drawing persons: the belief is multiplied by the probability of missing and
-drifts on, unnormalised, and what a search takes off is the probability that it finds the person
-at that moment. These rewards add up to the probability of success of the whole search, without
-sampling error. With several persons, they add up to the mean over them, as in a coverage mission.
+simulated without drawing persons. The unnormalised belief is multiplied by the probability of
+missing and drifts on; what a search removes from it is the probability that the search finds the
+person at that moment. These rewards add up to the probability of success of the whole episode,
+without sampling error. With several persons, they add up to the mean over them, as in a coverage
+mission.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Singles = NDArray[np.float32]
 
 
 class ExpectedSearches:
-    """Some searches of one grid size, number of drones and time limit, stepped together.
+    """Searches with one grid size, number of drones and time limit, stepped together.
 
     Beliefs are float32, and move as those of `drift.belief` do.
 
@@ -110,7 +111,7 @@ class ExpectedSearches:
         )
 
     def advance(self, actions: Ints) -> Floats:
-        """Let every drone act once; drones must neither collide nor leave the grid.
+        """Advance all searches by one step; drones must neither collide nor leave the grid.
 
         Args:
             actions: see `Action`, shape (searches, n).

@@ -3,13 +3,13 @@
     python tests/benchmarks/families.py --searches 20 --policies greedy-forecast ppo planner
     python tests/benchmarks/families.py --policies greedy-forecast ppo alone=runs/seed1/policy.npz
 
-alone=weights.npz stands for a network that acts without simulating the search first.
+alone=weights.npz is a network that acts without simulating the search first.
 
 Each family varies one thing: many drones, a low probability of detection, a strong drift, two
-persons, or a long time limit. Every search is a coverage mission, which plays through to the time
-limit whatever happens. Its probability of success is a number without sampling error: that of a
-rescue with one person, and the mean over persons with two. Brackets are 95% bootstrap intervals
-over searches.
+persons, or a long time limit. Every search is a coverage mission, which ends at the time limit, or
+with less than 1% left to find. Its probability of success has no sampling error: until this end, it
+is that of a rescue with one person, and the mean over persons with two. Brackets are 95% bootstrap
+intervals over searches.
 """
 
 from __future__ import annotations
