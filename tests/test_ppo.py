@@ -309,7 +309,7 @@ class TestDefaultWeights:
     def test_beat_a_pattern_on_searches_outside_training(self) -> None:
         rng = np.random.default_rng(20)  # training had neither this grid size nor three drones
         ppo, pattern = [], []
-        for number in range(8):
+        for number in range(4):
             drawn = scenario(
                 grid_size=25,
                 n_drones=3,
@@ -319,10 +319,7 @@ class TestDefaultWeights:
                 timestep_limit=70,
             )
             search = NamedSearch(f"drawn-{number}", "Not trained on.", drawn)
-            ppo.append(evaluate("ppo", search, episodes=200))
-            pattern.append(evaluate("parallel-sweep", search, episodes=200))
-        differences = [compare(*pair).success for pair in zip(ppo, pattern, strict=True)]
-        assert np.mean([each.value for each in differences]) > 0.01
-        assert sum(each.low > 0 for each in differences) > sum(
-            each.high < 0 for each in differences
-        )
+            ppo.append(evaluate("ppo", search, episodes=1))
+            pattern.append(evaluate("parallel-sweep", search, episodes=1))
+        differences = [compare(*pair).success.value for pair in zip(ppo, pattern, strict=True)]
+        assert min(differences) > 0.01

@@ -59,9 +59,11 @@ prior is far from the posterior."""
 
 
 def in_expected_order(names: Sequence[str]) -> list[str]:
-    """Sort policies by `EXPECTED_ORDER`; those that it does not name come last."""
-    ranked = [name for group in EXPECTED_ORDER for name in group if name in names]
-    return [*ranked, *(name for name in names if name not in ranked)]
+    """Sort policies by `EXPECTED_ORDER`; those that it does not name follow its first group."""
+    first, *others = ([name for name in group if name in names] for group in EXPECTED_ORDER)
+    ranked = [name for group in others for name in group]
+    unranked = [name for name in names if name not in (*first, *ranked)]
+    return [*first, *unranked, *ranked]
 
 
 def example_search(searches: Sequence[NamedSearch]) -> NamedSearch:

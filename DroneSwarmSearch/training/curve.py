@@ -114,7 +114,8 @@ class Curve:
             above.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
             below.set(ylabel="return of a drone", xlabel="environment steps")
             below.xaxis.set_major_formatter(EngFormatter(sep=""))
-            below.yaxis.set_major_formatter(EngFormatter(sep=""))
+            if abs(below.get_ylim()[0]) + abs(below.get_ylim()[1]) >= 1000:
+                below.yaxis.set_major_formatter(EngFormatter(sep=""))
             figure.align_ylabels()
             pixels = io.BytesIO()
             figure.savefig(pixels, format="png", dpi=150)
