@@ -282,9 +282,9 @@ class TestPage:
             *("2 of 2", "+6.2 (fog)"),
         ]
         words = " ".join(text.split())
-        assert "Success and time are exact, without sampling error, or have a tilde" in words
+        assert "are exact, without sampling error, unless they have a tilde" in words
         assert "2 of 2 intervals hold the forecast" in words
-        assert "It says nothing on fog, where it is 100%." in words
+        assert "The bound is trivial on fog: 100%." in words
         assert "The mean ratio is 74.7%." in words  # of 80.4 / 90 and 60 / 100
         assert "The bounds are exact. No exact value and no interval lies above a bound." in words
 
@@ -292,7 +292,7 @@ class TestPage:
         names = ("planner", "greedy-posterior", "greedy-matrix", "random")
         made = [made_up(name, "pond", 9, exact=0.5 - 0.1 * k) for k, name in enumerate(names)]
         text = " ".join(page.markdown(Leaderboard(tuple(made)), "command").split())
-        assert "One expects the order planner; greedy-posterior; greedy-matrix; random:" in text
+        assert "The expected order is planner; greedy-posterior; greedy-matrix; random:" in text
         assert "3 of 3 pairs are in this order. Differences" in text
         made[1] = made_up("greedy-posterior", "pond", 9, exact=0.6, step=20)
         text = " ".join(page.markdown(Leaderboard(tuple(made)), "command").split())

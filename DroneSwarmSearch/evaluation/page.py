@@ -204,7 +204,7 @@ def _legend(board: Leaderboard) -> str:
     sampled = "a tilde and no decimals, or a 95% confidence interval"
     if not any(exact):
         return f"Success and time are sampled, and have {sampled}."
-    return f"Success and time are exact, without sampling error, or have {sampled}."
+    return f"Success and time are exact, without sampling error, unless they have {sampled}."
 
 
 def overview(board: Leaderboard, best: str = "**{}**") -> Table:
@@ -276,8 +276,9 @@ def _comparisons(board: Leaderboard) -> Iterator[str]:
     expected = ""
     if len([group for group in groups if group]) > 1:
         expected = (
-            f"One expects the order {order}: the more of what is known a policy uses, the better. "
-            f"No theorem says so for drones that must fly between cells. {_exceptions(board)} "
+            f"The expected order is {order}: the more of what is known a policy uses, the better. "
+            "No theorem guarantees it for drones that must fly between cells. "
+            f"{_exceptions(board)} "
         )
     unranked = ""
     if others:
@@ -329,9 +330,9 @@ def _bounds(board: Leaderboard) -> Iterator[str]:
     if above:
         holds = f"Above the bound: {', '.join(above)}."
     trivial = [name for name, bound in board.bounds.items() if bound.by_limit >= TRIVIAL]
-    says_nothing = ""
+    no_limit = ""
     if trivial:
-        says_nothing = f" It says nothing on {', '.join(trivial)}, where it is 100%."
+        no_limit = f" The bound is trivial on {', '.join(trivial)}: 100%."
     together = 1.0 - sum(1.0 - bound.confidence for bound in board.bounds.values())
     sure = "exact" if together >= 1.0 else f"valid together with at least {100 * together:.4g}%"
     sure += "" if together >= 1.0 else " confidence"
@@ -339,7 +340,7 @@ def _bounds(board: Leaderboard) -> Iterator[str]:
     yield from ("## Bounds", "")
     yield from _paragraph(
         "The optimal success lies between the best known and the bound, which belongs to a relaxed "
-        f"problem and includes its duality gap and sampling error.{mean}{says_nothing} The bounds "
+        f"problem and includes its duality gap and sampling error.{mean}{no_limit} The bounds "
         f"are {sure}. {holds}"
     )
     yield from (*markdown_table(rows, words=2), "")
