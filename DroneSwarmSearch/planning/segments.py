@@ -31,12 +31,24 @@ def reach_of(start: int, goal: int | None, steps: int, size: int) -> Box:
 
 
 class Segment:
-    """What one target contributes to the gains of a segment of one drone's path."""
+    """What one target contributes to the gains of a segment of one drone's path.
+
+    Args:
+        passes: those of the target.
+        old: the present path in this segment.
+        begin: the segment's first step.
+        end: the step before which it ends.
+        reach: the cells that the drone can reach in it.
+
+    Attributes:
+        cells: the number of cells of all hypotheses in which the passes are computed; 0 if the
+            person cannot be there.
+    """
 
     def __init__(self, passes: Passes, old: Path, begin: int, end: int, reach: Box) -> None:
         passes.forward_to(end - 1)
         passes.backward_to(begin)
-        self._passes, self._begin, self._reach = passes, begin, reach
+        self._reach = reach
         masses = passes.masses[begin:end]
         box = reach.grown((end - begin) // 2).common(passes.likely(begin, end))
         self._box = box
@@ -45,7 +57,7 @@ class Segment:
             return
         where = (slice(None), slice(None), box.rows, box.columns)
         self.cells = masses[0][where[1:]].size
-        q, worth = passes.target.detection, passes.target.worth[begin:end]
+        self._q, self._worth = passes.target.detection, passes.target.worth[begin:end]
         self._matrices = []
         for step in range(begin, end):
             along_x, along_y = passes.matrices(step)
@@ -53,16 +65,20 @@ class Segment:
                 (along_x[:, box.columns, box.columns], along_y[:, box.rows, box.rows])
             )
         self._kept = passes.kept[begin:end, box.rows, box.columns].copy()
-        searches = self._local(old)
-        for step, y, x in searches:
+        searches = {step: (y, x) for step, y, x in self._local(old)}
+        for step, (y, x) in searches.items():
             self._kept[step, y, x] = 1.0
-        # Without the drone's own searches:
+        # The masses and rests without the drone's own searches.
         self._masses, self._rests = masses[where].copy(), passes.rests[begin:end][where].copy()
+        self._remove_from_masses(searches)
+        self._old_gain = self._remove_from_rests(searches, masses[where])
+
+    def _remove_from_masses(self, searches: dict[int, tuple[int, int]]) -> None:
+        """Add to later masses what the drone's searches, given by step, find."""
         left: Floats | None = None
-        last = end - begin - 1
-        at = {step: (y, x) for step, y, x in searches}
+        last = len(self._masses) - 1
         for step in range(last + 1):
-            search = at.get(step)
+            search = searches.get(step)
             if left is not None:
                 after = left * self._kept[step]
             elif search is not None:
@@ -70,16 +86,29 @@ class Segment:
             else:
                 continue
             if search is not None:
-                after[(slice(None), *search)] += q * self._masses[(step, slice(None), *search)]
+                after[(slice(None), *search)] += (
+                    self._q * self._masses[(step, slice(None), *search)]
+                )
             if left is not None:
                 self._masses[step] += left
             if step < last:
                 along_x, along_y = self._matrices[step]
                 left = along_y.swapaxes(1, 2) @ after @ along_x
+
+    def _remove_from_rests(self, searches: dict[int, tuple[int, int]], masses: Floats) -> float:
+        """Subtract from earlier rests what the drone's searches gain.
+
+        Args:
+            searches: the drone's, by step.
+            masses: those with these searches.
+
+        Returns:
+            What the searches gain.
+        """
         fewer: Floats | None = None
-        self._old_gain = 0.0
-        for step in range(last, -1, -1):
-            search = at.get(step)
+        gain = 0.0
+        for step in range(len(masses) - 1, -1, -1):
+            search = searches.get(step)
             if fewer is not None:
                 before = fewer * self._kept[step]
             elif search is not None:
@@ -87,18 +116,17 @@ class Segment:
             else:
                 continue
             if search is not None:
-                here = (step, slice(None), *search)
+                worth, here = self._worth[step], (step, slice(None), *search)
                 rest = self._rests[here]
-                before[(slice(None), *search)] += q * (worth[step] - rest)
+                before[(slice(None), *search)] += self._q * (worth - rest)
                 without = rest if fewer is None else rest - fewer[(slice(None), *search)]
-                mass = masses[where][here]
-                self._old_gain += q * float(mass @ (worth[step] - without))
+                gain += self._q * float(masses[here] @ (worth - without))
             if fewer is not None:
                 self._rests[step] -= fewer
             if step:
                 along_x, along_y = self._matrices[step - 1]
                 fewer = along_y @ before @ along_x.swapaxes(1, 2)
-        self._worth, self._q = worth, q
+        return gain
 
     def _local(self, path: Path) -> list[tuple[int, int, int]]:
         """The searches of a path in the box: step, row and column."""
