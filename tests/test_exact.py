@@ -423,6 +423,12 @@ def test_a_policy_that_is_not_deterministic_is_refused(view: str, mission: str) 
         evaluate(drawn, search, view=view, episodes=4, deterministic=True, progress=False)
 
 
+def test_the_random_policy_is_refused() -> None:
+    """With the same seeds it would act in the same way again."""
+    with pytest.raises(ValueError, match="deterministic must be False"):
+        evaluate("random", named("known"), episodes=4, deterministic=True, progress=False)
+
+
 def test_every_view_gives_the_same_values() -> None:
     search = named("missed", "known", bayesian_update=True)
 

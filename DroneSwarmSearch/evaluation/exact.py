@@ -76,15 +76,16 @@ def exact_success(
     """
     at_once = 1 if view == "parallel" else TOGETHER
 
-    def played(finds: Sequence[tuple[int, int]]) -> Iterator[Floats]:
+    def played(finds: Sequence[tuple[int, int]], seed: int = 0) -> Iterator[Floats]:
         """The chances of the branches with these first finds, see `_Branches`."""
         for first in range(0, len(finds), at_once):
             branches = _Branches(search, finds[first : first + at_once])
-            yield from branches.play(policy, view, observation)
+            yield from branches.play(policy, view, observation, seed)
 
     limit, persons = search.scenario.timestep_limit, len(search.scenario.situation)
-    # One after the other, so that a policy cannot give both the same random actions.
-    trunk, twin = (next(played([_NEVER])) for _ in range(2))
+    # One after the other and with different seeds, so that a policy cannot give both the same
+    # random actions.
+    trunk, twin = (next(played([_NEVER], seed)) for seed in range(2))
     _check_equal(trunk, twin)
     found_in = np.zeros(limit + 1)  # the probability that the last find is in this step
     before = np.concatenate([[1.0], np.cumprod((1.0 - trunk).prod(axis=1))])  # nobody found yet
@@ -162,8 +163,14 @@ class _Branches:
         matrices = {key: tracker.matrix() for key, tracker in shown.items()}
         return np.array([matrices[id(self._trackers[row])] for row in rows])
 
-    def play(self, policy: PolicyLike, view: str, observation: str) -> Floats:
+    def play(self, policy: PolicyLike, view: str, observation: str, seed: int) -> Floats:
         """Play every search until drones crash, nobody is left to find, or the time limit.
+
+        Args:
+            policy: as for `exact_success`.
+            view: as for `exact_success`.
+            observation: as for `exact_success`.
+            seed: for the policy, of the first search.
 
         Returns:
             The probability that each step's searches find each person who is still missing:
@@ -172,7 +179,7 @@ class _Branches:
         limit, persons = self._scenario.timestep_limit, len(self._scenario.situation)
         chances = np.zeros((self.num_rows, limit, persons))
         stage = stage_of(self, view, observation)
-        reset_policy(policy, stage.seeds(range(self.num_rows)))
+        reset_policy(policy, stage.seeds(range(seed, seed + self.num_rows)))
         rows = np.arange(self.num_rows)
         for step in range(limit):
             actions = stage.actions(policy, rows)

@@ -78,8 +78,9 @@ WORK = 6e7
 TRAJECTORIES_TO_MEASURE = 8192
 """Trajectories from which the work is estimated."""
 
-EXACT_WORK = 1e6
-"""The most work for branch and bound, in cells to update: a few seconds."""
+EXACT_WORK = 4e7
+"""The most work for branch and bound, in cells to update, for all persons together: a few
+seconds."""
 
 ROUNDING = 1e-10
 """More than the error of an optimum."""
@@ -178,7 +179,9 @@ def success_bound(
     optima: dict[Person, list[float] | None] = dict.fromkeys(forecasts)
     if memory is None:
         optima = {
-            person: _optima(forecast, person.probability_of_detection, starts, ends)
+            person: _optima(
+                forecast, person.probability_of_detection, starts, ends, EXACT_WORK / len(forecasts)
+            )
             for person, forecast in forecasts.items()
         }
     sampled_bounds = len(ends) * sum(
@@ -243,14 +246,18 @@ def drone_paths(starts: Sequence[int]) -> Oracle[Effort]:
 
 
 def _optima(
-    forecast: ProbabilityMatrix, detection: float, starts: Sequence[int], ends: Sequence[int]
+    forecast: ProbabilityMatrix,
+    detection: float,
+    starts: Sequence[int],
+    ends: Sequence[int],
+    work: float,
 ) -> list[float] | None:
-    """The optimum for each number of steps, if branch and bound soon finds them all."""
+    """The optimum for each number of steps, if branch and bound finds each with this work."""
     chain, belief = MarkovChain(forecast), forecast.joint(0)
     optima = []
     for end in ends:
         work_per_node = end * belief.size + 5 ** len(starts) * forecast.grid_size**2
-        nodes = int(EXACT_WORK // work_per_node)
+        nodes = int(work // work_per_node)
         if nodes == 0:
             return None
         plan = branch_and_bound(chain, detection, belief, range(end), starts, nodes=nodes)
