@@ -242,7 +242,10 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
         f"{SUITE_VERSION}, {shown} shown; 95% intervals in parentheses."
     ]
     if any(each.is_exact for each in evaluations):
-        notes.append("Success, POS, time and the rates of cells are exact without an interval.")
+        notes.append(
+            "Success, POS, time and the rates of cells are exact where they have no interval; "
+            "the return is a mean of episodes."
+        )
     if rescues:
         notes.append(
             "Success: every person found within the time limit. Time: until the last person is "
