@@ -104,7 +104,7 @@ def exact_success(
 
 
 def _check_equal(first: NDArray[Any], second: NDArray[Any]) -> None:
-    """Raise if what follows from the same observations differs."""
+    """Raise unless the policy acted in the same way after the same observations."""
     if not np.array_equal(first, second):
         raise ValueError(
             "deterministic must be False for a policy that acts differently after the same "
@@ -209,8 +209,7 @@ class _Branches:
         tracker = self._trackers[row]
         chances = [0.0] * len(self._scenario.situation)
         for person in tracker.missing:
-            within = tracker.belief(person).reshape(-1)[searched].sum()
-            chances[person] = min(self._scenario.detections[person] * float(within), 1.0)
+            chances[person] = tracker.chance_of_find(person, searched)
         return chances
 
     def _advance(self, rows: Ints, actions: Ints) -> bool:

@@ -131,6 +131,16 @@ class BeliefTracker:
         """The factor that turns `joint` of a missing person into `success`, before the mean."""
         return self.scenario.detections[person] * self._kept[person]
 
+    def chance_of_find(self, person: int, searched: Sequence[int] | NDArray[np.int64]) -> float:
+        """The probability that this step's searches find a missing person.
+
+        Args:
+            person: the person.
+            searched: the cells searched, y * N + x, all different.
+        """
+        within = float(self.belief(person).reshape(-1)[searched].sum())
+        return min(self.scenario.detections[person] * within, 1.0)
+
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix that the environment shows while the given persons are missing.
 

@@ -281,8 +281,7 @@ class PPOPolicy(SwarmPolicy):
             ]
             if searched:
                 for person in missing:
-                    within = float(tracker.belief(person).reshape(-1)[searched].sum())
-                    unfound[person] *= max(1.0 - self.scenario.detections[person] * within, 0.0)
+                    unfound[person] *= 1.0 - tracker.chance_of_find(person, searched)
             tracker.update(cells, actions)
             moved = zip(numbers, actions, strict=True)
             cells = [self._positions[self._neighbours[cell][action]] for cell, action in moved]
