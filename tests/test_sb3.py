@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from helpers import plain
@@ -19,6 +20,8 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import (
@@ -424,6 +427,22 @@ def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
     assert results[0].episodes.data == results[1].episodes.data
     with pytest.raises(TypeError, match="deterministic must be True or False, got 1"):
         TrainedPolicy(model, 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_gymnasium_id_is_taken_as_it_is() -> None:
+    contrib = pytest.importorskip("sb3_contrib")
+    for arguments in ({}, {"observation": "top-cells"}, {"action_mask": "observation"}):
+        check_env(gymnasium.make("DroneSwarmSearch-v0", **arguments))
+    settings = {"n_steps": 16, "batch_size": 16, "n_epochs": 1, "seed": 1, "device": "cpu"}
+    PPO("MlpPolicy", "DroneSwarmSearch-v0", **settings).learn(32)
+    masked = contrib.MaskablePPO("MlpPolicy", "DroneSwarmSearch-v0", **settings)
+    masked.learn(64)
+    assert masked.ep_success_buffer is not None
+    envs = make_vec_env("DroneSwarmSearch-v0", 2, env_kwargs={"observation": "dict"})
+    model = PPO("MultiInputPolicy", envs, **settings)
+    model.learn(64)
+    assert model.num_timesteps == 64
 
 
 def test_other_environments_are_refused() -> None:
