@@ -12,7 +12,7 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardSche
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.policies import make
 
-SIZE, STEPS = 11, 25
+SIZE, STEPS = 11, 20
 STARTS = [(0, 0), (10, 0)]
 
 ACROSS_THE_WIND = Person(

@@ -123,9 +123,21 @@ UNCERTAIN: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("bayesian_update", [False, True])
-@pytest.mark.parametrize("persons", [KNOWN, UNCERTAIN, {**UNCERTAIN, "mission": "coverage"}])
-@pytest.mark.parametrize("name", NAMES)
+COVERAGE = {**UNCERTAIN, "mission": "coverage"}
+LONG = ("ppo", "planner")  # take as long as all others together
+
+
+@pytest.mark.parametrize(
+    ("name", "persons", "bayesian_update"),
+    [
+        pytest.param(
+            name, persons, update, marks=[pytest.mark.slow] * (name in LONG and update != usual)
+        )
+        for name in NAMES
+        for persons, usual in ((KNOWN, False), (UNCERTAIN, True), (COVERAGE, False))
+        for update in (False, True)
+    ],
+)
 def test_a_batch_gets_the_same_actions_as_single_searches(
     name: str, persons: dict[str, Any], bayesian_update: bool
 ) -> None:
@@ -136,7 +148,7 @@ def test_a_batch_gets_the_same_actions_as_single_searches(
         "bayesian_update": bayesian_update,
         **persons,
     }
-    batch = SearchBatch(2 if name in ("planner", "ppo") else 4, **parameters)
+    batch = SearchBatch(2 if name in LONG else 4, **parameters)
     taken, endings = play_batch(make(name, batch.scenario), batch, 11)
     assert Ending.COLLISION not in endings
     env = DroneSwarmSearch(**parameters)
