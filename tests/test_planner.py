@@ -233,7 +233,7 @@ class TestFollowingPlans:
     @pytest.mark.parametrize("bayesian_update", [False, True])
     def test_a_batch_gets_the_same_actions_as_single_searches(self, bayesian_update: bool) -> None:
         of = shortened(A_SEARCH, 24).with_posterior(bayesian_update)  # until some are found
-        parameters, count = of.parameters, 20
+        parameters, count = of.parameters, 12
         batch = SearchBatch(count, **parameters)
         policy = planner(of)
         batch.reset(seeds=range(count))
