@@ -26,12 +26,11 @@ from DroneSwarmSearch.evaluation.exact import can_be_exact, exact_success
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
-from DroneSwarmSearch.evaluation.rollout import checked_view, play
+from DroneSwarmSearch.evaluation.rollout import checked_view, play, prepare_policy
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 from DroneSwarmSearch.planning.bound import SuccessBound
-from DroneSwarmSearch.policies.planner import PlannerPolicy
 
 __all__ = ["PORTION", "EvaluationTask", "evaluate", "run_tasks"]
 
@@ -73,7 +72,8 @@ def evaluate(
     plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
     optional methods of the policy are called: `prepare(drones)` with the drones' start cells,
     once and before it is copied, and `reset(seed=..., rows=None)` with the seeds of each
-    portion.
+    portion. If `prepare` has a parameter `report`, it is a function to call with the share of
+    its work that is done.
 
     Args:
         policy: the name of a policy of this package; "weights.npz"; "module:attribute" or
@@ -388,11 +388,7 @@ def _check_view_of_package_policy(name: str, view: str, observation: str) -> Non
 def _make(spec: PolicySpec, search: NamedSearch, report: Report) -> Made:
     """Make a policy for a search, and call its `prepare`."""
     policy = spec.make(search.scenario)
-    prepare = getattr(policy, "prepare", None)
-    if isinstance(policy, PlannerPolicy):
-        policy.prepare(search.drones, report)
-    elif prepare is not None:
-        prepare(search.drones)
+    prepare_policy(policy, search.drones, report)
     try:
         packed: bytes = cloudpickle.dumps(policy)
     except Exception:  # its parts may raise anything
