@@ -28,10 +28,10 @@ SETTINGS = {
     "n_steps": NUM_STEPS,
     "batch_size": 1000,
     "n_epochs": 4,
-    "learning_rate": 1e-3,
+    "learning_rate": lambda remaining: 2e-3 * remaining,  # falls to 0 at the end
     "gamma": 0.99,
     "gae_lambda": 0.95,
-    "ent_coef": 0.003,
+    "ent_coef": 0.002,
     "policy_kwargs": {"net_arch": [128, 128]},
     "device": "cpu",
 }

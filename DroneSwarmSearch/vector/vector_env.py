@@ -44,7 +44,7 @@ _BYTES_PER_NUMBER = 14
 """The memory of each number of an observation: itself, and its limits in the batched space."""
 
 
-@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "rows_name")
+@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "rows_name", "finds_last")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both vector environments share; `SwarmVectorEnv` describes the arguments.
 
