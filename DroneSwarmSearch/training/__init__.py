@@ -16,6 +16,11 @@ from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.expected_searches import ExpectedSearches
 from DroneSwarmSearch.training.masks import masks_of_flat
 from DroneSwarmSearch.training.options import arguments
+from DroneSwarmSearch.training.random_searches import (
+    draw_searches,
+    held_out_searches,
+    mean_success,
+)
 from DroneSwarmSearch.training.run import Run
 from DroneSwarmSearch.training.task import TRAINING_TASK
 
@@ -25,5 +30,8 @@ __all__ = [
     "Run",
     "arguments",
     "compare_with_baselines",
+    "draw_searches",
+    "held_out_searches",
     "masks_of_flat",
+    "mean_success",
 ]
