@@ -296,7 +296,7 @@ def train(run: Run, seed: int) -> None:
         found = [min(float(batch.found.mean()), 1.0) for batch in ended]
         returns = [each / batch.n_drones for each, batch in zip(found, ended, strict=True)]
         mean = {"reward": np.mean(returns), "found": np.mean(found)} if ended else {}
-        if updates % EVALUATION == 1 or steps >= run.total_steps:
+        if updates == 1 or updates % EVALUATION == 0:
             weights = run.folder / "policy.npz"
             alone = partial(PPOPolicy, weights=weights, samples=None)
             mean["held_out"] = {"the network": mean_success(alone, held_out), **levels}

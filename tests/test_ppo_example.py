@@ -32,10 +32,9 @@ def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
     check_table(output, "ppo", 20)
     steps = check_folder(tmp_path, "checkpoint.pt", "ppo")
     assert steps[-1] >= 10_000
-    first_row, *_, last_row = rows(tmp_path / "curve.csv")
+    first_row = rows(tmp_path / "curve.csv")[0]
     for name in ("the network", *module("train_ppo").BASELINES):
         assert 0.2 < float(first_row[f"held-out {name}"]) < 1
-        assert last_row[f"held-out {name}"]
     weights = tmp_path / "policy.npz"
     first = weights.read_bytes()
     run("train_ppo", *options, "--resume", "--steps", steps[-1] + 1)

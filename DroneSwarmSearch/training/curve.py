@@ -119,7 +119,7 @@ class Curve:
                 axes.grid(alpha=0.4)
             for axes in outside:
                 self._draw_held_out(axes, held_out)
-                axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+                axes.yaxis.set_major_formatter(PercentFormatter(1.0))
             above.set(title=title, ylabel="success rate", ylim=(-0.02, 1.02))
             above.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
             below.set(ylabel="return of a drone", xlabel="environment steps")
@@ -140,7 +140,7 @@ class Curve:
             label = name.removeprefix(HELD_OUT)
             axes.plot(self.column("steps")[known], values[known], label=label, **line)
         axes.set(ylabel="success rate, held out")
-        axes.legend(fontsize="small")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(names), fontsize="small")
         axes.grid(alpha=0.4)
 
     def _read(self) -> None:
