@@ -48,19 +48,20 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     """
     places = _checked_cells(cells, grid_size)
     right_of_way = checks.boolean("right_of_way", right_of_way)
-    n = places.shape[-1]
+    n, cells_each = places.shape[-1], grid_size**2 + 1
     by_swarm = places.reshape(-1, n)
-    swarms = np.arange(len(by_swarm))[:, None]
-    ahead = _targets(grid_size)[by_swarm, :4]
-    masks = np.ones((*by_swarm.shape, len(Action)), np.bool_)
-    masks[..., :4] = ~_closed(by_swarm, grid_size)[swarms[..., None], ahead]
+    first_cells = np.arange(0, len(by_swarm) * cells_each, cells_each)[:, None]
+    here = first_cells + by_swarm
+    ahead = first_cells[..., None] + _targets(grid_size)[:, :4].take(by_swarm, axis=0)
+    # What the number of a drone must be below to enter a cell: 0 where no drone may enter.
+    below = np.full(len(by_swarm) * cells_each, n, np.min_scalar_type(n))
     if right_of_way:
-        # The lowest number of the drones that may be in each cell next.
-        first = np.full((len(by_swarm), grid_size**2 + 1), n, np.min_scalar_type(n))
         for drone in reversed(range(n)):
-            first[swarms[:, 0], by_swarm[:, drone]] = drone
-            first[swarms, ahead[:, drone]] = drone
-        masks[..., :4] &= first[swarms[..., None], ahead] >= np.arange(n)[:, None]
+            below[ahead[:, drone]] = drone + 1
+    below[here] = 0
+    below[cells_each - 1 :: cells_each] = 0  # off the grid
+    masks = np.ones((*by_swarm.shape, len(Action)), np.bool_)
+    np.greater(below.take(ahead), np.arange(n, dtype=below.dtype)[:, None], out=masks[..., :4])
     return masks.reshape(*places.shape, len(Action))
 
 
