@@ -97,6 +97,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
+        self.autoreset_mode = self._mode  # where TorchRL's GymWrapper looks for it
         self._separate = checks.boolean("separate_flags", separate_flags)
         self._reward_scale = checks.positive("reward_scale", reward_scale)
         copies = checks.boolean("copy", copy)
