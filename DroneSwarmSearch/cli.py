@@ -48,8 +48,9 @@ examples:
 
 Your own policy is a callable from observations to actions, or a class that is instantiated with
 the search's Scenario. --view and --observation select what it sees: "swarm" and "drone" are the
-observations of SwarmVectorEnv and DroneVectorEnv, "parallel" has PettingZoo's form. The file or
-module is executed, with everything it imports: only name code that you trust.
+observations of SwarmVectorEnv and DroneVectorEnv, "parallel" has PettingZoo's form. With
+--action-mask it sees {"observation": ..., "action_mask": ...}. The file or module is executed,
+with everything it imports: only name code that you trust.
 
 A file of a search, .json, holds the data of Scenario.to_dict, and may hold the start cells of the
 drones, "drones_positions".
@@ -266,6 +267,12 @@ def _add_episodes(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)"
+    )
+    parser.add_argument(
+        "--action-mask", action="store_true", help="also show your policy masks of valid actions"
+    )
+    parser.add_argument(
+        "--right-of-way", action="store_true", help="these masks prevent all collisions"
     )
     parser.add_argument(
         "--deterministic",

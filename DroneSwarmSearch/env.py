@@ -69,10 +69,12 @@ class DroneSwarmSearch(SearchSpaces):
     drones; it is not listed as a key.
 
     ## Infos
-    `infos[drone]["Found"]` is True once any drone has found a person. `infos` also answers
-    look-ups of the following names, which are not listed as keys:
+    `infos[drone]["Found"]` is True once any drone has found a person.
+    `infos[drone]["is_success"]` is True in the step that ends the episode with success: all
+    persons have been found, or the coverage mission is complete. `infos` also answers look-ups
+    of the following names, which are not listed as keys:
 
-    - "Found": the same as for each drone;
+    - "Found", "is_success": the same as for each drone;
     - "persons_found": for each person, whether the person has been found, a tuple of bool;
     - "ending": the `Ending` of the episode, or None;
     - "step": completed steps;

@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal.actions import check_agent
 from DroneSwarmSearch._internal.mappings import Facts, Infos, SuccessInfos
-from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.rules import Action, is_success
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["Observation", "SearchSpaces", "observe", "state_planes"]
@@ -43,7 +43,7 @@ def observe(
         facts: see `Infos`.
     """
     observations: dict[str, Observation] = {}
-    info: dict[str, Any] = {"Found": found}
+    info: dict[str, Any] = {"Found": found, "is_success": is_success(facts[0])}
     kind, success = Infos, facts[-1]
     if success is not None:
         info["probability_of_success"] = success

@@ -46,11 +46,13 @@ __all__ = [
     "RewardScheme",
     "ending",
     "endings",
+    "is_success",
     "neighbours",
     "neighbours_of_all",
     "reward",
     "rewards",
     "same_cell",
+    "successes",
     "unsuccessful_search_reward",
 ]
 
@@ -491,3 +493,29 @@ def endings(
         if where.size:
             ended[where] = reason
     return ended
+
+
+def is_success(ending: Ending | None) -> bool:
+    """Whether an episode ends well: all persons are found, or the coverage mission is complete.
+
+    Args:
+        ending: why it ended, or None if it continues.
+    """
+    return ending in _WELL
+
+
+_WELL = frozenset({Ending.FOUND, Ending.COVERED})
+_SUCCESSES = np.array([False, *map(is_success, Ending)])
+"""`is_success` by the number of the ending."""
+
+
+def successes(endings: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """`is_success` for many searches.
+
+    Args:
+        endings: each an `Ending`, or 0; shape (n,).
+
+    Returns:
+        bool, shape (n,).
+    """
+    return _SUCCESSES.take(endings)

@@ -154,15 +154,15 @@ class TrainedPolicy:
     def __init__(self, policy: nn.Module) -> None:
         self.policy = policy
 
-    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for flat observations."""
+    def __call__(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations with masks."""
         n = TRAINING_TASK["n_drones"]
-        masks = training.masks_of_flat(observations, TRAINING_TASK)
+        seen, masks = observations["observation"], observations["action_mask"] == 1
         drones = {
-            "observation": torch.from_numpy(observations.reshape(-1, n, observations.shape[1])),
+            "observation": torch.from_numpy(seen.reshape(-1, n, seen.shape[1])),
             "action_mask": torch.from_numpy(masks.reshape(-1, n, masks.shape[1])),
         }
-        batch = TensorDict({"drones": drones}, batch_size=len(observations) // n)
+        batch = TensorDict({"drones": drones}, batch_size=len(seen) // n)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
             actions: torch.Tensor = self.policy(batch)["drones", "action"]
         return actions.flatten().numpy()
@@ -231,6 +231,8 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(experiment.policy),
         TRAINING_TASK,
+        action_mask=True,
+        right_of_way=True,
         episodes=options.episodes,
         name=f"benchmarl-{options.algorithm}",
         folder=run.folder,

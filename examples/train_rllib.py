@@ -142,13 +142,15 @@ class TrainedPolicy:
         """Seed the sampling of actions; `evaluate` calls this before it plays episodes."""
         self.rng = np.random.default_rng(seed)
 
-    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Sample actions, shape (drones,), for flat observations.
+    def __call__(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
+        """Sample actions, shape (drones,), for flat observations with masks.
 
         After a short training, the most likely actions would often lead drones in circles.
         """
-        masks = training.masks_of_flat(observations, TRAINING_TASK).astype(np.int8)
-        batch = {OBSERVATIONS: torch.from_numpy(observations), ACTION_MASK: torch.from_numpy(masks)}
+        batch = {
+            OBSERVATIONS: torch.from_numpy(observations["observation"]),
+            ACTION_MASK: torch.from_numpy(observations["action_mask"]),
+        }
         with torch.no_grad():
             output = self.module.forward_inference({Columns.OBS: batch})
         logits = output[Columns.ACTION_DIST_INPUTS].numpy()
@@ -215,6 +217,8 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(path),
         TRAINING_TASK,
+        action_mask=True,
+        right_of_way=True,
         episodes=options.episodes,
         name="rllib-ppo",
         folder=run.folder,

@@ -61,11 +61,11 @@ def make_batch(num_swarms: int, seed: int) -> VecEnv:
         DroneVectorEnv(
             num_swarms,
             observation="flat",
+            right_of_way=True,  # of the masks, which only MaskablePPO uses
             autoreset_mode="SameStep",
             reward_scale=REWARD_SCALE,
             **TRAINING_TASK,
-        ),
-        right_of_way=True,  # used by MaskablePPO only
+        )
     )
     env.seed(seed)
     return VecMonitor(env)
@@ -125,12 +125,10 @@ class TrainedPolicy:
     def __init__(self, model: Any, masked: bool) -> None:
         self.model, self.masked = model, masked
 
-    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for flat observations."""
-        masks = {}
-        if self.masked:
-            masks["action_masks"] = training.masks_of_flat(observations, TRAINING_TASK)
-        return self.model.predict(observations, deterministic=True, **masks)[0]
+    def __call__(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations with masks."""
+        masks = {"action_masks": observations["action_mask"]} if self.masked else {}
+        return self.model.predict(observations["observation"], deterministic=True, **masks)[0]
 
 
 def algorithm_of(options: argparse.Namespace) -> Any:
@@ -177,6 +175,8 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(model, options.mask),
         TRAINING_TASK,
+        action_mask=True,
+        right_of_way=True,
         episodes=options.episodes,
         name="ppo",
         folder=options.out,

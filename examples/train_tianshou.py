@@ -160,11 +160,11 @@ class TrainedPolicy:
     def __init__(self, dqn: DQN) -> None:
         self.policy = dqn.policy.eval()
 
-    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for flat observations."""
-        masks = training.masks_of_flat(observations, TRAINING_TASK)
+    def __call__(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations with masks."""
+        shown = Batch(obs=observations["observation"], mask=observations["action_mask"] == 1)
         with torch.no_grad():
-            return self.policy(Batch(obs=Batch(obs=observations, mask=masks), info=Batch())).act
+            return self.policy(Batch(obs=shown, info=Batch())).act
 
 
 def main() -> None:
@@ -175,7 +175,13 @@ def main() -> None:
     options = parser.parse_args()
     dqn = train(options)
     training.compare_with_baselines(
-        TrainedPolicy(dqn), TRAINING_TASK, episodes=options.episodes, name="dqn", folder=options.out
+        TrainedPolicy(dqn),
+        TRAINING_TASK,
+        action_mask=True,
+        right_of_way=True,
+        episodes=options.episodes,
+        name="dqn",
+        folder=options.out,
     )
 
 

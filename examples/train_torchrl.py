@@ -175,12 +175,11 @@ class TrainedPolicy:
     def __init__(self, network: nn.Module) -> None:
         self.network = network
 
-    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Actions, shape (drones,), for flat observations."""
+    def __call__(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
+        """Actions, shape (drones,), for flat observations with masks."""
         with torch.no_grad():
-            logits = self.network(torch.from_numpy(observations))
-        masks = training.masks_of_flat(observations, TRAINING_TASK)
-        logits[~torch.from_numpy(masks)] = -torch.inf
+            logits = self.network(torch.from_numpy(observations["observation"]))
+        logits[torch.from_numpy(observations["action_mask"] == 0)] = -torch.inf
         actions: NDArray[np.int64] = logits.argmax(dim=-1).numpy()
         return actions
 
@@ -232,6 +231,8 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(network),
         TRAINING_TASK,
+        action_mask=True,
+        right_of_way=True,
         episodes=options.episodes,
         name="torchrl-ppo",
         folder=run.folder,

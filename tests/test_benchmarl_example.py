@@ -108,7 +108,8 @@ from DroneSwarmSearch import DroneSwarmSearch, training
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation
 
 example = runpy.run_path(sys.argv[1])
-env = ActionMask(FlatObservation(DroneSwarmSearch(**training.TRAINING_TASK)), right_of_way=True)
+env = FlatObservation(DroneSwarmSearch(**training.TRAINING_TASK))
+env = ActionMask(env, in_observation=True, right_of_way=True)
 observations, infos = env.reset(seed=1, drones_positions=[(0, 4), (1, 5)])
 masks = [infos[drone]["action_mask"].astype(bool).tolist() for drone in env.possible_agents]
 
@@ -117,7 +118,9 @@ def policy(batch):
     assert batch["drones", "action_mask"].tolist() == [masks] * 3
     return batch.set(("drones", "action"), torch.tensor([[0, 1], [2, 3], [4, 5]]))
 
-actions = example["TrainedPolicy"](policy)(np.stack(list(observations.values()) * 3))
+shown = [*observations.values()] * 3
+batched = {key: np.stack([each[key] for each in shown]) for key in shown[0]}
+actions = example["TrainedPolicy"](policy)(batched)
 assert actions.tolist() == [0, 1, 2, 3, 4, 5]
 print("passed")
 """

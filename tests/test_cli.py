@@ -270,9 +270,14 @@ def test_weights_that_change_during_the_work_are_stored_correctly(capsys, tmp_pa
 def test_view_and_observation_are_options(capsys, tmp_path):
     path = tmp_path / "flat.py"
     path.write_text(
-        "def act(shown):\n    assert shown.ndim == 2\n    return [5] * len(shown)\n", "utf-8"
+        "def act(shown):\n"
+        "    masks = shown['action_mask']\n"
+        "    assert shown['observation'].ndim == 2\n"
+        "    assert masks[:, 4:].all() and not masks.all()\n"
+        "    return [5] * len(masks)\n",
+        "utf-8",
     )
-    view = ("--view", "drone", "--observation", "flat")
+    view = ("--view", "drone", "--observation", "flat", "--action-mask", "--right-of-way")
     (output,) = json.loads(
         answer(capsys, "evaluate", f"{path}:act", "harbour", "--episodes", 2, "--json", *view).out
     )

@@ -472,7 +472,13 @@ def last_mappings() -> tuple[Rewards, Infos]:
 
 VALUES = {"drone0": 20_000.0, "drone1": -100.0, "drone2": 1.0}
 
-FACTS = {"Found": True, "persons_found": (True,), "ending": Ending.FOUND, "step": 1}
+FACTS = {
+    "Found": True,
+    "is_success": True,
+    "persons_found": (True,),
+    "ending": Ending.FOUND,
+    "step": 1,
+}
 
 COPIES = {
     "itself": lambda mapping: mapping,
@@ -494,7 +500,7 @@ COPIES = {
     [
         (0, "total_reward", 19_901.0, VALUES),
         *(
-            (1, name, answer, {a: {"Found": True} for a in VALUES})
+            (1, name, answer, {a: {"Found": True, "is_success": True} for a in VALUES})
             for name, answer in FACTS.items()
         ),
     ],
@@ -604,16 +610,38 @@ def test_infos_state_the_facts_of_the_episode():
         return {name: infos[name] for name in FACTS}
 
     def everyone(found: bool) -> dict[str, dict[str, bool]]:
-        return {agent: {"Found": found} for agent in env.possible_agents}
+        return {agent: {"Found": found, "is_success": False} for agent in env.possible_agents}
 
-    first = {"Found": False, "persons_found": (False, False), "ending": None, "step": 0}
+    nobody = {"Found": False, "persons_found": (False, False)}
+    first = {**nobody, "is_success": False, "ending": None, "step": 0}
     _, before = env.reset(seed=1)
     assert before == everyone(False) and facts(before) == first
     infos = env.step({"drone0": 4, "drone1": 5})[4]
-    found = {"Found": True, "persons_found": (True, False), "ending": None, "step": 1}
+    found = {**first, "Found": True, "persons_found": (True, False), "step": 1}
     assert infos == everyone(True) and facts(infos) == found
     assert facts(env.step({"drone0": 5, "drone1": 5})[4]) == {**found, "step": 2}
     infos = env.step({"drone0": 2, "drone1": 5})[4]
     assert facts(infos) == {**found, "ending": Ending.LEFT_GRID, "step": 3}
     _, infos = env.reset()
     assert facts(infos) == facts(before) == first
+
+
+def test_infos_state_the_success_of_an_episode_at_its_end():
+    env = DroneSwarmSearch(
+        n_drones=2, person_initial_position=[(0, 0), (1, 0)], disperse_constant=0, vector=(0, 0)
+    )
+
+    def successes(drone0: int, drone1: int) -> list[bool]:
+        infos = env.step({"drone0": drone0, "drone1": drone1})[4]
+        return [infos["is_success"], *(info["is_success"] for info in infos.values())]
+
+    _, infos = env.reset(seed=1)
+    assert infos["is_success"] is False
+    assert successes(4, 5) == [False] * 3  # one of two persons
+    assert successes(5, 4) == [True] * 3
+    env.reset()
+    assert successes(4, 5) == [False] * 3
+    assert successes(2, 4) == [True] * 3  # the last find, in the step of a crash
+    env.reset()
+    assert successes(4, 2) == [False] * 3
+    assert DroneSwarmSearch().reset()[1]["drone0"]["is_success"] is False

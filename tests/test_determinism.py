@@ -431,9 +431,10 @@ def test_infos_are_fresh_and_mutable_for_every_drone():
     assert all(one is not other for one, other in itertools.combinations(dicts, 2))
     infos["drone0"]["note"] = 1
     infos["drone1"]["Found"] = True
-    assert infos["drone2"] == {"Found": False}
+    untouched = {"Found": False, "is_success": False}
+    assert infos["drone2"] == untouched
     infos = env.step(dict.fromkeys(env.agents, 5))[4]
-    assert infos == {agent: {"Found": False} for agent in env.agents}
+    assert infos == dict.fromkeys(env.agents, untouched)
 
 
 def test_terminations_and_truncations_are_separate_dicts():

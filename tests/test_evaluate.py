@@ -53,6 +53,9 @@ from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.wrappers import ActionMask
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+from DroneSwarmSearch.wrappers.masks import action_masks
 
 DEFAULT_WEIGHTS = str(DEFAULT_WEIGHTS_PATH)
 
@@ -102,6 +105,11 @@ def in_swarms(shown: Any) -> Any:
             )
         ]
     )
+
+
+def idle_whatever_is_shown(shown: Any) -> Any:
+    entries = shown.get("observation", shown)
+    return np.full(entries["positions"].shape[:2], int(Action.IDLE))
 
 
 def in_drones(shown: Any) -> Any:
@@ -294,6 +302,99 @@ def test_the_parallel_view_shows_the_observations_of_the_environment():
     assert not env.agents
 
 
+@pytest.mark.parametrize("right_of_way", [False, True])
+@pytest.mark.parametrize("observation", [*LAYOUTS])
+@pytest.mark.parametrize("view", ["swarm", "drone"])
+def test_policies_see_masks_on_request(view, observation, right_of_way):
+    """Those of the vector environments, for episodes that have not ended."""
+    each, n = named(bayesian_update=True), 6
+    kind = SwarmVectorEnv if view == "swarm" else DroneVectorEnv
+    shape = (n, 3, 6) if view == "swarm" else (n * 3, 6)
+    how = {"observation": observation, "action_mask": "observation", "right_of_way": right_of_way}
+    env = kind(n, **how, **each.parameters)
+    expected, _ = env.reset(seed=5)
+    rng = np.random.default_rng(0)
+    steps = 0
+
+    def policy(shown: Any) -> Any:
+        nonlocal expected, steps
+        assert {*shown} == {"observation", "action_mask"}
+        masks = shown["action_mask"]
+        assert masks.dtype == np.int8 and masks.shape[1:] == shape[1:]
+        if len(masks) == shape[0]:
+            np.testing.assert_array_equal(masks, expected["action_mask"])
+            seen, wanted = shown["observation"], expected["observation"]
+            if observation == "dict":
+                rows = seen.pop("row", None)
+                assert (rows is None) == (view == "drone")
+                assert {*seen} == {*wanted}
+            for one, other in zip(arrays_in(seen), arrays_in(wanted), strict=True):
+                np.testing.assert_array_equal(one, other)
+            steps += 1
+        actions = (masks * rng.random(masks.shape)).argmax(axis=-1)
+        if len(masks) == shape[0]:
+            expected, *_ = env.step(actions)
+        return actions
+
+    episodes = play(policy, each, range(5, 5 + n), view, observation, masks=right_of_way)
+    assert steps > 2
+    assert Ending.LEFT_GRID not in episodes.endings
+    assert not (right_of_way and Ending.COLLISION in episodes.endings)
+
+
+def arrays_in(observations: Any) -> list[np.ndarray]:
+    return [*observations.values()] if isinstance(observations, dict) else [observations]
+
+
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_the_parallel_view_shows_masks_as_the_wrapper_does(right_of_way):
+    each = named(timestep_limit=12)
+    parameters = {k: v for k, v in each.parameters.items() if k != "drones_positions"}
+    env = ActionMask(DroneSwarmSearch(**parameters), True, right_of_way)
+    expected, _ = env.reset(seed=3, options={"drones_positions": each.drones})
+    rng = np.random.default_rng(0)
+
+    def policy(shown: Any) -> dict[str, int]:
+        nonlocal expected
+        for name, seen in shown.items():
+            assert {*seen} == {"observation", "action_mask"}
+            mask, wanted = seen["action_mask"], expected[name]["action_mask"]
+            assert mask.dtype == np.int8 and mask.tolist() == wanted.tolist()
+            position, matrix = seen["observation"]["observation"]
+            assert position == expected[name]["observation"]["observation"][0]
+            assert matrix.shape == (each.scenario.grid_size,) * 2
+        actions = {
+            name: int(rng.choice(np.flatnonzero(seen["action_mask"])))
+            for name, seen in shown.items()
+        }
+        expected, *_ = env.step(actions)
+        return actions
+
+    play(policy, each, [3], "parallel", masks=right_of_way)
+    assert not env.agents
+
+
+def test_masks_are_shown_for_exact_values_too():
+    """Exact values are those of a policy that computes its masks itself."""
+
+    def follow(positions: np.ndarray, masks: np.ndarray) -> np.ndarray:
+        preferences = positions.sum(axis=-1)[..., None] * [3, 5, 4, 7, 2, 1] % 11 + 1
+        return (masks * preferences).argmax(axis=-1)
+
+    def masked(shown: Any) -> np.ndarray:
+        return follow(shown["observation"]["positions"], shown["action_mask"])
+
+    def unmasked(shown: Any) -> np.ndarray:
+        x, y = np.moveaxis(shown["positions"], -1, 0)
+        return follow(shown["positions"], action_masks(y * 6 + x, 6, right_of_way=True))
+
+    how = {"episodes": 5, "deterministic": True}
+    exact = evaluate(masked, named(), action_mask=True, right_of_way=True, **how)
+    assert exact.exact.tolist() == evaluate(unmasked, named(), **how).exact.tolist()
+    assert exact.exact[-1] > 0
+    assert not exact.endings[Ending.COLLISION] and not exact.endings[Ending.LEFT_GRID]
+
+
 def test_policies_only_see_episodes_that_have_not_ended(monkeypatch):
     policy = Drawn()
     episodes = play(policy, named(), range(50))
@@ -454,6 +555,10 @@ def test_actions_are_validated(returned, view, error, message):
         ({"view": "bird"}, ValueError, "view must be one of 'swarm', 'drone', 'parallel'"),
         ({"observation": "x"}, ValueError, "observation must be one of 'dict', 'flat', 'planes'"),
         ({"view": "parallel", "observation": "flat"}, ValueError, "needs observation='dict'"),
+        ({"action_mask": 1}, TypeError, "action_mask must be True or False, got 1"),
+        ({"right_of_way": None}, TypeError, "right_of_way must be True or False, got None"),
+        ({"right_of_way": True}, ValueError, "right_of_way=True needs action_mask=True, got"),
+        ({"policy": "ppo", "action_mask": True}, ValueError, "action_mask must be False for ppo"),
         ({"workers": 0}, ValueError, "workers must be an integer of at least 1, got 0"),
         ({"ray": True}, TypeError, "ray must be 'local', an address or None, got True"),
         ({"store": 3}, TypeError, "store must be a Store, a folder or None, got 3"),
@@ -703,6 +808,13 @@ def test_other_arguments_have_other_entries(played, tmp_path, changes):
     evaluate(**usual)
     evaluate(**{**usual, **changes})
     assert len(played) == 2
+
+
+def test_other_masks_have_other_entries(played, tmp_path):
+    usual = {"search": named(), "episodes": 5, "store": tmp_path, "name": "x"}
+    for masks in ({"action_mask": True}, {"action_mask": True, "right_of_way": True}, {}) * 2:
+        evaluate(idle_whatever_is_shown, **usual, **masks)
+    assert len(played) == 3
 
 
 @pytest.mark.parametrize("what", ["version", "code"])

@@ -181,7 +181,10 @@ class Model:
 
     def info(self) -> dict[str, Any]:
         """Return each drone's info."""
-        info: dict[str, Any] = {"Found": len(self.missing) < len(self.beliefs)}
+        info: dict[str, Any] = {
+            "Found": len(self.missing) < len(self.beliefs),
+            "is_success": self.ending is Ending.FOUND,
+        }
         if self.parameters["bayesian_update"]:
             kept = sum(belief.kept for belief in self.beliefs) / len(self.beliefs)
             info["probability_of_success"] = pytest.approx(1 - kept, abs=1e-9)

@@ -116,8 +116,6 @@ for episode in [*free, idle, crashed]:
         masks = envs.action_masks(right_of_way=True)
         assert batch["observations"].tobytes() == observations[order].tobytes()
         assert batch["action_mask"].tolist() == masks[order].tolist()
-        recovered = training.masks_of_flat(observations, training.TRAINING_TASK)
-        assert recovered.tolist() == masks.tolist()
         actions = np.array([agent.get_actions(step) for agent in agents])
         observations, rewards, terminated, truncated, _ = envs.step(actions)
         paid = [agent.get_rewards(step) for agent in agents]

@@ -17,11 +17,13 @@ from DroneSwarmSearch.rules import (
     RewardScheme,
     ending,
     endings,
+    is_success,
     neighbours,
     neighbours_of_all,
     reward,
     rewards,
     same_cell,
+    successes,
     unsuccessful_search_reward,
 )
 
@@ -215,6 +217,13 @@ def test_endings_of_a_batch_equal_those_of_each_search() -> None:
     codes = endings(len(cases), **dict(zip(names, flags, strict=True)))
     assert codes.dtype == np.int8
     assert codes.tolist() == [ending(*case) or 0 for case in cases]
+
+
+def test_an_episode_ends_well_with_everybody_found_or_the_mission_complete() -> None:
+    well = {Ending.FOUND, Ending.COVERED}
+    assert {each for each in (None, *Ending) if is_success(each)} == well
+    numbers = np.arange(len(Ending) + 1, dtype=np.int8)
+    assert successes(numbers).tolist() == [False, *(is_success(each) for each in Ending)]
 
 
 @pytest.mark.parametrize("size", [2, 3, 7])

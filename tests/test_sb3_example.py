@@ -64,21 +64,6 @@ def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
     assert (folder / "evaluation.csv").exists()
 
 
-def test_masks_of_flat_equal_the_environments(example: ModuleType) -> None:
-    env = example.make_batch(5, seed=3)
-    env.reset()
-    rng = np.random.default_rng(0)
-    masked = 0
-    for _ in range(60):
-        masks = np.stack(env.env_method("action_masks"))
-        actions = np.array([rng.choice(mask.nonzero()[0]) for mask in masks])
-        observations, _, _, _ = env.step(actions)
-        recovered = training.masks_of_flat(observations, training.TRAINING_TASK)
-        assert (recovered == np.stack(env.env_method("action_masks"))).all()
-        masked += int((~masks).sum())
-    assert masked > 100
-
-
 @needs("supersuit")
 @pytest.mark.filterwarnings("ignore:The `render_mode` attribute")
 def test_the_batch_and_supersuit_step_through_the_same_episodes(example: ModuleType) -> None:

@@ -126,12 +126,16 @@ def test_the_trained_policy_gets_the_masks_of_training(example: ModuleType) -> N
             return Batch(act=np.zeros(len(batch.obs.obs), int))
 
     dqn = type("DQN", (), {"policy": Policy()})()
-    example.TrainedPolicy(dqn)(buffer.obs.obs[:120])
-    assert (received[0] == masks_in(buffer, 120)).all()
+    masks = masks_in(buffer, 120)
+    shown = {"observation": buffer.obs.obs[:120], "action_mask": masks.astype(np.int8)}
+    example.TrainedPolicy(dqn)(shown)
+    assert (received[0] == masks).all()
 
 
 def test_the_trained_policy_returns_an_allowed_action_per_drone(example: ModuleType) -> None:
     buffer = collect(example, 60)
-    actions = example.TrainedPolicy(example.make_dqn())(buffer.obs.obs[:120])
+    masks = masks_in(buffer, 120)
+    shown = {"observation": buffer.obs.obs[:120], "action_mask": masks.astype(np.int8)}
+    actions = example.TrainedPolicy(example.make_dqn())(shown)
     assert actions.shape == (120,) and actions.dtype.kind == "i"
-    assert masks_in(buffer, 120)[np.arange(120), actions].all()
+    assert masks[np.arange(120), actions].all()

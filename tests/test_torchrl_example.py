@@ -169,7 +169,8 @@ def test_the_trained_policy_respects_the_masks(example: dict[str, Any]) -> None:
 
     for action in range(6):
         policy = example["TrainedPolicy"](network_for(action))
-        chosen = policy(np.stack(list(observations.values())))
+        shown = {"observation": np.stack([*observations.values()]), "action_mask": masks}
+        chosen = policy(shown)
         assert masks[[0, 1], chosen].all()
         assert ((chosen == action) == masks[:, action]).all()
 

@@ -21,7 +21,6 @@ import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.training.curve import Curve, moving_mean
-from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
 DEFAULTS = {"steps": 5000, "seed": 0, "resume": False, "short": False, "episodes": 1000}
 
@@ -644,52 +643,3 @@ def test_the_comparison_accepts_other_layouts(capsys: pytest.CaptureFixture[str]
 
     training.compare_with_baselines(idle, SMALL, episodes=3, observation="dict", baselines=[])
     assert set(shapes) <= {(6, 2)}
-
-
-# Masks of flat observations.
-
-
-@pytest.mark.parametrize("right_of_way", [False, True])
-@pytest.mark.parametrize(("grid_size", "n_drones"), [(2, 1), (2, 4), (5, 3), (13, 16), (41, 2)])
-def test_masks_of_flat_equal_the_environments(
-    grid_size: int, n_drones: int, right_of_way: bool
-) -> None:
-    parameters = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 20}
-    env = DroneVectorEnv(7, observation="flat", bayesian_update=True, **parameters)
-    observations, _ = env.reset(seed=1)
-    for _ in range(40):
-        masks = training.masks_of_flat(observations, parameters, right_of_way)
-        assert masks.tolist() == env.action_masks(right_of_way).tolist()
-        observations, *_ = env.step(env.action_space.sample())
-
-
-def test_masks_of_flat_need_the_drones_of_whole_swarms_in_order() -> None:
-    parameters = {"grid_size": 5, "n_drones": 3}
-    env = DroneVectorEnv(4, observation="flat", **parameters)
-    observations, _ = env.reset(seed=0)
-    assert training.masks_of_flat(observations[:0], parameters).shape == (0, 6)
-    for wrong in (observations[:-1], observations[0]):
-        with pytest.raises(ValueError, match=r"observations must have the shape \(swarms \* 3, 32"):
-            training.masks_of_flat(wrong, parameters)
-    shuffled, of_swarms = observations[::-1], SwarmVectorEnv(3, observation="flat", **parameters)
-    for wrong in (shuffled, observations * np.nan, observations - 1, of_swarms.reset(seed=0)[0]):
-        with pytest.raises(ValueError, match="observations must be flat, with the drones of each"):
-            training.masks_of_flat(wrong, parameters)
-    for other in ({"grid_size": 6, "n_drones": 3}, {"grid_size": 5, "n_drones": 4}):
-        with pytest.raises(ValueError, match=r"observations must have the shape .* for grid_size="):
-            training.masks_of_flat(observations, other)
-
-
-def test_masks_of_flat_checks_its_arguments() -> None:
-    parameters = {"grid_size": 5, "n_drones": 3}
-    observations = np.zeros((3, 32), np.float32)
-    with pytest.raises(TypeError, match="observations must be floats, got int64"):
-        training.masks_of_flat(observations.astype(np.int64), parameters)
-    with pytest.raises(ValueError, match="observations must be one array"):
-        training.masks_of_flat([[0.0], [0.0, 1.0]], parameters)
-    with pytest.raises(ValueError, match="parameters must contain 'n_drones'"):
-        training.masks_of_flat(observations, {"grid_size": 5})
-    with pytest.raises(TypeError, match="parameters must be a mapping, got 5"):
-        training.masks_of_flat(observations, 5)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
-        training.masks_of_flat(observations, parameters, 1)  # type: ignore[arg-type]

@@ -27,6 +27,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Sce
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.vector import Buffers, DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
+from DroneSwarmSearch.wrappers import ActionMask
 from DroneSwarmSearch.wrappers.masks import action_masks
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
@@ -156,6 +157,7 @@ class Swarm(gymnasium.Env):
         own = {
             "rewards": rewards,
             "Found": bool(infos["Found"]),
+            "is_success": infos["is_success"],
             "persons_found": np.array(frame.found),
             "ending": frame.ending or 0,
             "step": frame.step,
@@ -285,7 +287,8 @@ def test_both_views_show_the_same_searches(case: dict[str, Any]) -> None:
         assert np.array_equal(rest[1], terminated.repeat(n))
         assert np.array_equal(rest[2], truncated.repeat(n))
         assert "rewards" not in rest[3]
-        for key in ("Found", "persons_found", "ending", "step", "probability_of_success"):
+        names = ("Found", "is_success", "persons_found", "ending", "step", "probability_of_success")
+        for key in names:
             assert (key in rest[3]) == (key in infos)
             if key not in infos:
                 continue
@@ -390,6 +393,143 @@ def test_masks_are_those_of_the_cells(view: type[SearchVectorEnv], right_of_way:
         env.step(random_actions(rng, env))
     with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
         env.action_masks(1)  # type: ignore[arg-type]
+
+
+def masks_of(env: SearchVectorEnv) -> np.ndarray:
+    """The masks of the present state, in the form of observations and infos."""
+    masks = action_masks(env.batch.cells, SMALL["grid_size"], env.right_of_way)
+    drones = () if env.single_action_space.shape == () else (SMALL["n_drones"],)
+    return masks.astype(np.int8).reshape(env.num_envs, *drones, len(Action))
+
+
+@both_views
+@all_layouts
+@all_modes
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_observations_hold_masks_on_request(
+    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode, right_of_way: bool
+) -> None:
+    how = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
+    env = view(4, action_mask="observation", right_of_way=right_of_way, **how)
+    plainly = view(4, **how)
+    assert (env.action_mask, env.right_of_way) == ("observation", right_of_way)
+    assert env.observation_space == batch_space(env.single_observation_space, env.num_envs)
+    assert env.observation_space.sample() in env.observation_space
+
+    def check(shown: Any, observations: Any) -> None:
+        assert shown in env.observation_space
+        assert plain(shown["observation"]) == plain(observations)
+        assert plain(shown["action_mask"]) == plain(masks_of(env))
+        some = env.observe(np.array([1, 3]))
+        each = env.num_envs // 4
+        rows = np.arange(env.num_envs).reshape(4, each)[[1, 3]].reshape(-1)
+        assert plain(some["observation"]) == plain(plainly.observe(np.array([1, 3])))
+        assert plain(some["action_mask"]) == plain(shown["action_mask"][rows])
+        assert plain(env.action_masks()) == plain(plainly.action_masks(right_of_way))
+
+    check(env.reset(seed=3)[0], plainly.reset(seed=3)[0])
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(20):
+        actions = random_actions(rng, env)
+        shown, *results, infos = env.step(actions.copy())
+        observations, *others, their_infos = plainly.step(actions.copy())
+        check(shown, observations)
+        assert plain(results) == plain(others)
+        assert "action_mask" not in infos and infos.keys() == their_infos.keys()
+        dones = results[1]
+        for index in np.flatnonzero(their_infos.get("_final_obs", [])):
+            last = infos["final_obs"][index]
+            assert plain(last["observation"]) == plain(their_infos["final_obs"][index])
+            assert last["action_mask"] in env.single_observation_space["action_mask"]
+        if mode is AutoresetMode.DISABLED and dones.any():
+            options = {"reset_mask": dones}
+            check(env.reset(options=options)[0], plainly.reset(options=options)[0])
+        ended += int(dones.sum())
+    assert ended > 5
+
+
+@both_views
+@all_modes
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_infos_hold_masks_on_request(
+    view: type[SearchVectorEnv], mode: AutoresetMode, right_of_way: bool
+) -> None:
+    how = {"observation": "flat", "autoreset_mode": mode, **SMALL}
+    env = view(4, action_mask="info", right_of_way=right_of_way, **how)
+    plainly = view(4, **how)
+    assert env.single_observation_space == plainly.single_observation_space
+    observations, infos = env.reset(seed=3)
+    assert plain(observations) == plain(plainly.reset(seed=3)[0])
+    assert plain(infos["action_mask"]) == plain(masks_of(env)) and infos["_action_mask"].all()
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        actions = random_actions(rng, env)
+        observations, _, dones, _, infos = env.step(actions)
+        assert plain(observations) == plain(plainly.step(actions)[0])
+        assert plain(infos["action_mask"]) == plain(masks_of(env)) and infos["_action_mask"].all()
+        if "final_info" in infos:
+            assert infos["final_info"]["_action_mask"].tolist() == dones.tolist()
+        if mode is AutoresetMode.DISABLED and dones.any():
+            _, infos = env.reset(options={"reset_mask": dones})
+            assert plain(infos["action_mask"]) == plain(masks_of(env))
+            assert infos["_action_mask"].tolist() == dones.tolist()
+            plainly.reset(options={"reset_mask": dones})
+
+
+@both_views
+def test_masks_and_final_masks_are_those_of_the_wrapper(view: type[SearchVectorEnv]) -> None:
+    env, informed = (
+        view(1, action_mask=where, right_of_way=True, autoreset_mode="SameStep", **SMALL)
+        for where in ("observation", "info")
+    )
+    single = ActionMask(DroneSwarmSearch(**SMALL), in_observation=True, right_of_way=True)
+    shown, infos = env.reset(seed=3)[0], informed.reset(seed=3)[1]
+    seen, _ = single.reset(seed=3)
+    rng, ended = np.random.default_rng(1), 0
+    n = SMALL["n_drones"]
+    while ended < 12:
+        wanted = [each["action_mask"].tolist() for each in seen.values()]
+        for masks in (shown["action_mask"], infos["action_mask"]):
+            assert masks.reshape(n, 6).tolist() == wanted
+        actions = random_actions(rng, env)
+        shown, *_, final = env.step(actions)
+        infos = informed.step(actions)[-1]
+        by_drone = dict(zip(single.agents, actions.reshape(-1).tolist(), strict=True))
+        seen, *_ = single.step(by_drone)
+        if single.agents:
+            continue
+        wanted = [each["action_mask"].tolist() for each in seen.values()]
+        last = np.stack([each["action_mask"] for each in final["final_obs"]])
+        for masks in (last, infos["final_info"]["action_mask"]):
+            assert masks.reshape(n, 6).tolist() == wanted
+        seen, _ = single.reset()
+        ended += 1
+
+
+@both_views
+@pytest.mark.parametrize("layout", ["dict", "flat"])
+def test_buffers_hold_masks_too(view: type[SearchVectorEnv], layout: str) -> None:
+    how = {"observation": layout, "action_mask": "observation", **SMALL}
+    env, copying, reusing = view(3, **how), view(3, **how), view(3, copy=False, **how)
+    buffers = copy.deepcopy(reusing._buffers)
+    masks = buffers.observations["action_mask"]
+    env.use_buffers(buffers)
+    env.reset(seed=2)
+    shown = [each.reset(seed=2)[0] for each in (copying, reusing)]
+    rng = np.random.default_rng(0)
+    for _ in range(15):
+        assert plain(buffers.observations) == plain(shown[0]) == plain(shown[1])
+        assert shown[1] is reusing._buffers.observations
+        actions = random_actions(rng, env)
+        env.step(actions)
+        shown = [each.step(actions)[0] for each in (copying, reusing)]
+    assert buffers.observations["action_mask"] is masks
+    buffers.observations["action_mask"] = masks.astype(bool)
+    with pytest.raises(ValueError, match=r"buffers.observations\['action_mask'\] must be of shape"):
+        env.use_buffers(buffers)
+    buffers.observations["observation"] = masks
+    with pytest.raises((TypeError, ValueError), match=r"buffers.observations\['"):
+        env.use_buffers(buffers)
 
 
 # The table of matrices.
@@ -679,7 +819,7 @@ def test_episodes_end_and_begin_as_in_gymnasiums_vector(
         # Gymnasium's infos are by now those of the next episode where one has begun in the
         # same step; the rewards and the ending that the step brought are in the final infos.
         if "final_info" in wanted_infos:
-            for key in ("rewards", "ending"):
+            for key in ("rewards", "ending", "is_success"):
                 wanted_infos[key][dones] = wanted_infos["final_info"][key][dones]
         check_infos(infos, wanted_infos, n)
         if view is SwarmVectorEnv:
@@ -1305,6 +1445,9 @@ def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
         ({"autoreset_mode": "Never"}, ValueError, "autoreset_mode must be one of .*got 'Never'"),
         ({"autoreset_mode": None}, ValueError, "autoreset_mode must be one of"),
         ({"write_matrices": 1}, TypeError, "write_matrices must be True or False, got 1"),
+        ({"action_mask": True}, TypeError, "action_mask must be one of None, 'observation', 'inf"),
+        ({"action_mask": "infos"}, ValueError, "action_mask must be one of None, 'observation', "),
+        ({"right_of_way": 1}, TypeError, "right_of_way must be True or False, got 1"),
         ({"separate_flags": "no"}, TypeError, "separate_flags must be True or False"),
         ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
         ({"reward_scale": "1"}, TypeError, "reward_scale must be a finite number above 0"),
@@ -1345,9 +1488,9 @@ def test_each_view_has_a_name_for_the_number_of_swarms(
 @both_views
 def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
     shown = inspect.signature(view).parameters
-    own = "observation top_cells write_matrices autoreset_mode separate_flags reward_scale copy "
+    own = "observation top_cells write_matrices action_mask right_of_way autoreset_mode "
     assert list(shown)[1:] == [
-        *f"{own}render_mode".split(),
+        *f"{own}separate_flags reward_scale copy render_mode".split(),
         *(field.name for field in dataclasses.fields(Scenario)),
         *("scenario", "situations", "situation", "drones_positions", "sampler"),
     ]

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import ItemsView, Iterable, KeysView, Mapping, ValuesView
 from typing import Any, Generic, TypeVar, overload
 
-from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.rules import Ending, is_success
 
 __all__ = ["Infos", "Rewards", "Start", "SuccessInfos"]
 
@@ -95,7 +95,7 @@ class Rewards(_Answering[float]):
 
 
 class Infos(_Answering[Any]):
-    """Each drone's info; "Found", "persons_found", "ending" and "step" can be looked up, too.
+    """Each drone's info; facts about the whole search can be looked up, too.
 
     Attributes:
         facts: all but "Found" are computed from these.
@@ -103,7 +103,7 @@ class Infos(_Answering[Any]):
 
     __slots__ = ("facts",)
 
-    NAMES = frozenset({"Found", "persons_found", "ending", "step"})
+    NAMES = frozenset({"Found", "is_success", "persons_found", "ending", "step"})
 
     facts: Facts
 
@@ -111,6 +111,8 @@ class Infos(_Answering[Any]):
         if name == "Found":
             return any(info.get("Found", False) for info in self.values())
         ending, missing, persons, step, success = self.facts
+        if name == "is_success":
+            return is_success(ending)
         if name == "persons_found":
             return tuple(person not in missing for person in persons)
         if name == "probability_of_success":

@@ -18,7 +18,7 @@ from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.bounds import BoundTask
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, compare
-from DroneSwarmSearch.evaluation.rollout import checked_view
+from DroneSwarmSearch.evaluation.rollout import checked_masks, checked_view
 from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
 from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, mean_of
 from DroneSwarmSearch.evaluation.store import Store, as_store
@@ -281,6 +281,8 @@ def leaderboard(
     added: Sequence[object] = (),
     view: str = "swarm",
     observation: str = "dict",
+    action_mask: bool = False,
+    right_of_way: bool = False,
     deterministic: bool | None = None,
     posterior: bool = False,
     episodes: int = 2000,
@@ -300,6 +302,8 @@ def leaderboard(
         added: further policies, in any form that `evaluate` takes.
         view: what the added policies see, see `evaluate`.
         observation: the layout of their observations, see `evaluate`.
+        action_mask: whether they get masks of valid actions, see `evaluate`.
+        right_of_way: whether these masks prevent all collisions.
         deterministic: whether the added policies are, see `evaluate`.
         posterior: whether the added policies see the posterior instead of the prior. Their
             returns then depend on another matrix; success and time stay comparable.
@@ -324,6 +328,8 @@ def leaderboard(
         added,
         view=view,
         observation=observation,
+        action_mask=action_mask,
+        right_of_way=right_of_way,
         deterministic=deterministic,
         posterior=posterior,
         episodes=episodes,
@@ -345,6 +351,8 @@ class Contest:
         *,
         view: str,
         observation: str,
+        action_mask: bool,
+        right_of_way: bool,
         deterministic: bool | None,
         posterior: bool,
         bounds: bool,
@@ -355,6 +363,7 @@ class Contest:
             if values is not None and (isinstance(values, str) or not isinstance(values, Iterable)):
                 raise TypeError(f"{name} must be a list, got {values!r}")
         view, observation = checked_view(view, observation)
+        checked_masks(action_mask, right_of_way)
         updated = checks.boolean("posterior", posterior) or None
         bounds = checks.boolean("bounds", bounds)
         names = in_expected_order([*POLICIES]) if policies is None else policies
@@ -367,6 +376,8 @@ class Contest:
         own: dict[str, Any] = {
             "view": view,
             "observation": observation,
+            "action_mask": action_mask,
+            "right_of_way": right_of_way,
             "deterministic": deterministic,
             "bayesian_update": updated,
         }

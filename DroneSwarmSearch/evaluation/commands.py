@@ -71,6 +71,8 @@ def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
                 bayesian_update=True if options.posterior else None,
                 view=options.view,
                 observation=options.observation,
+                action_mask=options.action_mask,
+                right_of_way=options.right_of_way,
                 deterministic=options.deterministic,
                 store=store,
             )
@@ -109,6 +111,8 @@ def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
             options.add,
             view=options.view,
             observation=options.observation,
+            action_mask=options.action_mask,
+            right_of_way=options.right_of_way,
             deterministic=options.deterministic,
             posterior=options.posterior,
             episodes=options.episodes,

@@ -58,6 +58,7 @@ def exact_success(
     view: str = "swarm",
     observation: str = "dict",
     report: Report = lambda share: None,
+    masks: bool | None = None,
 ) -> Floats:
     """The probability that every person is found within t steps, t = 0..L: float64, (L + 1,).
 
@@ -68,6 +69,7 @@ def exact_success(
         view: what the policy sees and returns, see `evaluate`; validated.
         observation: the layout of its observations.
         report: called with the share of the work done.
+        masks: whether the masks that it gets have right of way; None for no masks.
 
     Raises:
         TypeError: the policy returns a wrong type.
@@ -80,7 +82,7 @@ def exact_success(
         """The chances of the branches with these first finds, see `_Branches`."""
         for first in range(0, len(finds), at_once):
             branches = _Branches(search, finds[first : first + at_once])
-            yield from branches.play(policy, view, observation, seed)
+            yield from branches.play(policy, view, observation, seed, masks)
 
     limit, persons = search.scenario.timestep_limit, len(search.scenario.situation)
     # One after the other and with different seeds, so that a policy cannot give both the same
@@ -163,7 +165,9 @@ class _Branches:
         matrices = {key: tracker.matrix() for key, tracker in shown.items()}
         return np.array([matrices[id(self._trackers[row])] for row in rows])
 
-    def play(self, policy: PolicyLike, view: str, observation: str, seed: int) -> Floats:
+    def play(
+        self, policy: PolicyLike, view: str, observation: str, seed: int, masks: bool | None
+    ) -> Floats:
         """Play every search until drones crash, nobody is left to find, or the time limit.
 
         Args:
@@ -171,6 +175,7 @@ class _Branches:
             view: as for `exact_success`.
             observation: as for `exact_success`.
             seed: for the policy, of the first search.
+            masks: as for `exact_success`.
 
         Returns:
             The probability that each step's searches find each person who is still missing:
@@ -178,7 +183,7 @@ class _Branches:
         """
         limit, persons = self._scenario.timestep_limit, len(self._scenario.situation)
         chances = np.zeros((self.num_rows, limit, persons))
-        stage = stage_of(self, view, observation)
+        stage = stage_of(self, view, observation, masks)
         reset_policy(policy, stage.seeds(range(seed, seed + self.num_rows)))
         rows = np.arange(self.num_rows)
         for step in range(limit):

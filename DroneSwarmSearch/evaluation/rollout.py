@@ -24,8 +24,18 @@ from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+from DroneSwarmSearch.wrappers.masks import swarm_masks
 
-__all__ = ["VIEWS", "Searches", "Stage", "checked_view", "play", "reset_policy", "stage_of"]
+__all__ = [
+    "VIEWS",
+    "Searches",
+    "Stage",
+    "checked_masks",
+    "checked_view",
+    "play",
+    "reset_policy",
+    "stage_of",
+]
 
 Ints = NDArray[np.int64]
 PolicyLike = Callable[[Any], Any]
@@ -52,6 +62,21 @@ def checked_view(view: object, observation: object) -> tuple[str, str]:
     return str(view), str(observation)
 
 
+def checked_masks(action_mask: object, right_of_way: object) -> bool | None:
+    """Whether the masks that a policy gets have right of way, or None if it gets none.
+
+    Raises:
+        TypeError: one of them is not a bool.
+        ValueError: right of way is wanted without masks.
+    """
+    has_way = checks.boolean("right_of_way", right_of_way)
+    if checks.boolean("action_mask", action_mask):
+        return has_way
+    if has_way:
+        raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
+    return None
+
+
 def play(
     policy: PolicyLike,
     search: NamedSearch,
@@ -59,6 +84,7 @@ def play(
     view: str = "swarm",
     observation: str = "dict",
     report: Report = lambda share: None,
+    masks: bool | None = None,
 ) -> Episodes:
     """Play one episode for each seed.
 
@@ -70,6 +96,7 @@ def play(
         view: what the policy sees and returns, see `evaluate`; validated.
         observation: the layout of its observations.
         report: called with the share of the work done.
+        masks: whether the masks that it gets have right of way; None for no masks.
 
     Raises:
         TypeError: the policy returns a wrong type.
@@ -77,9 +104,9 @@ def play(
     """
     if view != "parallel":
         batch = SearchBatch(len(seeds), **search.parameters)
-        return _play(policy, batch, stage_of(batch, view, observation), seeds, report)
+        return _play(policy, batch, stage_of(batch, view, observation, masks), seeds, report)
     batch = SearchBatch(1, **search.parameters)
-    stage, parts = stage_of(batch, view, observation), []
+    stage, parts = stage_of(batch, view, observation, masks), []
     for done, seed in enumerate(seeds, 1):
         parts.append(_play(policy, batch, stage, [seed], lambda share: None))
         report(done / len(seeds))
@@ -203,11 +230,11 @@ class Stage(Protocol):
         """The policy's validated actions in some rows: int64, (n, n_drones)."""
 
 
-def stage_of(searches: Searches, view: str, observation: str) -> Stage:
-    """The stage for a view and a layout; "parallel" has one search."""
+def stage_of(searches: Searches, view: str, observation: str, masks: bool | None = None) -> Stage:
+    """The stage for a view and a layout; "parallel" has one search. Masks as for `play`."""
     if view == "parallel":
-        return _ParallelStage(searches)
-    return _VectorStage(searches, view, observation)
+        return _ParallelStage(searches, masks)
+    return _VectorStage(searches, view, observation, masks)
 
 
 def _validated(read: Callable[[Any], Ints], returned: Any) -> Ints:
@@ -221,11 +248,14 @@ def _validated(read: Callable[[Any], Ints], returned: Any) -> Ints:
 class _VectorStage:
     """The views "swarm" and "drone"."""
 
-    def __init__(self, searches: Searches, view: str, observation: str) -> None:
+    def __init__(self, searches: Searches, view: str, observation: str, masks: bool | None) -> None:
         self._is_swarm = view == "swarm"
         # It only reads what `Searches` has.
         batch = cast("SearchBatch", searches)
-        self._observations = BatchObservations(batch, observation, self._is_swarm, TOP_CELLS, True)
+        self._observations = BatchObservations(
+            batch, observation, self._is_swarm, TOP_CELLS, True, masks
+        )
+        self._is_masked = masks is not None
         self._drones = searches.scenario.n_drones
         self._shows_rows = self._is_swarm and observation == "dict"
 
@@ -235,7 +265,8 @@ class _VectorStage:
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
         shown = self._observations.of_rows(rows)
         if self._shows_rows:
-            shown["row"] = rows.copy()
+            entries = shown["observation"] if self._is_masked else shown
+            entries["row"] = rows.copy()
         return _validated(lambda returned: self._read(returned, len(rows)), policy(shown))
 
     def _read(self, actions: Any, n: int) -> Ints:
@@ -251,8 +282,9 @@ class _VectorStage:
 class _ParallelStage:
     """The view "parallel", of one episode at a time."""
 
-    def __init__(self, searches: Searches) -> None:
+    def __init__(self, searches: Searches, masks: bool | None) -> None:
         self._searches = searches
+        self._masks = masks
         self._names = tuple(f"drone{i}" for i in range(searches.scenario.n_drones))
         self._neighbours, self._positions = grid_of(searches.scenario.grid_size)
         self._reader = reader(self._names)
@@ -264,7 +296,14 @@ class _ParallelStage:
         matrix = self._searches.matrices_of(rows)[0]
         matrix.flags.writeable = False
         cells = self._searches.cells[0].tolist()
+        shown: dict[str, Any]
         shown, _ = observe(self._names, cells, self._positions, matrix, False)
+        if self._masks is not None:
+            masks = swarm_masks(cells, self._neighbours, self._masks)
+            shown = {
+                name: {"observation": observation, "action_mask": mask}
+                for (name, observation), mask in zip(shown.items(), masks, strict=True)
+            }
         return _validated(lambda returned: self._read(returned, cells), policy(shown))
 
     def _read(self, actions: Any, cells: list[int]) -> Ints:

@@ -26,7 +26,7 @@ from DroneSwarmSearch.evaluation.exact import can_be_exact, exact_success
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
-from DroneSwarmSearch.evaluation.rollout import checked_view, play
+from DroneSwarmSearch.evaluation.rollout import checked_masks, checked_view, play
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
@@ -55,6 +55,8 @@ def evaluate(
     bayesian_update: bool | None = None,
     view: str = "swarm",
     observation: str = "dict",
+    action_mask: bool = False,
+    right_of_way: bool = False,
     deterministic: bool | None = None,
     workers: int = 1,
     ray: str | None = None,
@@ -91,6 +93,10 @@ def evaluate(
             of `DroneSwarmSearch`, one episode at a time; a dict of actions.
         observation: the layout for "swarm" and "drone": "dict", "flat", "planes", "top-cells"
             or "crops".
+        action_mask: whether the policy gets masks of valid actions: {"observation": as above,
+            "action_mask": int8}, shape (E, n_drones, 6) for "swarm", (E * n_drones, 6) for
+            "drone"; for "parallel", each drone does, (6,). See `wrappers.action_masks`.
+        right_of_way: whether these masks prevent all collisions.
         deterministic: whether the actions depend on nothing but what the policy has observed
             since the episode began. None: they do for subclasses of `SwarmPolicy`, which must
             be deterministic, and for the package's policies except "random".
@@ -122,6 +128,8 @@ def evaluate(
         bayesian_update=bayesian_update,
         view=view,
         observation=observation,
+        action_mask=action_mask,
+        right_of_way=right_of_way,
         deterministic=deterministic,
         store=store,
         name=name,
@@ -158,8 +166,8 @@ class EvaluationTask:
     """A policy to be evaluated on a search by `run_tasks`.
 
     Args:
-        policy, search, episodes, seed, bayesian_update, view, observation, deterministic, store,
-            name: see `evaluate`.
+        policy, search, episodes, seed, bayesian_update, view, observation, action_mask,
+            right_of_way, deterministic, store, name: see `evaluate`.
 
     Attributes:
         spec: the policy.
@@ -177,6 +185,8 @@ class EvaluationTask:
         bayesian_update: bool | None = None,
         view: str = "swarm",
         observation: str = "dict",
+        action_mask: bool = False,
+        right_of_way: bool = False,
         deterministic: bool | None = None,
         store: Store | str | Path | None = None,
         name: str | None = None,
@@ -191,9 +201,12 @@ class EvaluationTask:
         checks.fits("their results", _NUMBER_BYTES * numbers * self.weight, episodes=self.weight)
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
+        self._masks = checked_masks(action_mask, right_of_way)
         self.spec = PolicySpec.of(policy, name)
         if self.spec.is_batch_policy:
-            _check_view_of_package_policy(self.spec.name, self._view, self._observation)
+            _check_view_of_package_policy(
+                self.spec.name, self._view, self._observation, self._masks
+            )
         self._is_deterministic = self.spec.is_deterministic
         if deterministic is not None:
             self._is_deterministic = checks.boolean("deterministic", deterministic)
@@ -291,7 +304,7 @@ class EvaluationTask:
 
     def _portion_jobs(self, portions: list[range], policy: Made) -> Iterator[Job]:
         shared = policy, self.search
-        shown = self._view, self._observation, self.spec.is_reusable
+        shown = self._view, self._observation, self._masks, self.spec.is_reusable
         if self._needs_exact:
             label = f"the exact success of {self.spec.name} on {self.search.name}"
             weight = self._exact_weight
@@ -366,11 +379,14 @@ class EvaluationTask:
             "parameters": self.search.data,
             "view": self._view,
             "observation": self._observation,
+            "masks": self._masks,
         }
 
 
-def _check_view_of_package_policy(name: str, view: str, observation: str) -> None:
-    """Refuse a view or a layout that the package's policies cannot read."""
+def _check_view_of_package_policy(
+    name: str, view: str, observation: str, masks: bool | None
+) -> None:
+    """Refuse a view, a layout or masks that the package's policies cannot read."""
     if view == "drone":
         raise ValueError(
             f"view must be 'swarm' or 'parallel' for {name}, which steers whole swarms, got 'drone'"
@@ -380,6 +396,8 @@ def _check_view_of_package_policy(name: str, view: str, observation: str) -> Non
             f"observation must be 'dict' for {name}, which takes positions and a matrix, "
             f"got {observation!r}"
         )
+    if masks is not None:
+        raise ValueError(f"action_mask must be False for {name}, which takes no masks, got True")
 
 
 # The jobs.
@@ -406,11 +424,12 @@ def _play(
     seeds: range,
     view: str,
     observation: str,
+    masks: bool | None,
     is_reusable: bool,
     report: Report,
 ) -> Episodes:
     """Play a portion of episodes."""
-    return play(_player(policy, is_reusable), search, seeds, view, observation, report)
+    return play(_player(policy, is_reusable), search, seeds, view, observation, report, masks)
 
 
 def _exact(
@@ -418,11 +437,12 @@ def _exact(
     search: NamedSearch,
     view: str,
     observation: str,
+    masks: bool | None,
     is_reusable: bool,
     report: Report,
 ) -> Floats:
     """Compute the exact success."""
-    return exact_success(_player(policy, is_reusable), search, view, observation, report)
+    return exact_success(_player(policy, is_reusable), search, view, observation, report, masks)
 
 
 def _player(policy: Made, is_reusable: bool) -> Callable[..., Any]:

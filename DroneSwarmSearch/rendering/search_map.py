@@ -26,7 +26,7 @@ from DroneSwarmSearch.rendering.palette import (
     shades,
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
-from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.rules import Ending, is_success
 
 __all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap", "outcome_colour"]
 
@@ -298,7 +298,7 @@ class SearchMap:
 
 def outcome_colour(frame: Frame) -> Colour:
     """The colour of an ending: green for success, red for failure, blue for neither."""
-    if frame.ending in (Ending.FOUND, Ending.COVERED):
+    if is_success(frame.ending):
         return FOUND
     # The coverage mission has no person to miss.
     return PROGRESS if frame.ending is Ending.TIME_LIMIT and not frame.persons else NOT_FOUND

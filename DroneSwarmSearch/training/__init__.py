@@ -14,7 +14,6 @@ drone of a swarm acts once.
 
 from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.expected_searches import ExpectedSearches
-from DroneSwarmSearch.training.masks import masks_of_flat
 from DroneSwarmSearch.training.options import arguments
 from DroneSwarmSearch.training.run import Run
 from DroneSwarmSearch.training.task import TRAINING_TASK
@@ -25,5 +24,4 @@ __all__ = [
     "Run",
     "arguments",
     "compare_with_baselines",
-    "masks_of_flat",
 ]

@@ -31,6 +31,8 @@ def compare_with_baselines(
     *,
     view: str = "drone",
     observation: str = "flat",
+    action_mask: bool = False,
+    right_of_way: bool = False,
     episodes: int = 1000,
     name: str = "trained",
     folder: str | Path | None = None,
@@ -46,6 +48,8 @@ def compare_with_baselines(
         parameters: those of `DroneSwarmSearch`, and optionally "drones_positions".
         view: form of the observations and actions, as for `evaluate`.
         observation: layout of the observations, as for `evaluate`.
+        action_mask: whether the policy gets masks of valid actions, as for `evaluate`.
+        right_of_way: whether these masks prevent all collisions.
         episodes: number of episodes; at least 1.
         name: the policy's name in the table.
         folder: the run's folder; evaluation.csv is written there, one row per policy.
@@ -62,7 +66,16 @@ def compare_with_baselines(
     search = _search(parameters)
     shared: dict[str, Any] = {"episodes": episodes, "seed": SEED}
     try:
-        trained = evaluate(policy, search, view=view, observation=observation, name=name, **shared)
+        trained = evaluate(
+            policy,
+            search,
+            view=view,
+            observation=observation,
+            action_mask=action_mask,
+            right_of_way=right_of_way,
+            name=name,
+            **shared,
+        )
         others = [evaluate(baseline, search, **shared) for baseline in baselines]
     except KeyboardInterrupt:
         if folder is None:

@@ -130,23 +130,26 @@ def check_buffers(buffers: Buffers, wanted: Buffers, largest_reward: float) -> N
         raise TypeError(f"buffers must be Buffers, got {buffers!r}")
     for name in ("rewards", "terminations", "truncations"):
         _check(name, getattr(buffers, name), getattr(wanted, name), exact=False)
-    if isinstance(wanted.observations, dict):
-        keys = list(wanted.observations)
-        if not isinstance(buffers.observations, Mapping) or {*buffers.observations} != {*keys}:
-            raise TypeError(
-                f"buffers.observations must be a mapping with the keys {keys}, "
-                f"got {buffers.observations!r}"
-            )
-        for key, array in wanted.observations.items():
-            _check(f"observations[{key!r}]", buffers.observations[key], array)
-    else:
-        _check("observations", buffers.observations, wanted.observations)
+    _check_observations("observations", buffers.observations, wanted.observations)
     dtype = buffers.rewards.dtype
     if dtype.kind != "f" or (dtype.itemsize < 8 and largest_reward > float(np.finfo(dtype).max)):
         raise ValueError(
             f"buffers.rewards must hold real numbers up to {largest_reward:g} "
             f"(see reward_scale), got {dtype}"
         )
+
+
+def _check_observations(name: str, given: Any, wanted: Arrays) -> None:
+    """Check an array, or a mapping of them, which may be nested."""
+    if not isinstance(wanted, dict):
+        _check(name, given, wanted)
+        return
+    if not isinstance(given, Mapping) or {*given} != {*wanted}:
+        raise TypeError(
+            f"buffers.{name} must be a mapping with the keys {[*wanted]}, got {given!r}"
+        )
+    for key, array in wanted.items():
+        _check_observations(f"{name}[{key!r}]", given[key], array)
 
 
 def _check(name: str, given: Any, wanted: Arrays, exact: bool = True) -> None:

@@ -39,12 +39,16 @@ class DroneVectorEnv(SearchVectorEnv):
     Rewards: the drone's own.
 
     Infos, equal for all drones of a swarm, each with a mask of the same name after an
-    underscore: `Found`, `persons_found`, `ending`, `step` and `probability_of_success`, as in
-    `SwarmVectorEnv`.
+    underscore: `Found`, `is_success`, `persons_found`, `ending`, `step` and
+    `probability_of_success`, as in `SwarmVectorEnv`. With action_mask="info", also
+    `action_mask`, the drone's own: int8, (num_envs, 6).
 
-    The keywords `observation`, `top_cells`, `write_matrices`, `autoreset_mode`,
-    `separate_flags`, `reward_scale`, `copy`, `render_mode`, `grid_size`, `n_drones`, `vector`,
-    `person_initial_position`, `disperse_constant`, `timestep_limit`,
+    With action_mask="observation", every observation is {"observation": one of the above,
+    "action_mask": int8, (6,)}.
+
+    The keywords `observation`, `top_cells`, `write_matrices`, `action_mask`, `right_of_way`,
+    `autoreset_mode`, `separate_flags`, `reward_scale`, `copy`, `render_mode`, `grid_size`,
+    `n_drones`, `vector`, `person_initial_position`, `disperse_constant`, `timestep_limit`,
     `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`,
     `scenario`, `situations`, `situation`, `drones_positions` and `sampler` are those of
     `SwarmVectorEnv`.

@@ -19,6 +19,7 @@ from DroneSwarmSearch.wrappers.layouts import (
     StackedLayout,
     remaining_time_fraction,
 )
+from DroneSwarmSearch.wrappers.masks import action_masks, mask_space
 
 __all__ = ["BatchObservations"]
 
@@ -35,13 +36,22 @@ class BatchObservations:
         joint: whether a sub-environment is a whole swarm.
         top_cells: the number of cells in the layout "top-cells".
         write_matrices: False writes indices into the table in place of matrices.
+        masks: None for observations without action masks; otherwise whether the masks have
+            right of way, see `action_masks`.
 
     Attributes:
-        space: the observation space of a sub-environment.
+        space: the observation space of a sub-environment. With masks, a Dict of "observation"
+            and "action_mask".
     """
 
     def __init__(
-        self, batch: SearchBatch, name: str, joint: bool, top_cells: int, write_matrices: bool
+        self,
+        batch: SearchBatch,
+        name: str,
+        joint: bool,
+        top_cells: int,
+        write_matrices: bool,
+        masks: bool | None = None,
     ) -> None:
         scenario = batch.scenario_of(0)
         self._batch = batch
@@ -49,6 +59,7 @@ class BatchObservations:
         self._joint = joint
         self._each = 1 if joint else scenario.n_drones  # sub-environments in a swarm
         self._writes = write_matrices
+        self._masks = masks
         self._is_dict = name == "dict"
         self._positions = "positions" if joint else "position"
         options: dict[str, Any] = {}
@@ -61,7 +72,10 @@ class BatchObservations:
         else:
             drones = LAYOUTS[name](*sizes, **options)
             self._layout = StackedLayout(drones) if joint else drones
-        self.space = self._layout.space if write_matrices else self._with_index()
+        self.space: spaces.Space[Any] = self._layout.space if write_matrices else self._with_index()
+        if masks is not None:
+            mask = mask_space(scenario.n_drones if joint else None)
+            self.space = spaces.Dict({"observation": self.space, "action_mask": mask})
         self._scratch: Singles | None = None
 
     def _with_index(self) -> spaces.Dict:
@@ -81,6 +95,8 @@ class BatchObservations:
         """
         if not self._writes:
             return None
+        if self._masks is not None:
+            observations = observations["observation"]
         rows = self._batch.num_rows
         if self._is_dict:
             shown: Singles = observations["probability_matrix"]
@@ -111,6 +127,10 @@ class BatchObservations:
             matrices: theirs, or None if no matrices are written; overwritten.
             out: receives the observations. It may contain the matrices, see `matrices_in`.
         """
+        if self._masks is not None:
+            cells, given = self._of_rows(self._batch.cells, rows), out["action_mask"]
+            given[...] = action_masks(cells, self._size, self._masks).reshape(given.shape)
+            out = out["observation"]
         positions = self._of_rows(self._batch.positions, rows)
         if self._is_dict:
             self._by_row(out[self._positions], rows)[...] = positions

@@ -10,7 +10,6 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
 
@@ -34,19 +33,18 @@ class SB3VecEnv(VecEnv):
     has the state. ``VecMonitor`` adds episode returns.
 
     `env_method("action_masks")` returns a mask for each sub-environment, as sb3-contrib's
-    ``MaskablePPO`` expects.
+    ``MaskablePPO`` expects; `right_of_way` is the environment's.
 
     Args:
         env: a `SwarmVectorEnv` or a `DroneVectorEnv` with autoreset_mode="SameStep".
-        right_of_way: see `masks.action_masks`.
 
     Raises:
-        TypeError: an argument is of the wrong type.
+        TypeError: `env` is not one of these.
         ValueError: `env` has another autoreset mode, or rewards too large for float32, the
             type that Stable-Baselines3 uses.
     """
 
-    def __init__(self, env: SwarmVectorEnv | DroneVectorEnv, right_of_way: bool = False) -> None:
+    def __init__(self, env: SwarmVectorEnv | DroneVectorEnv) -> None:
         if not isinstance(env, (SwarmVectorEnv, DroneVectorEnv)):
             raise TypeError(f"env must be a SwarmVectorEnv or a DroneVectorEnv, got {env!r}")
         mode = env.metadata["autoreset_mode"]
@@ -59,7 +57,6 @@ class SB3VecEnv(VecEnv):
                 "(see reward_scale)"
             )
         self.env = env
-        self._right_of_way = checks.boolean("right_of_way", right_of_way)
         self.metadata = env.metadata
         self._actions: NDArray[Any] | None = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
@@ -137,8 +134,6 @@ class SB3VecEnv(VecEnv):
         """
         chosen = self._get_indices(indices)
         if method_name == "action_masks":
-            if not args:
-                kwargs.setdefault("right_of_way", self._right_of_way)
             masks = self.env.action_masks(*args, **kwargs)
             return [masks[index] for index in chosen]
         result = getattr(self.env, method_name)(*args, **kwargs)

@@ -40,6 +40,8 @@ class SwarmVectorEnv(SearchVectorEnv):
 
     - `rewards`: each drone's reward, (num_envs, n_drones).
     - `Found`: whether any person has been found.
+    - `is_success`: whether the last step ended the episode with success: all persons have been
+      found, or the coverage mission is complete.
     - `persons_found`: which persons have been found, (num_envs, persons).
     - `ending`: why the last step ended the episode, the integer value of an `Ending`; 0 while
       the episode continues.
@@ -47,6 +49,8 @@ class SwarmVectorEnv(SearchVectorEnv):
     - `probability_of_success`: the cumulative probability of success (POS) of all searches so
       far, the mean over persons. Only with `bayesian_update`, `RewardScheme.expected()` or the
       coverage mission.
+    - `action_mask`: int8, (num_envs, n_drones, 6), indexed by `rules.Action`. Only with
+      action_mask="info".
 
     Args:
         num_envs: the number of swarms.
@@ -56,6 +60,11 @@ class SwarmVectorEnv(SearchVectorEnv):
         write_matrices: False observes, in place of each matrix, its index in the table
             `matrices` that all swarms share. Only for one person, without `bayesian_update`,
             without a `sampler` of the drift, and with observation="dict".
+        action_mask: where the masks of valid actions are, see `wrappers.action_masks`. With
+            "observation", every observation is {"observation": the layout's, "action_mask":
+            int8, (n_drones, 6)}. With "info", they are an info. With None, only the method
+            `action_masks` returns them.
+        right_of_way: whether the masks prevent all collisions.
         autoreset_mode: when an ended episode is followed by the next one: in the next step,
             in the same step (the final observation is in the infos, "final_obs"), or only
             in `reset` ("Disabled").

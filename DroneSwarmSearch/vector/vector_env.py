@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rules import Action, Ending
+from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.arguments import (
     Buffers,
     check_buffers,
@@ -39,6 +39,9 @@ __all__ = ["SearchVectorEnv"]
 
 Infos = dict[str, Any]
 
+MASKS_IN = (None, "observation", "info")
+"""Where action masks may be."""
+
 _BYTES_PER_NUMBER = 14
 """The memory of each number of an observation: itself, and its limits in the batched space."""
 
@@ -50,6 +53,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     Attributes:
         num_envs: the number of sub-environments.
         batch: the `SearchBatch`, which knows the whole state of all searches.
+        observation: the layout of the observations.
+        action_mask: where the action masks are: "observation", "info" or None.
+        right_of_way: whether the masks have right of way.
+        autoreset_mode: when ended episodes are followed by the next ones.
         largest_reward: an upper limit of the absolute value of a scaled reward.
     """
 
@@ -68,6 +75,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         observation: str = "dict",
         top_cells: int = 8,
         write_matrices: bool = True,
+        action_mask: str | None = None,
+        right_of_way: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         separate_flags: bool = False,
         reward_scale: float = 1.0,
@@ -89,15 +98,16 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             raise ValueError(
                 f"write_matrices=False needs observation='dict', got observation={observation!r}"
             )
+        self.action_mask = checks.choice("action_mask", action_mask, MASKS_IN)
+        self.right_of_way = checks.boolean("right_of_way", right_of_way)
         try:
-            self._mode = AutoresetMode(autoreset_mode)
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
             allowed = ", ".join(str(mode) for mode in AutoresetMode)
             raise ValueError(
                 f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
             ) from None
-        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        self.autoreset_mode = self._mode  # where TorchRL's GymWrapper looks for it
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self._separate = checks.boolean("separate_flags", separate_flags)
         self._reward_scale = checks.positive("reward_scale", reward_scale)
         copies = checks.boolean("copy", copy)
@@ -130,7 +140,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 f"got {reward_scale!r}"
             )
         self._observations = BatchObservations(
-            self.batch, self.observation, self._joint, top_cells, self._writes
+            self.batch,
+            self.observation,
+            self._joint,
+            top_cells,
+            self._writes,
+            self.right_of_way if self.action_mask == "observation" else None,
         )
         self.single_observation_space = self._observations.space
         checks.fits(
@@ -160,19 +175,24 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """The rewards of the last step: (num_envs,), a new array."""
 
     def _infos(self) -> Infos:
-        """The infos of all sub-environments, without masks."""
+        """The infos of all sub-environments, without the flags that tell whose are set."""
         batch, each = self.batch, self._each
+        endings = batch.endings
         infos: Infos = {
             "Found": batch.found,
+            "is_success": successes(endings),
             "persons_found": ~batch.missing,
-            "ending": batch.endings,
+            "ending": endings,
             "step": batch.steps,
         }
         if (success := batch.probability_of_success) is not None:
             infos["probability_of_success"] = success
-        if self._joint:
-            return infos
-        return {name: values.repeat(each, axis=0) for name, values in infos.items()}
+        if not self._joint:
+            infos = {name: values.repeat(each, axis=0) for name, values in infos.items()}
+        if self.action_mask == "info":
+            masks = self._action_masks(self.right_of_way).astype(np.int8)
+            infos["action_mask"] = masks if self._joint else masks.reshape(self.num_envs, -1)
+        return infos
 
     # Gymnasium's API.
 
@@ -245,9 +265,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         observations = self._output()
         matrices = self._observations.matrices_in(observations)
         by_swarm = given.reshape(batch.num_rows, self._drones)
-        batch.step(by_swarm, matrices, autoreset=self._mode is AutoresetMode.NEXT_STEP)
+        batch.step(by_swarm, matrices, autoreset=self.autoreset_mode is AutoresetMode.NEXT_STEP)
         final: Infos = {}
-        if self._mode is AutoresetMode.SAME_STEP and (ended := batch.ended.nonzero()[0]).size:
+        ends_here = self.autoreset_mode is AutoresetMode.SAME_STEP
+        if ends_here and (ended := batch.ended.nonzero()[0]).size:
             final = self._final_infos(ended, matrices)
             batch.restart(ended)  # keeps the step's rewards and endings
             if matrices is not None:
@@ -288,20 +309,22 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         rows = checks.row_numbers(rows, self.batch.num_rows, ascending=True)
         return self._observations.of_rows(rows)
 
-    def action_masks(self, right_of_way: bool = False) -> Flags:
-        """The valid actions of every sub-environment, see `masks.action_masks`.
+    def action_masks(self, right_of_way: bool | None = None) -> Flags:
+        """The valid actions of every sub-environment, see `wrappers.action_masks`.
 
         Args:
             right_of_way: also mask moves to cells that a drone with a lower number may enter,
-                so that drones that follow the masks never collide.
+                so that drones that follow the masks never collide; by default, as the
+                environment was made.
 
         Returns:
             bool, True where allowed, shape (num_envs, 6) in a `DroneVectorEnv`, indexed by
             `rules.Action`; (num_envs, n_drones * 6) in a `SwarmVectorEnv`, drone by drone.
         """
+        if right_of_way is None:
+            right_of_way = self.right_of_way
         right_of_way = checks.boolean("right_of_way", right_of_way)
-        masks = action_masks(self.batch.cells, self._size, right_of_way)
-        return masks.reshape(self.num_envs, -1)
+        return self._action_masks(right_of_way).reshape(self.num_envs, -1)
 
     @property
     def matrices(self) -> Singles:
@@ -335,6 +358,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._buffers = buffers
 
     # Output.
+
+    def _action_masks(self, right_of_way: bool) -> Flags:
+        """The masks by swarm and drone: bool, (swarms, drones, 6)."""
+        return action_masks(self.batch.cells, self._size, right_of_way)
 
     def _output(self) -> Observations:
         """The arrays for the observations of all sub-environments."""
@@ -380,11 +407,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         envs = (rows[:, None] * self._each + np.arange(self._each)).reshape(-1)
         observed = self._observations.of_rows(rows, None if matrices is None else matrices[rows])
         final = np.full(self.num_envs, None, object)
-        for place, env in enumerate(envs.tolist()):
-            if isinstance(observed, dict):
-                final[env] = {key: array[place] for key, array in observed.items()}
-            else:
-                final[env] = observed[place]
+        each = iterate(self.observation_space, observed)
+        for env, observation in zip(envs.tolist(), each, strict=True):
+            final[env] = observation
         mask = np.zeros(self.num_envs, np.bool_)
         mask[envs] = True
         return {

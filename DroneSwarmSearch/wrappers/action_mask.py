@@ -13,8 +13,7 @@ from pettingzoo import ParallelEnv
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.mappings import Infos
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.wrappers.masks import swarm_masks
+from DroneSwarmSearch.wrappers.masks import mask_space, swarm_masks
 from DroneSwarmSearch.wrappers.wrapper import Observations, SearchWrapper, Step
 
 __all__ = ["ActionMask"]
@@ -56,8 +55,7 @@ class ActionMask(SearchWrapper):
         if not self.in_observation:
             return inner
         if agent not in self._spaces:
-            mask = spaces.Box(0, 1, (len(Action),), np.int8)
-            self._spaces[agent] = spaces.Dict({"observation": inner, "action_mask": mask})
+            self._spaces[agent] = spaces.Dict({"observation": inner, "action_mask": mask_space()})
         return self._spaces[agent]
 
     def action_masks(self) -> dict[str, NDArray[np.int8]]:

@@ -6,13 +6,14 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import Neighbours
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
-__all__ = ["action_masks", "choose_in_turn"]
+__all__ = ["action_masks", "choose_in_turn", "mask_space"]
 
 _MASKS = {
     closed: np.array([*(not is_closed for is_closed in closed), 1, 1], np.int8)
@@ -61,6 +62,12 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
             first[swarms, ahead[:, drone]] = drone
         masks[..., :4] &= first[swarms[..., None], ahead] >= np.arange(n)[:, None]
     return masks.reshape(*places.shape, len(Action))
+
+
+def mask_space(n_drones: int | None = None) -> spaces.Box:
+    """The space of masks in observations: int8, shape (6,), or (n_drones, 6) for a swarm."""
+    shape = (len(Action),) if n_drones is None else (n_drones, len(Action))
+    return spaces.Box(0, 1, shape, np.int8)
 
 
 def swarm_masks(
