@@ -25,6 +25,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
+from torch import nn
 from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
@@ -49,6 +50,7 @@ __all__ = [
     "VALUE",
     "SearchEnv",
     "TrainedPolicy",
+    "WithState",
     "episode_metrics",
     "masked_policy",
 ]
@@ -288,6 +290,36 @@ def masked_policy(network: TensorDictModuleBase) -> ProbabilisticActor:
     )
 
 
+class WithState(nn.Module):
+    """A network for critics that also gets the state, if there is one.
+
+    Make a module of it with ``TensorDictModule(WithState(network), keys, [VALUE])``, where the
+    keys are `OBSERVATION` (IPPO), or `OBSERVATION` and `STATE` (MAPPO).
+
+    Args:
+        network: takes features (..., n_drones, f), a drone's observation and then the state.
+    """
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(
+        self, observations: torch.Tensor, state: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """The network's output.
+
+        Args:
+            observations: (..., n_drones, m).
+            state: (..., 3, N, N).
+        """
+        if state is not None:
+            shared = state.flatten(-3).unsqueeze(-2).expand(*observations.shape[:-1], -1)
+            observations = torch.cat([observations, shared], dim=-1)
+        output: torch.Tensor = self.network(observations)
+        return output
+
+
 def episode_metrics(batch: TensorDictBase, reward_scale: float = 1.0) -> dict[str, float]:
     """The means over the episodes that end in a batch, for `training.Run.log`.
 
@@ -330,9 +362,10 @@ class TrainedPolicy:
         self._exploration = ExplorationType.DETERMINISTIC if is_fixed else ExplorationType.RANDOM
         self.reset()
 
-    def reset(self, seed: Sequence[int] = (0,), rows: object = None) -> None:
-        """Seed the samples, with the seed of the first episode."""
-        self._random_state = torch.Generator().manual_seed(seed[0]).get_state()
+    def reset(self, seed: int | Sequence[int] = 0, rows: None = None) -> None:
+        """Seed the samples; `evaluate` calls this before episodes."""
+        number = int(np.random.SeedSequence(seed).generate_state(1)[0])
+        self._random_state = torch.Generator().manual_seed(number).get_state()
 
     def __call__(self, shown: Mapping[str, Any]) -> NDArray[np.int64]:
         """Actions, shape (swarms * n_drones,), for what `evaluate` shows."""
