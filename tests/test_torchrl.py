@@ -1,8 +1,9 @@
-"""The searches in TorchRL: `SearchEnv`, and the vector environments in its GymWrapper."""
+"""The searches in TorchRL: `SearchEnv`, and the environments in TorchRL's wrappers."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
@@ -14,7 +15,16 @@ from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask as ActionMaskWrapper
-from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards, SeparateFlags
+from DroneSwarmSearch.wrappers import (
+    CropsObservation,
+    DictObservation,
+    FlatObservation,
+    OtherDrones,
+    PlanesObservation,
+    ScaledRewards,
+    SeparateFlags,
+    TopCellsObservation,
+)
 
 pytest.importorskip("torchrl")
 
@@ -33,11 +43,14 @@ from torchrl.envs import (
     GymWrapper,
     InitTracker,
     ParallelEnv,
+    PettingZooWrapper,
     RewardSum,
     TransformedEnv,
     check_env_specs,
 )
 from torchrl.envs.utils import RandomPolicy
+from torchrl.modules import MLP
+from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
 from DroneSwarmSearch.adapters.torchrl import (
     ACTION,
@@ -49,8 +62,10 @@ from DroneSwarmSearch.adapters.torchrl import (
     REWARD,
     STATE,
     SUCCESS,
+    VALUE,
     SearchEnv,
     TrainedPolicy,
+    WithState,
     episode_metrics,
     masked_policy,
 )
@@ -406,6 +421,71 @@ def test_trained_policies_are_evaluated_as_they_were_trained(layout: str) -> Non
     assert results[0].success == results[1].success
 
 
+# Losses.
+
+
+def ppo_loss(env: EnvBase, keys: list[Any]) -> tuple[Any, TensorDictModule]:
+    """PPO's loss with a critic that reads the keys, and the critic."""
+    torch.manual_seed(0)
+    network = TensorDictModule(MLP(out_features=6, num_cells=[8]), [OBSERVATION], [LOGITS])
+    critic = TensorDictModule(WithState(MLP(out_features=1, num_cells=[8])), keys, [VALUE])
+    policy = masked_policy(network)
+    critic(policy(env.reset()))
+    loss = ClipPPOLoss(policy, critic)
+    loss.set_keys(**PPO_KEYS)
+    loss.make_value_estimator(ValueEstimators.GAE, gamma=0.99, lmbda=0.95)
+    return loss, critic
+
+
+@pytest.mark.parametrize("keys", [[OBSERVATION], [OBSERVATION, STATE]])
+@pytest.mark.parametrize("separate_flags", [False, True])
+def test_only_truncated_episodes_are_bootstrapped(keys: list[Any], separate_flags: bool) -> None:
+    """Value targets of the last step: time limit, a drone off the grid, all found."""
+    options = {"state": True, "separate_flags": separate_flags, "reward_scale": 2.0**-17}
+
+    def last_step(actions: list[Any], **changes: Any) -> tuple[Any, Any, Any]:
+        """Targets, rewards and values of the next observation."""
+        env = SearchEnv(1, **options, **{**SMALL, **changes})
+        loss, _ = ppo_loss(env, keys)
+        shown, steps = env.reset(), []
+        for each in actions:
+            steps.append(env.step(shown.clone().set(ACTION, torch.tensor([each]))))
+            shown = steps[-1]["next"].exclude(REWARD)
+        batch = torch.stack(steps, dim=1)
+        assert batch["next", "done"][0, -1]
+        with torch.no_grad():
+            loss.value_estimator(
+                batch,
+                params=loss.critic_network_params,
+                target_params=loss.target_critic_network_params,
+            )
+            loss.critic_network(batch["next"])
+        targets = batch[PPO_KEYS["value_target"]][0, -1]
+        return targets, batch["next"][REWARD][0, -1], batch["next"][VALUE][0, -1]
+
+    targets, rewards, values = last_step([(IDLE, IDLE)] * 8)
+    assert torch.allclose(targets, rewards + 0.99 * values if separate_flags else rewards)
+    targets, rewards, _ = last_step([(IDLE, IDLE), (LEFT, IDLE)])
+    assert torch.allclose(targets, rewards)
+    at_once = {"vector": (0, 0), "disperse_constant": 0, "person_initial_position": (1, 0)}
+    targets, rewards, _ = last_step([(IDLE, SEARCH)], **at_once)
+    assert bool(rewards[1] > 0)
+    assert torch.allclose(targets, rewards)
+
+
+def test_only_central_critics_see_the_state() -> None:
+    env = SearchEnv(2, state=True, **TRAINING_TASK)
+    shown = env.reset()
+    moved = shown.clone()  # the persons
+    moved[STATE][:, 2] = moved[STATE][:, 2].roll(1, dims=-1)
+    for keys in ([OBSERVATION], [OBSERVATION, STATE]):
+        _, critic = ppo_loss(env, keys)
+        with torch.no_grad():
+            values = [critic(each.clone())[VALUE] for each in (shown, moved)]
+        assert values[0].shape == (2, 2, 1)
+        assert torch.equal(*values) != (STATE in keys)
+
+
 # TorchRL's GymWrapper.
 
 
@@ -485,3 +565,71 @@ def test_gym_wrapper(kind: Any, mode: str, masks: str, layout: str, separate_fla
 def test_gym_wrapper_refuses_autoreset_in_the_next_step(kind: Any) -> None:
     with pytest.raises(RuntimeError, match="must be one of SAME_STEP or DISABLED"):
         GymWrapper(kind(2, **SMALL))
+
+
+# Single environments in TorchRL's PettingZooWrapper.
+
+WRAPPERS: dict[str, Callable[[Any], Any]] = {
+    "dict": DictObservation,
+    "dict with other drones": lambda env: OtherDrones(DictObservation(env)),
+    "flat": FlatObservation,
+    "planes": PlanesObservation,
+    "top cells": TopCellsObservation,
+    "crops": CropsObservation,
+}
+
+
+def search(**arguments: Any) -> DroneSwarmSearch:
+    return DroneSwarmSearch(**{**TRAINING_TASK, **arguments})
+
+
+def in_torchrl(env: Any, **arguments: Any) -> EnvBase:
+    return PettingZooWrapper(env, group_map={"drones": env.possible_agents}, **arguments)
+
+
+@pytest.mark.parametrize("wrapper", WRAPPERS)
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize("state", [False, True])
+def test_specs_of_single_environments(wrapper: str, masked: bool, state: bool) -> None:
+    env: Any = WRAPPERS[wrapper](ScaledRewards(SeparateFlags(search())))
+    if masked:
+        env = ActionMaskWrapper(env, right_of_way=True)
+    env = in_torchrl(env, return_state=state)
+    check_env_specs(env)
+    keys = env.observation_spec.keys(True)
+    assert (("drones", "action_mask") in keys) == masked
+    assert ("state" in keys) == state
+
+
+def test_single_environments_keep_their_data() -> None:
+    plain = ActionMaskWrapper(FlatObservation(search()), right_of_way=True)
+    inner = ActionMaskWrapper(FlatObservation(search()), right_of_way=True)
+    env = in_torchrl(inner, return_state=True)
+    observations, infos = plain.reset(seed=3)
+    shown = env.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        for index, drone in enumerate(plain.possible_agents):
+            assert shown["drones", "observation"][index].tolist() == observations[drone].tolist()
+            mask = infos[drone]["action_mask"].astype(bool)
+            assert shown["drones", "action_mask"][index].tolist() == mask.tolist()
+        assert shown["state"].tolist() == plain.state().tolist()
+        masks = [infos[drone]["action_mask"] for drone in plain.possible_agents]
+        actions = [int(rng.choice(mask.nonzero()[0])) for mask in masks]
+        observations, rewards, _, _, infos = plain.step(
+            dict(zip(plain.possible_agents, actions, strict=True))
+        )
+        stepped = env.step(shown.set(("drones", "action"), torch.tensor(actions)))
+        expected = np.array(list(rewards.values()), np.float32)
+        assert stepped["next", "drones", "reward"].flatten().tolist() == expected.tolist()
+        shown = stepped["next"]
+
+
+def test_masked_random_play_of_single_environments_never_crashes() -> None:
+    env = in_torchrl(ActionMaskWrapper(SeparateFlags(FlatObservation(search())), right_of_way=True))
+    torch.manual_seed(0)
+    for _ in range(3):
+        played = env.rollout(50)
+        found = played["next", "drones", "info", "Found"][-1].any()
+        assert bool(played["next", "terminated"][-1]) == bool(found)
+        assert len(played) == 50 or found
