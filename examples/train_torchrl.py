@@ -39,7 +39,7 @@ warnings.filterwarnings("ignore", module="torch")  # how TorchRL uses PyTorch
 
 NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
 BATCH = NUM_SWARMS * NUM_STEPS
-EPOCHS, MINIBATCH_SIZE, LEARNING_RATE = 4, 1000, 1e-3
+EPOCHS, MINIBATCH_SIZE, LEARNING_RATE, ENTROPY = 5, 1000, 1.5e-3, 0.0005
 LAYERS = {"num_cells": [128, 128], "activation_class": nn.Tanh}
 
 REWARDS = RewardScheme.expected()
@@ -50,13 +50,9 @@ SHOWN = {"observation": "crops", "right_of_way": True}
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=600_000, short=2 * BATCH)
-    parser.add_argument(
-        "--critic",
-        choices=["local", "central"],
-        default="local",
-        help="sees the drone's observation, or also the state (local)",
-    )
+    parser = training.arguments(__doc__, steps=1_000_000, short=2 * BATCH)
+    sees = "sees the drone's observation, or also the state (local)"
+    parser.add_argument("--critic", choices=["local", "central"], default="local", help=sees)
     options = parser.parse_args()
     with training.Run(options, f"TorchRL, PPO with a {options.critic} critic") as run:
         central = options.critic == "central"
@@ -67,7 +63,7 @@ def main() -> None:
         seen = [OBSERVATION, STATE] if central else [OBSERVATION]
         critic = TensorDictModule(WithState(MLP(out_features=1, **LAYERS)), seen, [VALUE])
         critic(policy(env.reset()))  # determines the numbers of inputs
-        loss = ClipPPOLoss(policy, critic, entropy_coeff=0.002, normalize_advantage=True)
+        loss = ClipPPOLoss(policy, critic, entropy_coeff=ENTROPY, normalize_advantage=True)
         loss.set_keys(**PPO_KEYS)
         loss.make_value_estimator(ValueEstimators.GAE, gamma=0.99, lmbda=0.95)
         optimiser = torch.optim.Adam(loss.parameters(), lr=LEARNING_RATE, eps=1e-5)
@@ -89,6 +85,8 @@ def main() -> None:
         batches = iter(collector)
         while run.steps_done < run.total_steps:
             batch = next(batches)
+            for group in optimiser.param_groups:
+                group["lr"] = LEARNING_RATE * (1 - run.steps_done / run.total_steps)
             with torch.no_grad():
                 loss.value_estimator(
                     batch,

@@ -25,7 +25,7 @@ __all__ = ["ResumableExperiment", "RunCallback", "SearchClass", "SearchTask"]
 
 
 class SearchClass(TaskClass):
-    """Searches with parameters of one's own; `SearchTask.SEARCH.get_task(config)` makes one.
+    """Searches with parameters of one's own; ``SearchTask.SEARCH.get_task(config)`` makes one.
 
     MAPPO's critic and QMIX's mixer see the state, which shows the persons; the policies do not.
     The logs contain "collection/success_rate", over the episodes that end in a batch.
@@ -96,7 +96,7 @@ def _of_drones(env: EnvBase, name: str) -> Composite:
 
 
 class SearchTask(Task):
-    """The task for BenchMARL; pass `SEARCH.get_task` the parameters of `SearchClass`."""
+    """The task for BenchMARL; pass ``SEARCH.get_task`` the keywords of `SearchEnv`."""
 
     SEARCH = None
 

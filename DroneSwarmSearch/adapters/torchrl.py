@@ -71,7 +71,7 @@ SUCCESS: Key = ("info", "is_success")
 LOGITS: Key = (GROUP, "logits")
 VALUE: Key = (GROUP, "value")
 RETURN: Key = (GROUP, "episode_reward")
-"""What policies, critics and `RewardSum` write."""
+"""What policies, critics and ``RewardSum`` write."""
 
 PPO_KEYS: dict[str, Key] = {
     "action": ACTION,
@@ -83,7 +83,7 @@ PPO_KEYS: dict[str, Key] = {
     "value_target": (GROUP, "value_target"),
     "advantage": (GROUP, "advantage"),
 }
-"""The keys for `ClipPPOLoss.set_keys`, with a policy made by `masked_policy`."""
+"""The keys for ``ClipPPOLoss.set_keys``, with a policy made by `masked_policy`."""
 
 _FIXED = ("autoreset_mode", "write_matrices", "copy", "render_mode", "action_mask")
 """The keywords of `DroneVectorEnv` that `SearchEnv` sets itself."""
@@ -105,9 +105,8 @@ class SearchEnv(EnvBase):
       ("drones", "done") and so on, (num_swarms, n, 1).
     - "state": `DroneSwarmSearch.state` of each swarm, float32, (num_swarms, 3, N, N), if
       `state` is True. It shows the persons: give it to critics, not to policies.
-    - ("info", ...): the infos of `DroneVectorEnv`, once for each swarm: "is_success", "Found",
-      "ending", "step" and, if there is one, "probability_of_success", (num_swarms, 1);
-      "persons_found", (num_swarms, persons).
+    - ("info", ...): "is_success", "Found", "ending" and, if there is one,
+      "probability_of_success", as in the infos of `SwarmVectorEnv`: (num_swarms, 1).
 
     TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
     swarm i with s + i when it is reset next, and its later episodes follow from that.
@@ -324,7 +323,7 @@ def episode_metrics(batch: TensorDictBase, reward_scale: float = 1.0) -> dict[st
     """The means over the episodes that end in a batch, for `training.Run.log`.
 
     Args:
-        batch: from a collector, with the returns that the transform `RewardSum` writes.
+        batch: from a collector, with the returns that the transform ``RewardSum`` writes.
         reward_scale: that of the environment.
 
     Returns:
