@@ -301,6 +301,15 @@ def test_success_is_the_end_with_a_find() -> None:
     assert not shown[SUCCESS].any()
 
 
+def test_shared_rewards_are_means() -> None:
+    own, shared = (SearchEnv(3, shared_reward=value, seed=1, **SMALL) for value in (False, True))
+    actions = [[SEARCH, IDLE], [LEFT, SEARCH], [IDLE, IDLE]]
+    rewards = act(own, own.reset(), actions)[REWARD].double()
+    means = rewards.mean(dim=1, keepdim=True).expand_as(rewards).float()
+    assert len(rewards.unique()) > 2
+    assert torch.equal(act(shared, shared.reset(), actions)[REWARD], means)
+
+
 @pytest.mark.slow
 def test_parallel_env_takes_it() -> None:
     env = ParallelEnv(2, partial(SearchEnv, 3, **SMALL))
@@ -321,6 +330,7 @@ def test_parallel_env_takes_it() -> None:
         ({"observation": "pixels"}, ValueError, "observation must be one of"),
         ({"right_of_way": 1}, TypeError, "right_of_way must be"),
         ({"state": "yes"}, TypeError, "state must be"),
+        ({"shared_reward": 1}, TypeError, "shared_reward must be"),
         ({"seed": -1}, ValueError, "seed must be"),
         ({"seed": "a"}, TypeError, "seed must be"),
         ({"reward_scale": 1e300}, ValueError, "reward_scale must leave rewards that float32"),

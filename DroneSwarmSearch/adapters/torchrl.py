@@ -100,7 +100,7 @@ class SearchEnv(EnvBase):
     - ("drones", "action_mask"): the valid actions, see `masks.action_masks`: bool,
       (num_swarms, n, 6). `masked_policy` and TorchRL's transform `ActionMask` respect it.
     - ("drones", "action"): see `rules.Action`: int64, (num_swarms, n).
-    - ("drones", "reward"): each drone's own: float32, (num_swarms, n, 1).
+    - ("drones", "reward"): float32, (num_swarms, n, 1).
     - "done", "terminated", "truncated": bool, (num_swarms, 1); and the same for each drone,
       ("drones", "done") and so on, (num_swarms, n, 1).
     - "state": `DroneSwarmSearch.state` of each swarm, float32, (num_swarms, 3, N, N), if
@@ -118,6 +118,7 @@ class SearchEnv(EnvBase):
         num_swarms: the number of swarms.
         observation: the layout: "flat", or "dict", "planes", "top-cells" or "crops".
         state: whether to write "state".
+        shared_reward: reward every drone with the mean over its swarm, in place of its own reward.
         seed: as for `set_seed`.
         device: of the tensors. The searches themselves run on the CPU.
 
@@ -137,6 +138,7 @@ class SearchEnv(EnvBase):
         *,
         observation: str = "flat",
         state: bool = False,
+        shared_reward: bool = False,
         seed: int | None = None,
         device: torch.device | str = "cpu",
         **keywords: Any,
@@ -146,6 +148,7 @@ class SearchEnv(EnvBase):
             if name not in known:
                 raise TypeError(f"SearchEnv has no parameter {name!r}; it takes {', '.join(known)}")
         shows_state = checks.boolean("state", state)
+        shares_reward = checks.boolean("shared_reward", shared_reward)
         env = DroneVectorEnv(
             num_swarms,
             observation=observation,
@@ -163,7 +166,7 @@ class SearchEnv(EnvBase):
         scenario = env.batch.scenario_of(0)
         self.n_drones = scenario.n_drones
         self.group_map = {GROUP: [f"drone{i}" for i in range(self.n_drones)]}
-        self._shows_state = shows_state
+        self._shows_state, self._shares_reward = shows_state, shares_reward
         self._set_seed(seed)
         self._make_specs()
 
@@ -230,7 +233,10 @@ class SearchEnv(EnvBase):
         observations, rewards, terminated, truncated, self._infos = self.vector_env.step(actions)
         written = self._written(observations)
         drones = written[GROUP]
-        drones["reward"] = self._by_drone(rewards.astype(np.float32)).unsqueeze(-1)
+        by_drone = rewards.reshape(-1, self.n_drones)
+        if self._shares_reward:
+            by_drone = by_drone.mean(axis=1, keepdims=True).repeat(self.n_drones, axis=1)
+        drones["reward"] = torch.from_numpy(by_drone.astype(np.float32)).unsqueeze(-1)
         values = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         for name, flags in values.items():
             drones[name] = self._by_drone(flags).unsqueeze(-1)
