@@ -156,7 +156,9 @@ class RunCallback(Callback):
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         scale = self.experiment.task.config.get("reward_scale", 1.0)
-        self._run.log(self.experiment.total_frames, **episode_metrics(batch, scale))
+        metrics = episode_metrics(batch, scale)
+        steps = self.experiment.total_frames
+        self._run.log(steps, metrics.get("reward"), metrics.get("found"))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """BenchMARL pickles its callbacks, but a run cannot be pickled."""
