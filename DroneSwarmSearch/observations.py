@@ -15,7 +15,7 @@ from DroneSwarmSearch._internal.mappings import Facts, Infos, SuccessInfos
 from DroneSwarmSearch.rules import Action, is_success
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Observation", "SearchSpaces", "observe", "state_planes"]
+__all__ = ["Observation", "SearchSpaces", "batch_state_planes", "observe", "state_planes"]
 
 
 class Observation(TypedDict):
@@ -77,6 +77,31 @@ def state_planes(
     for plane, cells in zip(counts, (drones, missing_persons), strict=True):
         for cell in cells:
             plane[cell] += 1.0
+    return planes
+
+
+def batch_state_planes(
+    matrices: NDArray[np.float32],
+    drones: NDArray[np.integer],
+    persons: NDArray[np.integer],
+    missing: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """`state_planes` of E searches.
+
+    Args:
+        matrices: shape (E, N, N), indexed [y, x].
+        drones: each drone's cell, shape (E, n).
+        persons: each person's cell, shape (E, persons).
+        missing: whether the person is counted, shape (E, persons).
+
+    Returns:
+        float32, shape (E, 3, N, N).
+    """
+    planes = np.zeros((len(matrices), 3, *matrices.shape[1:]), np.float32)
+    planes[:, 0] = matrices
+    counts, rows = planes.reshape(len(matrices), 3, -1), np.arange(len(matrices))[:, None]
+    np.add.at(counts[:, 1], (rows, drones), 1.0)
+    np.add.at(counts[:, 2], (rows, persons), missing)
     return planes
 
 

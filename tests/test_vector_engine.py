@@ -50,6 +50,7 @@ from DroneSwarmSearch.vector import (
     tabulated_forecasts,
     threads,
 )
+from DroneSwarmSearch.wrappers.masks import action_masks
 
 # A batch, and a single environment for each of its rows.
 
@@ -937,3 +938,34 @@ def test_a_sampler_gives_every_search_its_own_scenario() -> None:
     assert [list(batch.scenario_of(row).vector) for row in range(4)] == vectors
     with pytest.raises(ValueError, match="differ in vector"):
         _ = batch.scenario
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"person_initial_position": [(2, 2), (3, 2), (2, 2)]},
+        {"bayesian_update": True, "probability_of_detection": 0.5},
+        {"mission": "coverage"},
+    ],
+)
+def test_states_are_those_of_the_single_environment(parameters: dict[str, Any]) -> None:
+    shared = {"grid_size": 6, "n_drones": 2, "timestep_limit": 12, **parameters}
+    batch = SearchBatch(4, **shared)
+    singles = [DroneSwarmSearch(**shared) for _ in range(4)]
+    batch.reset([5, 6, 7, 8])
+    for seed, single in enumerate(singles, 5):
+        single.reset(seed=seed)
+    rng = np.random.default_rng(0)
+    finds = 0
+    while not batch.ended.any():
+        expected = np.stack([single.state() for single in singles])
+        assert batch.state_planes().dtype == np.float32
+        assert np.array_equal(batch.state_planes(), expected)
+        masks = [action_masks(cells, 6, right_of_way=True) for cells in batch.cells]
+        actions = np.array([[rng.choice(each.nonzero()[0]) for each in mask] for mask in masks])
+        batch.step(actions)
+        for single, chosen in zip(singles, actions.tolist(), strict=True):
+            single.step(dict(zip(single.possible_agents, chosen, strict=True)))
+        finds += int((~batch.missing).sum())
+    assert np.array_equal(batch.state_planes(), [single.state() for single in singles])
+    assert finds or parameters.get("mission") == "coverage"

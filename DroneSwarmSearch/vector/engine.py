@@ -28,6 +28,7 @@ from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.streams import mixed
 from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.observations import batch_state_planes
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
@@ -572,6 +573,18 @@ class SearchBatch:
         rows = checks.row_numbers(rows, self.num_rows, ascending=True)
         self._check_complete("matrices_of")
         return self._world.matrices(rows)
+
+    def state_planes(self) -> Singles:
+        """The full state of every row, see `DroneSwarmSearch.state`: float32, (E, 3, N, N).
+
+        Raises:
+            ResetNeeded: after an interrupted step or reset.
+        """
+        missing = self.missing
+        if self._scenario.mission == "coverage":  # it has no persons
+            missing[:] = False
+        matrices = self.matrices_of(self._rows)
+        return batch_state_planes(matrices, self.cells, self.person_cells, missing)
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """The matrix entries of one cell in each of some rows: float32, (n,).

@@ -1,0 +1,165 @@
+"""The searches as a BenchMARL task, on the batched environment `torchrl.SearchEnv`.
+
+task = SearchTask.SEARCH.get_task({**TRAINING_TASK, "right_of_way": True})
+experiment = Experiment(task=task, algorithm_config=MappoConfig.get_from_yaml(), ...)
+experiment.run()
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import torch
+from benchmarl.environments import Task, TaskClass
+from benchmarl.experiment import Callback, Experiment
+from tensordict import TensorDictBase
+from torchrl.data import Composite
+from torchrl.envs import EnvBase
+
+from DroneSwarmSearch.adapters.torchrl import GROUP, STATE, SearchEnv, episode_metrics
+from DroneSwarmSearch.training import Run
+
+__all__ = ["ResumableExperiment", "RunCallback", "SearchClass", "SearchTask"]
+
+
+class SearchClass(TaskClass):
+    """Searches with parameters of one's own; ``SearchTask.SEARCH.get_task(config)`` makes one.
+
+    MAPPO's critic and QMIX's mixer see the state, which shows the persons; the policies do not.
+    The logs contain "collection/success_rate", over the episodes that end in a batch.
+
+    Args:
+        name: the name of the task.
+        config: keywords of `SearchEnv`, except `num_swarms`, `seed` and `device`. With
+            "state": False, critics see the drones' observations.
+    """
+
+    def get_env_fun(
+        self,
+        num_envs: int,
+        continuous_actions: bool,
+        seed: int | None,
+        device: torch.device | str,
+    ) -> Callable[[], EnvBase]:
+        config = {"state": True, **self.config}
+        return partial(SearchEnv, num_envs, seed=seed, device=device, **config)
+
+    def supports_continuous_actions(self) -> bool:
+        return False
+
+    def supports_discrete_actions(self) -> bool:
+        return True
+
+    def has_render(self, env: EnvBase) -> bool:
+        return False
+
+    def max_steps(self, env: EnvBase) -> int:
+        limit: int = env.vector_env.batch.scenario_of(0).timestep_limit
+        return limit
+
+    def group_map(self, env: EnvBase) -> dict[str, list[str]]:
+        groups: dict[str, list[str]] = env.group_map
+        return groups
+
+    def action_spec(self, env: EnvBase) -> Composite:
+        return env.full_action_spec_unbatched
+
+    def observation_spec(self, env: EnvBase) -> Composite:
+        return _of_drones(env, "observation")
+
+    def action_mask_spec(self, env: EnvBase) -> Composite:
+        return _of_drones(env, "action_mask")
+
+    def info_spec(self, env: EnvBase) -> None:
+        return None  # the infos are those of a swarm, not of its drones
+
+    def state_spec(self, env: EnvBase) -> Composite | None:
+        spec = env.full_observation_spec_unbatched.get(STATE, None)
+        return None if spec is None else Composite({STATE: spec.clone()})
+
+    @staticmethod
+    def env_name() -> str:
+        return "droneswarmsearch"
+
+    @staticmethod
+    def log_info(batch: TensorDictBase) -> dict[str, float]:
+        metrics = episode_metrics(batch)
+        return {"collection/success_rate": metrics["found"]} if metrics else {}
+
+
+def _of_drones(env: EnvBase, name: str) -> Composite:
+    """One entry of the specs of the drones."""
+    drones = env.full_observation_spec_unbatched[GROUP]
+    return Composite({GROUP: Composite({name: drones[name].clone()}, shape=drones.shape)})
+
+
+class SearchTask(Task):
+    """The task for BenchMARL; pass ``SEARCH.get_task`` the keywords of `SearchEnv`."""
+
+    SEARCH = None
+
+    @staticmethod
+    def associated_class() -> type[SearchClass]:
+        return SearchClass
+
+
+class ResumableExperiment(Experiment):
+    """An experiment that can be interrupted and resumed at any time.
+
+    Its checkpoints also hold the optimisers. There is one before the first batch, and one that
+    is interrupted while it is written is deleted. The arguments are those of BenchMARL's
+    ``Experiment``, whose ``config.restore_file`` resumes.
+    """
+
+    def run(self) -> None:
+        """Run the experiment until completion."""
+        if not self.total_frames:
+            self._save_experiment()
+        super().run()
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state for a checkpoint."""
+        state: dict[str, Any] = super().state_dict()
+        for group, optimisers in self.optimizers.items():
+            states = {name: each.state_dict() for name, each in optimisers.items()}
+            state[f"optimisers_{group}"] = states
+        return state
+
+    def load_state_dict(self, state_dict: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        super().load_state_dict(state_dict)
+        for group, optimisers in self.optimizers.items():
+            for name, each in optimisers.items():
+                each.load_state_dict(state_dict[f"optimisers_{group}"][name])
+
+    def _save_experiment(self) -> None:
+        try:
+            super()._save_experiment()
+        except BaseException:
+            name = f"checkpoint_{self.total_frames}.pt"
+            (self.folder_name / "checkpoints" / name).unlink(missing_ok=True)
+            raise
+
+
+class RunCallback(Callback):
+    """Adds a row to the learning curve of a run after each batch.
+
+    Args:
+        run: the run. The pattern of its checkpoints is "*/checkpoints/checkpoint_*.pt".
+    """
+
+    def __init__(self, run: Run) -> None:
+        super().__init__()
+        self._run = run
+
+    def on_batch_collected(self, batch: TensorDictBase) -> None:
+        scale = self.experiment.task.config.get("reward_scale", 1.0)
+        metrics = episode_metrics(batch, scale)
+        steps = self.experiment.total_frames
+        self._run.log(steps, metrics.get("reward"), metrics.get("found"))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """BenchMARL pickles its callbacks, but a run cannot be pickled."""
+        return Callback, ()

@@ -1,0 +1,397 @@
+"""Many searches as one batched TorchRL environment; this module imports TorchRL.
+
+    env = SearchEnv(64, reward_scale=2.0**-17, **TRAINING_TASK)
+    env = TransformedEnv(env, RewardSum())
+    network = MLP(env.observation_spec[OBSERVATION].shape[-1], len(Action))
+    policy = masked_policy(TensorDictModule(network, [OBSERVATION], [LOGITS]))
+    for batch in Collector(env, policy, frames_per_batch=4096, total_frames=200_000):
+        ...
+            run.log(steps, **episode_metrics(batch, reward_scale=2.0**-17))
+    evaluate(TrainedPolicy(policy, n_drones=2), search, view="drone", observation="flat",
+             action_mask=True, right_of_way=True)
+
+All drones are in the group "drones", as `PettingZooWrapper` and VMAS name and shape them.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import nn
+from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
+from torchrl.envs import EnvBase
+from torchrl.envs.utils import ExplorationType, set_exploration_type
+from torchrl.modules import MaskedCategorical, ProbabilisticActor
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.vector.arguments import shows_keywords_of
+from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+
+__all__ = [
+    "ACTION",
+    "ACTION_MASK",
+    "GROUP",
+    "LOGITS",
+    "OBSERVATION",
+    "PPO_KEYS",
+    "RETURN",
+    "REWARD",
+    "STATE",
+    "SUCCESS",
+    "VALUE",
+    "SearchEnv",
+    "TrainedPolicy",
+    "WithState",
+    "episode_metrics",
+    "masked_policy",
+]
+
+Key = str | tuple[str, ...]
+
+GROUP = "drones"
+"""The group of all drones."""
+
+OBSERVATION: Key = (GROUP, "observation")
+ACTION_MASK: Key = (GROUP, "action_mask")
+ACTION: Key = (GROUP, "action")
+REWARD: Key = (GROUP, "reward")
+STATE: Key = "state"
+SUCCESS: Key = ("info", "is_success")
+"""What `SearchEnv` reads and writes."""
+
+LOGITS: Key = (GROUP, "logits")
+VALUE: Key = (GROUP, "value")
+RETURN: Key = (GROUP, "episode_reward")
+"""What policies, critics and ``RewardSum`` write."""
+
+PPO_KEYS: dict[str, Key] = {
+    "action": ACTION,
+    "sample_log_prob": (GROUP, "log_prob"),
+    "reward": REWARD,
+    "done": (GROUP, "done"),
+    "terminated": (GROUP, "terminated"),
+    "value": VALUE,
+    "value_target": (GROUP, "value_target"),
+    "advantage": (GROUP, "advantage"),
+}
+"""The keys for ``ClipPPOLoss.set_keys``, with a policy made by `masked_policy`."""
+
+_FIXED = ("autoreset_mode", "write_matrices", "copy", "render_mode", "action_mask")
+"""The keywords of `DroneVectorEnv` that `SearchEnv` sets itself."""
+
+
+@shows_keywords_of(DroneVectorEnv, *_FIXED)
+class SearchEnv(EnvBase):
+    """Many searches as one TorchRL environment; its batch size is (num_swarms,).
+
+    Given the same seed and actions, each swarm reproduces `DroneSwarmSearch`. Entries, with n
+    drones in each swarm:
+
+    - ("drones", "observation"): each drone's observation in the layout, (num_swarms, n, ...).
+    - ("drones", "action_mask"): the valid actions, see `masks.action_masks`: bool,
+      (num_swarms, n, 6). `masked_policy` and TorchRL's transform `ActionMask` respect it.
+    - ("drones", "action"): see `rules.Action`: int64, (num_swarms, n).
+    - ("drones", "reward"): float32, (num_swarms, n, 1).
+    - "done", "terminated", "truncated": bool, (num_swarms, 1); and the same for each drone,
+      ("drones", "done") and so on, (num_swarms, n, 1).
+    - "state": `DroneSwarmSearch.state` of each swarm, float32, (num_swarms, 3, N, N), if
+      `state` is True. It shows the persons: give it to critics, not to policies.
+    - ("info", ...): "is_success", "Found", "ending" and, if there is one,
+      "probability_of_success", as in the infos of `SwarmVectorEnv`: (num_swarms, 1).
+
+    TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
+    swarm i with s + i when it is reset next, and its later episodes follow from that.
+
+    The keywords `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and those from
+    `grid_size` on are the ones of `SwarmVectorEnv`.
+
+    Args:
+        num_swarms: the number of swarms.
+        observation: the layout: "flat", or "dict", "planes", "top-cells" or "crops".
+        state: whether to write "state".
+        shared_reward: reward every drone with the mean over its swarm, in place of its own reward.
+        seed: as for `set_seed`.
+        device: of the tensors. The searches themselves run on the CPU.
+
+    Attributes:
+        n_drones: the drones in each swarm.
+        group_map: the names of the drones in the group "drones".
+        vector_env: the `DroneVectorEnv`, whose `batch` knows the whole state of all searches.
+
+    Raises:
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
+        ValueError: an argument is out of its limits, or rewards are too large for float32.
+    """
+
+    def __init__(
+        self,
+        num_swarms: int = 1,
+        *,
+        observation: str = "flat",
+        state: bool = False,
+        shared_reward: bool = False,
+        seed: int | None = None,
+        device: torch.device | str = "cpu",
+        **keywords: Any,
+    ) -> None:
+        known = inspect.signature(SearchEnv).parameters
+        for name in keywords:
+            if name not in known:
+                raise TypeError(f"SearchEnv has no parameter {name!r}; it takes {', '.join(known)}")
+        shows_state = checks.boolean("state", state)
+        shares_reward = checks.boolean("shared_reward", shared_reward)
+        env = DroneVectorEnv(
+            num_swarms,
+            observation=observation,
+            action_mask="observation",
+            autoreset_mode="Disabled",
+            **keywords,
+        )
+        if env.largest_reward > float(np.finfo(np.float32).max):
+            raise ValueError(
+                "reward_scale must leave rewards that float32 can hold, got rewards up to "
+                f"{env.largest_reward:g}"
+            )
+        super().__init__(device=device, batch_size=[env.batch.num_rows])
+        self.vector_env = env
+        scenario = env.batch.scenario_of(0)
+        self.n_drones = scenario.n_drones
+        self.group_map = {GROUP: [f"drone{i}" for i in range(self.n_drones)]}
+        self._shows_state, self._shares_reward = shows_state, shares_reward
+        self._set_seed(seed)
+        self._make_specs()
+
+    def _make_specs(self) -> None:
+        env, device = self.vector_env, self.device
+        swarms, drones = self.batch_size, torch.Size([*self.batch_size, self.n_drones])
+
+        def of_group(entries: dict[str, TensorSpec]) -> Composite:
+            group = Composite(entries, shape=drones, device=device)
+            return Composite({GROUP: group}, shape=swarms, device=device)
+
+        def flags(shape: torch.Size) -> dict[str, TensorSpec]:
+            names = ("done", "terminated", "truncated")
+            return {name: Binary(shape=(*shape, 1), dtype=torch.bool) for name in names}
+
+        masks = Binary(shape=(*drones, len(Action)), dtype=torch.bool)
+        space = env.single_observation_space
+        assert isinstance(space, spaces.Dict)
+        layout = _spec(space["observation"], drones)
+        self.observation_spec = of_group({"observation": layout, "action_mask": masks})
+        infos: dict[str, TensorSpec] = {
+            name: Binary(shape=(*swarms, 1), dtype=torch.bool) for name in ("is_success", "Found")
+        }
+        infos["ending"] = Unbounded(shape=(*swarms, 1), dtype=torch.int8)
+        if env.batch.probability_of_success is not None:
+            infos["probability_of_success"] = Bounded(0.0, 1.0, (*swarms, 1), dtype=torch.float64)
+        self._info_names = tuple(infos)
+        self.observation_spec["info"] = Composite(infos, shape=swarms, device=device)
+        if self._shows_state:
+            size = env.batch.scenario_of(0).grid_size
+            self.observation_spec["state"] = Unbounded((*swarms, 3, size, size), device=device)
+        self.action_spec = of_group({"action": Categorical(len(Action), drones)})
+        self.reward_spec = of_group({"reward": Unbounded((*drones, 1))})
+        self.done_spec = Composite(
+            {**flags(swarms), GROUP: Composite(flags(drones), shape=drones)},
+            shape=swarms,
+            device=device,
+        )
+
+    def _set_seed(self, seed: int | None) -> None:
+        first = None if seed is None else checks.integer("seed", seed, 0)
+        swarms = range(self.batch_size[0])
+        self._seeds = {} if first is None else {swarm: first + swarm for swarm in swarms}
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **arguments: Any) -> TensorDictBase:
+        if arguments:
+            raise TypeError(f"reset takes a tensordict, and not {', '.join(arguments)}")
+        mask = None if tensordict is None else tensordict.get("_reset", None)
+        chosen = np.ones(self.batch_size[0], np.bool_)
+        if mask is not None:
+            chosen = mask.reshape(-1).cpu().numpy()
+        if not chosen.any():
+            return self._written(self.vector_env.observe(np.arange(len(chosen))))
+        swarms = chosen.nonzero()[0].tolist()
+        seeds = [self._seeds.get(swarm) for swarm in range(len(chosen))] if self._seeds else None
+        options = {"reset_mask": chosen.repeat(self.n_drones)}
+        observations, self._infos = self.vector_env.reset(seed=seeds, options=options)
+        for swarm in swarms:
+            self._seeds.pop(swarm, None)
+        return self._written(observations)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        actions = tensordict.get(ACTION).cpu().numpy().reshape(-1)
+        observations, rewards, terminated, truncated, self._infos = self.vector_env.step(actions)
+        written = self._written(observations)
+        drones = written[GROUP]
+        by_drone = rewards.reshape(-1, self.n_drones)
+        if self._shares_reward:
+            by_drone = by_drone.mean(axis=1, keepdims=True).repeat(self.n_drones, axis=1)
+        drones["reward"] = torch.from_numpy(by_drone.astype(np.float32)).unsqueeze(-1)
+        values = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
+        for name, flags in values.items():
+            drones[name] = self._by_drone(flags).unsqueeze(-1)
+            written[name] = drones[name][:, 0].clone()
+        return written
+
+    def _written(self, observations: Any) -> TensorDict:
+        """The present observations, masks, infos and states."""
+        drones = self._by_drone(observations)
+        drones["action_mask"] = drones["action_mask"].bool()
+        infos = {
+            name: self._by_drone(self._infos[name])[:, :1].contiguous() for name in self._info_names
+        }
+        entries: dict[str, Any] = {
+            GROUP: TensorDict(drones, batch_size=(*self.batch_size, self.n_drones)),
+            "info": TensorDict(infos, batch_size=self.batch_size),
+        }
+        if self._shows_state:
+            entries["state"] = torch.from_numpy(self.vector_env.batch.state_planes())
+        return TensorDict(entries, batch_size=self.batch_size).to(self.device)
+
+    def _by_drone(self, values: Any) -> Any:
+        """Tensors of shape (num_swarms, n_drones, ...) for arrays of the vector environment."""
+        if isinstance(values, Mapping):
+            return {name: self._by_drone(array) for name, array in values.items()}
+        return torch.from_numpy(values.reshape(*self.batch_size, self.n_drones, *values.shape[1:]))
+
+
+def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:
+    """The spec of a batch of observations.
+
+    Args:
+        space: of one of them, a Box or a Dict.
+        shape: of the batch.
+    """
+    if isinstance(space, spaces.Dict):
+        return Composite({name: _spec(each, shape) for name, each in space.items()}, shape=shape)
+    assert isinstance(space, spaces.Box)
+    low, high = torch.from_numpy(space.low), torch.from_numpy(space.high)
+    return Bounded(low, high, space.shape, dtype=low.dtype).expand(*shape, *space.shape)
+
+
+def masked_policy(network: TensorDictModuleBase) -> ProbabilisticActor:
+    """A policy that samples valid actions, and writes their log-probabilities for PPO.
+
+    Args:
+        network: reads `OBSERVATION` and writes `LOGITS`, (..., n_drones, 6).
+    """
+    return ProbabilisticActor(
+        network,
+        in_keys={"logits": LOGITS, "mask": ACTION_MASK},
+        out_keys=[ACTION],
+        distribution_class=MaskedCategorical,
+        return_log_prob=True,
+        log_prob_key=PPO_KEYS["sample_log_prob"],
+    )
+
+
+class WithState(nn.Module):
+    """A network for critics that also gets the state, if there is one.
+
+    Make a module of it with ``TensorDictModule(WithState(network), keys, [VALUE])``, where the
+    keys are `OBSERVATION` (IPPO), or `OBSERVATION` and `STATE` (MAPPO).
+
+    Args:
+        network: takes features (..., n_drones, f), a drone's observation and then the state.
+    """
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(
+        self, observations: torch.Tensor, state: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """The network's output.
+
+        Args:
+            observations: (..., n_drones, m).
+            state: (..., 3, N, N).
+        """
+        if state is not None:
+            shared = state.flatten(-3).unsqueeze(-2).expand(*observations.shape[:-1], -1)
+            observations = torch.cat([observations, shared], dim=-1)
+        output: torch.Tensor = self.network(observations)
+        return output
+
+
+def episode_metrics(batch: TensorDictBase, reward_scale: float = 1.0) -> dict[str, float]:
+    """The means over the episodes that end in a batch, for `training.Run.log`.
+
+    Args:
+        batch: from a collector, with the returns that the transform ``RewardSum`` writes.
+        reward_scale: that of the environment.
+
+    Returns:
+        "reward", the mean return of a drone in unscaled points, and "found", the success rate;
+        nothing if no episode ends.
+    """
+    ended = batch["next"][batch["next", "done"].squeeze(-1)]
+    if not len(ended):
+        return {}
+    return {
+        "reward": float(ended[RETURN].mean()) / reward_scale,
+        "found": float(ended[SUCCESS].float().mean()),
+    }
+
+
+class TrainedPolicy:
+    """A policy of TorchRL or BenchMARL for `evaluate`.
+
+    Pass it on with view="drone", action_mask=True, and the layout and the `right_of_way` that
+    the policy was trained with. Its samples follow from the seeds of the episodes, and do not
+    change PyTorch's random state.
+
+    Args:
+        policy: reads `OBSERVATION` and `ACTION_MASK` and writes `ACTION`.
+        n_drones: the drones in each swarm.
+        deterministic: False samples actions, as in training; True takes the likeliest ones.
+    """
+
+    def __init__(
+        self, policy: TensorDictModuleBase, n_drones: int, deterministic: bool = False
+    ) -> None:
+        self._policy = policy
+        self._n = checks.integer("n_drones", n_drones, 1)
+        is_fixed = checks.boolean("deterministic", deterministic)
+        self._exploration = ExplorationType.DETERMINISTIC if is_fixed else ExplorationType.RANDOM
+        self.reset()
+
+    def reset(self, seed: int | Sequence[int] = 0, rows: None = None) -> None:
+        """Seed the samples; `evaluate` calls this before episodes."""
+        number = int(np.random.SeedSequence(seed).generate_state(1)[0])
+        self._random_state = torch.Generator().manual_seed(number).get_state()
+
+    def __call__(self, shown: Mapping[str, Any]) -> NDArray[np.int64]:
+        """Actions, shape (swarms * n_drones,), for what `evaluate` shows."""
+        swarms = len(shown["action_mask"]) // self._n
+        drones = TensorDict(
+            {name: _tensors(values) for name, values in shown.items()},
+            batch_size=len(shown["action_mask"]),
+        ).reshape(swarms, self._n)
+        drones["action_mask"] = drones["action_mask"].bool()
+        batch = TensorDict({GROUP: drones}, batch_size=swarms)
+        with torch.random.fork_rng(devices=[]), torch.no_grad():
+            torch.set_rng_state(self._random_state)
+            with set_exploration_type(self._exploration):
+                actions: torch.Tensor = self._policy(batch)[ACTION]
+            self._random_state = torch.get_rng_state()
+        chosen: NDArray[np.int64] = actions.flatten().numpy()
+        return chosen
+
+
+def _tensors(values: Any) -> Any:
+    """Arrays as tensors, also in nested dicts."""
+    if isinstance(values, Mapping):
+        return {name: _tensors(array) for name, array in values.items()}
+    return torch.from_numpy(values)

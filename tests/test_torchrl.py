@@ -1,0 +1,645 @@
+"""The searches in TorchRL: `SearchEnv`, and the environments in TorchRL's wrappers."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, Scenario
+from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.training import TRAINING_TASK
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.wrappers import ActionMask as ActionMaskWrapper
+from DroneSwarmSearch.wrappers import (
+    CropsObservation,
+    DictObservation,
+    FlatObservation,
+    OtherDrones,
+    PlanesObservation,
+    ScaledRewards,
+    SeparateFlags,
+    TopCellsObservation,
+)
+
+pytest.importorskip("torchrl")
+
+import torch
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from torchrl.collectors import Collector
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModule
+from torch import nn
+from torchrl.envs import (
+    ActionMask,
+    Compose,
+    EnvBase,
+    GymWrapper,
+    InitTracker,
+    ParallelEnv,
+    PettingZooWrapper,
+    RewardSum,
+    TransformedEnv,
+    check_env_specs,
+)
+from torchrl.envs.utils import RandomPolicy
+from torchrl.modules import MLP
+from torchrl.objectives import ClipPPOLoss, ValueEstimators
+
+from DroneSwarmSearch.adapters.torchrl import (
+    ACTION,
+    ACTION_MASK,
+    LOGITS,
+    OBSERVATION,
+    PPO_KEYS,
+    RETURN,
+    REWARD,
+    STATE,
+    SUCCESS,
+    VALUE,
+    SearchEnv,
+    TrainedPolicy,
+    WithState,
+    episode_metrics,
+    masked_policy,
+)
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
+
+LAYOUTS = ("flat", "dict", "planes", "top-cells", "crops")
+IDLE, SEARCH, LEFT = int(Action.IDLE), int(Action.SEARCH), int(Action.LEFT)
+
+SMALL = {**TRAINING_TASK, "timestep_limit": 8}
+"""Short episodes, so that a few steps pass through several of them."""
+
+
+def valid_actions(masks: Any, rng: np.random.Generator) -> Any:
+    """A random valid action for each mask, (..., 6)."""
+    masks = np.asarray(masks)
+    return np.where(masks, rng.random(masks.shape), -1.0).argmax(axis=-1)
+
+
+def act(env: EnvBase, shown: TensorDictBase, actions: Any) -> TensorDictBase:
+    """Make a step with given actions; returns the next tensordict."""
+    return env.step(shown.set(ACTION, torch.as_tensor(actions)))["next"]
+
+
+def reset_swarms(env: EnvBase, shown: TensorDictBase, mask: Any) -> TensorDictBase:
+    """Reset some swarms; returns the present tensordict of all."""
+    mask = torch.as_tensor(mask).reshape(-1, 1)
+    return env.reset(shown.exclude("reward").set("_reset", mask)).exclude("_reset")
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("state", [False, True])
+@pytest.mark.parametrize("separate_flags", [False, True])
+def test_specs_describe_the_data(layout: str, state: bool, separate_flags: bool) -> None:
+    env = SearchEnv(
+        3, observation=layout, state=state, separate_flags=separate_flags, **TRAINING_TASK
+    )
+    check_env_specs(env, seed=1)
+    assert env.batch_size == (3,) and env.group_map == {"drones": ["drone0", "drone1"]}
+    assert env.observation_spec[ACTION_MASK].shape == (3, 2, 6)
+    assert (STATE in env.observation_spec.keys(True)) == state
+
+
+def test_specs_of_other_searches() -> None:
+    """Without a posterior, with several persons, with one drone, in the coverage mission."""
+    for parameters in (
+        {"grid_size": 6, "n_drones": 1, "person_initial_position": [(2, 2), (3, 3)]},
+        {"grid_size": 6, "mission": "coverage", "n_drones": 3},
+        {},
+    ):
+        env = SearchEnv(2, state=True, **parameters)
+        check_env_specs(env)
+        has_success = ("info", "probability_of_success") in env.observation_spec.keys(True, True)
+        assert has_success == ("mission" in parameters)
+
+
+@pytest.mark.parametrize("separate_flags", [False, True])
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_each_swarm_is_the_single_environment(separate_flags: bool, right_of_way: bool) -> None:
+    """Observations, masks, rewards, flags, infos and states of the first episodes."""
+    env = SearchEnv(
+        5,
+        right_of_way=right_of_way,
+        state=True,
+        reward_scale=2.0**-17,
+        separate_flags=separate_flags,
+        **TRAINING_TASK,
+    )
+    env.set_seed(7)
+    shown, rng = env.reset(), np.random.default_rng(0)
+    singles: list[Any] = []
+    for _ in range(5):
+        single: Any = ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), 2.0**-17)
+        single = FlatObservation(SeparateFlags(single) if separate_flags else single)
+        singles.append(ActionMaskWrapper(single, right_of_way=right_of_way))
+    each = [single.reset(seed=seed) for seed, single in enumerate(singles, 7)]
+    running, endings = set(range(5)), set()
+    while running:
+        for swarm in running:
+            observations, infos = each[swarm][0], each[swarm][-1]
+            names = list(observations)
+            expected = np.stack([observations[name] for name in names])
+            assert shown[OBSERVATION][swarm].numpy().tobytes() == expected.tobytes()
+            masks = np.stack([infos[name]["action_mask"] for name in names])
+            assert (shown[ACTION_MASK][swarm].numpy() == masks).all()
+            assert np.array_equal(shown[STATE][swarm], singles[swarm].state())
+            info = infos[names[0]]
+            for name in ("Found", "probability_of_success", "is_success"):
+                assert shown["info", name][swarm] == info[name]
+        actions = valid_actions(shown[ACTION_MASK], rng)
+        shown = act(env, shown, actions)
+        for swarm in sorted(running):
+            by_name = dict(
+                zip(singles[swarm].possible_agents, actions[swarm].tolist(), strict=True)
+            )
+            each[swarm] = singles[swarm].step(by_name)
+            rewards, terminated, truncated = (list(part.values()) for part in each[swarm][1:4])
+            assert shown[REWARD][swarm, :, 0].tolist() == np.float32(rewards).tolist()
+            for name, flags in (("terminated", terminated), ("truncated", truncated)):
+                assert shown["drones", name][swarm, :, 0].tolist() == flags
+                assert shown[name][swarm].tolist() == flags[:1]
+            done = terminated[0] or truncated[0]
+            assert shown["done"][swarm].item() == shown["drones", "done"][swarm, 1].item() == done
+            if done:
+                running.remove(swarm)
+                endings.add(int(shown["info", "ending"][swarm]))
+                assert np.array_equal(shown[STATE][swarm], singles[swarm].state())
+        if running:
+            shown = reset_swarms(env, shown, shown["done"])
+    assert Ending.TIME_LIMIT in endings and Ending.LEFT_GRID not in endings
+
+
+def test_only_the_chosen_swarms_are_reset() -> None:
+    env = SearchEnv(6, state=True, **TRAINING_TASK)
+    env.set_seed(3)
+    shown = env.reset()
+    for _ in range(3):
+        shown = act(env, shown, np.full((6, 2), SEARCH))
+    before, chosen = shown.clone(), torch.tensor([True, False, True, False, False, True])
+    fresh = reset_swarms(env, shown.clone(), chosen)
+    assert env.vector_env.batch.steps.tolist() == [0, 3, 0, 3, 3, 0]
+    for key in (OBSERVATION, ACTION_MASK, STATE, ("info", "probability_of_success")):
+        assert torch.equal(fresh[key][~chosen], before[key][~chosen])
+    assert (fresh["info", "probability_of_success"][chosen] == 0).all()
+    assert (fresh[OBSERVATION][chosen] != before[OBSERVATION][chosen]).any()
+
+    unchanged = reset_swarms(env, fresh.clone(), torch.zeros(6, dtype=torch.bool))
+    assert torch.equal(unchanged[OBSERVATION], fresh[OBSERVATION])
+    assert env.vector_env.batch.steps.tolist() == [0, 3, 0, 3, 3, 0]
+
+
+def test_an_ended_swarm_must_be_reset() -> None:
+    env = SearchEnv(2, **TRAINING_TASK)
+    shown = act(env, env.reset(), [[LEFT, IDLE], [IDLE, IDLE]])
+    assert shown["done"].flatten().tolist() == [True, False]
+    with pytest.raises(RuntimeError, match=r"the episodes of searches \[0\] have ended"):
+        act(env, shown, [[IDLE, IDLE], [IDLE, IDLE]])
+    shown = reset_swarms(env, shown, shown["done"])
+    assert not act(env, shown, [[IDLE, IDLE], [IDLE, IDLE]])["done"].any()
+
+
+def persons_after(env: SearchEnv, steps: int = 12) -> torch.Tensor:
+    """Where the persons are in every step of the next episodes of idle drones."""
+    shown, states = env.reset(), []
+    for _ in range(steps):
+        shown = act(env, shown, torch.full((env.batch_size[0], 2), IDLE))
+        states.append(shown[STATE][:, 2])
+    return torch.stack(states, dim=1)
+
+
+def test_seeds_determine_the_episodes() -> None:
+    make = partial(SearchEnv, 3, state=True, **TRAINING_TASK)
+    first = make(seed=5)
+    played = persons_after(first)
+    assert not torch.equal(played[0], played[1])  # swarm i has the seed 5 + i
+    later = persons_after(first)
+    assert not torch.equal(later, played)  # without a new seed, the sequence continues
+
+    other = make()
+    other.set_seed(5)
+    assert torch.equal(persons_after(other), played)
+    assert torch.equal(persons_after(other), later)
+    other.set_seed(6)
+    assert torch.equal(persons_after(other)[0], played[1])
+
+    # A swarm that is not reset keeps its seed until it is.
+    shown = other.reset()
+    other.set_seed(5)
+    reset_swarms(other, shown, [True, False, True])
+    assert torch.equal(persons_after(other)[1], played[1])
+
+
+def test_data_stay_as_they_were_collected() -> None:
+    """No array is reused: a rollout equals copies that were made at each step."""
+    env = SearchEnv(4, state=True, **SMALL)
+    env.set_seed(0)
+    played = TransformedEnv(env, ActionMask(ACTION, ACTION_MASK)).rollout(
+        30, break_when_any_done=False
+    )
+    env.set_seed(0)
+    shown = env.reset()
+    for step in range(30):
+        now = played[:, step]
+        for key in (OBSERVATION, ACTION_MASK, STATE, SUCCESS):
+            assert torch.equal(shown[key], now[key])
+        kept = act(env, shown, now[ACTION]).clone()
+        for key in (OBSERVATION, REWARD, STATE, SUCCESS, "done", ("drones", "terminated")):
+            assert torch.equal(kept[key], now["next"][key])
+        shown = reset_swarms(env, kept, kept["done"]) if kept["done"].any() else kept
+    assert int(played["next", "done"].sum()) >= 4 * 3
+
+
+def test_masked_random_drones_never_crash() -> None:
+    env = SearchEnv(8, right_of_way=True, **SMALL)
+    env = TransformedEnv(env, ActionMask(ACTION, ACTION_MASK))
+    endings = env.rollout(60, break_when_any_done=False)["next", "info", "ending"]
+    assert {*endings.unique().tolist()} <= {0, Ending.FOUND, Ending.TIME_LIMIT}
+    assert int((endings != 0).sum()) >= 8 * 7
+
+
+def test_transforms_and_collectors_take_it() -> None:
+    env = TransformedEnv(SearchEnv(4, **SMALL), Compose(InitTracker(), RewardSum()))
+    check_env_specs(env)
+    policy = RandomPolicy(env.full_action_spec)
+    collector = Collector(env, policy, frames_per_batch=4 * 20, total_frames=4 * 40)
+    for batch in collector:
+        assert batch.shape == (4, 20)
+        returns, rewards = batch["next"][RETURN], batch["next"][REWARD]
+        expected = torch.zeros(4, 2, 1)
+        for step in range(20):
+            begins = batch["is_init"][:, step]
+            sums = batch[RETURN][:, step]
+            assert (sums[begins.squeeze(-1)] == 0).all()
+            expected = sums + rewards[:, step]
+            assert torch.allclose(returns[:, step], expected)
+        ended = batch["next", "done"].squeeze(-1)
+        metrics = episode_metrics(batch)
+        assert metrics["reward"] == pytest.approx(float(returns[ended].mean()))
+        assert metrics["found"] == float(batch["next"][SUCCESS][ended].double().mean())
+    collector.shutdown()
+    assert episode_metrics(env.rollout(1)[:, :0]) == {}
+
+
+def test_success_is_the_end_with_a_find() -> None:
+    found = {"vector": (0, 0), "disperse_constant": 0, "person_initial_position": (1, 0)}
+    env = SearchEnv(2, **{**TRAINING_TASK, **found})
+    shown = env.reset()
+    assert not shown[SUCCESS].any()
+    shown = act(env, shown, [[IDLE, SEARCH], [IDLE, IDLE]])
+    assert shown[SUCCESS].flatten().tolist() == [True, False]
+    assert shown["info", "ending"].flatten().tolist() == [Ending.FOUND, 0]
+    shown = reset_swarms(env, shown, shown["done"])
+    assert not shown[SUCCESS].any()
+
+
+def test_shared_rewards_are_means() -> None:
+    own, shared = (SearchEnv(3, shared_reward=value, seed=1, **SMALL) for value in (False, True))
+    actions = [[SEARCH, IDLE], [LEFT, SEARCH], [IDLE, IDLE]]
+    rewards = act(own, own.reset(), actions)[REWARD].double()
+    means = rewards.mean(dim=1, keepdim=True).expand_as(rewards).float()
+    assert len(rewards.unique()) > 2
+    assert torch.equal(act(shared, shared.reset(), actions)[REWARD], means)
+
+
+@pytest.mark.slow
+def test_parallel_env_takes_it() -> None:
+    env = ParallelEnv(2, partial(SearchEnv, 3, **SMALL))
+    try:
+        env.set_seed(0)
+        played = env.rollout(20, break_when_any_done=False)
+        assert played.shape == (2, 3, 20)
+        assert int(played["next", "done"].sum()) >= 2 * 3 * 2
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"num_swarms": 0}, ValueError, "num_swarms must be"),
+        ({"num_swarms": 2.5}, TypeError, "num_swarms must be"),
+        ({"observation": "pixels"}, ValueError, "observation must be one of"),
+        ({"right_of_way": 1}, TypeError, "right_of_way must be"),
+        ({"state": "yes"}, TypeError, "state must be"),
+        ({"shared_reward": 1}, TypeError, "shared_reward must be"),
+        ({"seed": -1}, ValueError, "seed must be"),
+        ({"seed": "a"}, TypeError, "seed must be"),
+        ({"reward_scale": 1e300}, ValueError, "reward_scale must leave rewards that float32"),
+        ({"grid": 5}, TypeError, "SearchEnv has no parameter 'grid'; it takes num_swarms, "),
+        ({"autoreset_mode": "SameStep"}, TypeError, "SearchEnv has no parameter 'autoreset_mode'"),
+        ({"copy": False}, TypeError, "SearchEnv has no parameter 'copy'"),
+        ({"n_drones": 0}, ValueError, "n_drones must be"),
+    ],
+)
+def test_bad_arguments(arguments: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        SearchEnv(**arguments)
+
+
+def test_bad_actions_and_resets() -> None:
+    env = SearchEnv(2, **TRAINING_TASK)
+    shown = env.reset()
+    with pytest.raises(ValueError, match="actions must"):
+        act(env, shown, [[0, 6], [0, 0]])
+    with pytest.raises(TypeError, match="reset takes a tensordict, and not seed"):
+        env.reset(seed=3)
+    assert env.vector_env.batch.steps.tolist() == [0, 0]
+
+
+# Trained policies.
+
+
+def constant_logits(*logits: float) -> TensorDictModule:
+    """A network with the same logits for every observation."""
+
+    def network(observations: torch.Tensor) -> torch.Tensor:
+        return torch.tensor(logits).expand(*observations.shape[:-1], 6)
+
+    return TensorDictModule(network, [OBSERVATION], [LOGITS])
+
+
+def test_masked_policies_sample_valid_actions() -> None:
+    env = SearchEnv(64, **TRAINING_TASK)
+    policy = masked_policy(constant_logits(50.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    acted = policy(env.reset())
+    masks, actions = acted[ACTION_MASK], acted[ACTION]
+    assert masks.gather(-1, actions.unsqueeze(-1)).all()
+    # The drones start at the left edge, where LEFT is masked: the other actions are equal.
+    probabilities = 1.0 / masks[:, 0].sum(dim=-1)
+    logprobs = acted[PPO_KEYS["sample_log_prob"]][:, 0]
+    assert torch.allclose(logprobs.exp(), probabilities)
+
+
+def test_trained_policies_act_on_what_evaluate_shows() -> None:
+    """They sample reproducibly, keep to the masks, and take the likeliest action on request."""
+    shown = {
+        "observation": np.zeros((4, 105), np.float32),
+        "action_mask": np.array([[0, 1, 0, 1, 1, 1]] * 4, np.int8),
+    }
+    policy = masked_policy(constant_logits(9.0, 1.0, 9.0, 1.0, 1.0, 1.0))
+    sampled = TrainedPolicy(policy, n_drones=2)
+    state = torch.get_rng_state()
+    sampled.reset(seed=[4, 5])
+    draws = [sampled(shown).tolist() for _ in range(100)]
+    assert torch.equal(torch.get_rng_state(), state)
+    assert {action for drawn in draws for action in drawn} == {1, 3, 4, 5}
+    sampled.reset(seed=[4, 5])
+    assert [sampled(shown).tolist() for _ in range(100)] == draws
+    sampled.reset(seed=[5, 6])
+    assert [sampled(shown).tolist() for _ in range(100)] != draws
+
+    likeliest = masked_policy(constant_logits(9.0, 0.0, 9.0, 2.0, 1.0, 0.0))
+    assert TrainedPolicy(likeliest, 2, deterministic=True)(shown).tolist() == [3] * 4
+    assert TrainedPolicy(likeliest, 2)(shown).shape == (4,)
+
+
+class Recorder(nn.Module):
+    """Allows every action, and records what is observed."""
+
+    seen: ClassVar[list[tuple[torch.Tensor, ...]]] = []
+
+    def forward(self, *observations: torch.Tensor) -> torch.Tensor:
+        self.seen.append(tuple(each.clone() for each in observations))
+        return torch.zeros(*observations[0].shape[:2], 6)
+
+
+@pytest.mark.parametrize("layout", ["flat", "dict"])
+def test_trained_policies_are_evaluated_as_they_were_trained(layout: str) -> None:
+    """The evaluation shows what `SearchEnv` shows, and masks as it does."""
+    keys = [OBSERVATION]
+    if layout == "dict":
+        keys = [(*OBSERVATION, "position"), (*OBSERVATION, "probability_matrix")]
+    policy = masked_policy(TensorDictModule(Recorder(), keys, [LOGITS]))
+    env = SearchEnv(3, observation=layout, right_of_way=True, seed=2, **SMALL)
+    Recorder.seen.clear()
+    policy(env.reset())
+    options = {"view": "drone", "observation": layout, "action_mask": True, "right_of_way": True}
+    trained = TrainedPolicy(policy, n_drones=2)
+    results = [evaluate(trained, Scenario(**SMALL), episodes=3, seed=2, **options) for _ in (0, 1)]
+    for shown, evaluated in zip(*Recorder.seen[:2], strict=True):
+        assert torch.equal(shown, evaluated)
+    assert results[0].endings[Ending.COLLISION] == results[0].endings[Ending.LEFT_GRID] == 0
+    assert results[0].success == results[1].success
+
+
+# Losses.
+
+
+def ppo_loss(env: EnvBase, keys: list[Any]) -> tuple[Any, TensorDictModule]:
+    """PPO's loss with a critic that reads the keys, and the critic."""
+    torch.manual_seed(0)
+    network = TensorDictModule(MLP(out_features=6, num_cells=[8]), [OBSERVATION], [LOGITS])
+    critic = TensorDictModule(WithState(MLP(out_features=1, num_cells=[8])), keys, [VALUE])
+    policy = masked_policy(network)
+    critic(policy(env.reset()))
+    loss = ClipPPOLoss(policy, critic)
+    loss.set_keys(**PPO_KEYS)
+    loss.make_value_estimator(ValueEstimators.GAE, gamma=0.99, lmbda=0.95)
+    return loss, critic
+
+
+@pytest.mark.parametrize("keys", [[OBSERVATION], [OBSERVATION, STATE]])
+@pytest.mark.parametrize("separate_flags", [False, True])
+def test_only_truncated_episodes_are_bootstrapped(keys: list[Any], separate_flags: bool) -> None:
+    """Value targets of the last step: time limit, a drone off the grid, all found."""
+    options = {"state": True, "separate_flags": separate_flags, "reward_scale": 2.0**-17}
+
+    def last_step(actions: list[Any], **changes: Any) -> tuple[Any, Any, Any]:
+        """Targets, rewards and values of the next observation."""
+        env = SearchEnv(1, **options, **{**SMALL, **changes})
+        loss, _ = ppo_loss(env, keys)
+        shown, steps = env.reset(), []
+        for each in actions:
+            steps.append(env.step(shown.clone().set(ACTION, torch.tensor([each]))))
+            shown = steps[-1]["next"].exclude(REWARD)
+        batch = torch.stack(steps, dim=1)
+        assert batch["next", "done"][0, -1]
+        with torch.no_grad():
+            loss.value_estimator(
+                batch,
+                params=loss.critic_network_params,
+                target_params=loss.target_critic_network_params,
+            )
+            loss.critic_network(batch["next"])
+        targets = batch[PPO_KEYS["value_target"]][0, -1]
+        return targets, batch["next"][REWARD][0, -1], batch["next"][VALUE][0, -1]
+
+    targets, rewards, values = last_step([(IDLE, IDLE)] * 8)
+    assert torch.allclose(targets, rewards + 0.99 * values if separate_flags else rewards)
+    targets, rewards, _ = last_step([(IDLE, IDLE), (LEFT, IDLE)])
+    assert torch.allclose(targets, rewards)
+    at_once = {"vector": (0, 0), "disperse_constant": 0, "person_initial_position": (1, 0)}
+    targets, rewards, _ = last_step([(IDLE, SEARCH)], **at_once)
+    assert bool(rewards[1] > 0)
+    assert torch.allclose(targets, rewards)
+
+
+def test_only_central_critics_see_the_state() -> None:
+    env = SearchEnv(2, state=True, **TRAINING_TASK)
+    shown = env.reset()
+    moved = shown.clone()  # the persons
+    moved[STATE][:, 2] = moved[STATE][:, 2].roll(1, dims=-1)
+    for keys in ([OBSERVATION], [OBSERVATION, STATE]):
+        _, critic = ppo_loss(env, keys)
+        with torch.no_grad():
+            values = [critic(each.clone())[VALUE] for each in (shown, moved)]
+        assert values[0].shape == (2, 2, 1)
+        assert torch.equal(*values) != (STATE in keys)
+
+
+# TorchRL's GymWrapper.
+
+
+def same(tensors: Any, arrays: Any) -> None:
+    """Check that tensors equal arrays, bit for bit; also those in nested dicts."""
+    if isinstance(arrays, dict):
+        for name, array in arrays.items():
+            same(tensors[name], array)
+    else:
+        assert tensors.numpy().tobytes() == arrays.tobytes()
+
+
+@pytest.mark.parametrize("kind", [DroneVectorEnv, SwarmVectorEnv])
+@pytest.mark.parametrize(
+    ("mode", "masks", "layout"),
+    [
+        ("Disabled", "observation", "flat"),
+        ("Disabled", "observation", "dict"),
+        ("Disabled", "info", "flat"),
+        ("SameStep", "info", "flat"),
+    ],
+)
+@pytest.mark.parametrize("separate_flags", [False, True])
+def test_gym_wrapper(kind: Any, mode: str, masks: str, layout: str, separate_flags: bool) -> None:
+    """It shows what the vector environment shows, over several episodes, masks included."""
+    options = {
+        "observation": layout,
+        "right_of_way": True,
+        "separate_flags": separate_flags,
+        "reward_scale": 2.0**-17,
+        **SMALL,
+    }
+
+    def wrap() -> Any:
+        env = kind(4, action_mask=masks, autoreset_mode=mode, **options)
+        wrapped = GymWrapper(env, categorical_action_encoding=True)
+        registers = (mode, masks) == ("Disabled", "info")
+        return wrapped.auto_register_info_dict() if registers else wrapped
+
+    check_env_specs(wrap())
+    wrapped = wrap()
+    # The same searches without TorchRL.
+    bare = kind(4, action_mask="observation", autoreset_mode="Disabled", **options)
+    swarms = bare.num_envs // 4
+
+    def check(shown: TensorDictBase, observations: Any) -> None:
+        same(shown["action_mask"], observations["action_mask"])
+        inner = observations["observation"]
+        nested = masks == "observation" or not isinstance(inner, dict)
+        same(shown["observation"] if nested else shown, inner)
+
+    rng, episodes = np.random.default_rng(1), 0
+    shown, (observations, _) = wrapped.reset(seed=3), bare.reset(seed=3)
+    for _ in range(40):
+        check(shown, observations)
+        actions = valid_actions(shown["action_mask"], rng)
+        stepped, shown = wrapped.step_and_maybe_reset(shown.set("action", torch.tensor(actions)))
+        observations, rewards, terminated, truncated, infos = bare.step(actions)
+        after = stepped["next"]
+        check(after, observations)
+        assert after["reward"].flatten().tolist() == np.float32(rewards).tolist()
+        assert after["terminated"].flatten().tolist() == terminated.tolist()
+        assert after["truncated"].flatten().tolist() == truncated.tolist()
+        ended = terminated | truncated
+        assert after["done"].flatten().tolist() == ended.tolist()
+        if masks == "info":
+            assert after["is_success"].tolist() == infos["is_success"].tolist()
+        if ended.any():
+            observations, _ = bare.reset(options={"reset_mask": ended})
+            if mode == "SameStep" and ended.all():
+                observations, _ = bare.reset()  # TorchRL then resets once more
+            episodes += int(ended.sum()) // swarms
+    assert episodes >= 16
+
+
+@pytest.mark.parametrize("kind", [DroneVectorEnv, SwarmVectorEnv])
+def test_gym_wrapper_refuses_autoreset_in_the_next_step(kind: Any) -> None:
+    with pytest.raises(RuntimeError, match="must be one of SAME_STEP or DISABLED"):
+        GymWrapper(kind(2, **SMALL))
+
+
+# Single environments in TorchRL's PettingZooWrapper.
+
+WRAPPERS: dict[str, Callable[[Any], Any]] = {
+    "dict": DictObservation,
+    "dict with other drones": lambda env: OtherDrones(DictObservation(env)),
+    "flat": FlatObservation,
+    "planes": PlanesObservation,
+    "top cells": TopCellsObservation,
+    "crops": CropsObservation,
+}
+
+
+def search(**arguments: Any) -> DroneSwarmSearch:
+    return DroneSwarmSearch(**{**TRAINING_TASK, **arguments})
+
+
+def in_torchrl(env: Any, **arguments: Any) -> EnvBase:
+    return PettingZooWrapper(env, group_map={"drones": env.possible_agents}, **arguments)
+
+
+@pytest.mark.parametrize("wrapper", WRAPPERS)
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize("state", [False, True])
+def test_specs_of_single_environments(wrapper: str, masked: bool, state: bool) -> None:
+    env: Any = WRAPPERS[wrapper](ScaledRewards(SeparateFlags(search())))
+    if masked:
+        env = ActionMaskWrapper(env, right_of_way=True)
+    env = in_torchrl(env, return_state=state)
+    check_env_specs(env)
+    keys = env.observation_spec.keys(True)
+    assert (("drones", "action_mask") in keys) == masked
+    assert ("state" in keys) == state
+
+
+def test_single_environments_keep_their_data() -> None:
+    plain = ActionMaskWrapper(FlatObservation(search()), right_of_way=True)
+    inner = ActionMaskWrapper(FlatObservation(search()), right_of_way=True)
+    env = in_torchrl(inner, return_state=True)
+    observations, infos = plain.reset(seed=3)
+    shown = env.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        for index, drone in enumerate(plain.possible_agents):
+            assert shown["drones", "observation"][index].tolist() == observations[drone].tolist()
+            mask = infos[drone]["action_mask"].astype(bool)
+            assert shown["drones", "action_mask"][index].tolist() == mask.tolist()
+        assert shown["state"].tolist() == plain.state().tolist()
+        masks = [infos[drone]["action_mask"] for drone in plain.possible_agents]
+        actions = [int(rng.choice(mask.nonzero()[0])) for mask in masks]
+        observations, rewards, _, _, infos = plain.step(
+            dict(zip(plain.possible_agents, actions, strict=True))
+        )
+        stepped = env.step(shown.set(("drones", "action"), torch.tensor(actions)))
+        expected = np.array(list(rewards.values()), np.float32)
+        assert stepped["next", "drones", "reward"].flatten().tolist() == expected.tolist()
+        shown = stepped["next"]
+
+
+def test_masked_random_play_of_single_environments_never_crashes() -> None:
+    env = in_torchrl(ActionMaskWrapper(SeparateFlags(FlatObservation(search())), right_of_way=True))
+    torch.manual_seed(0)
+    for _ in range(3):
+        played = env.rollout(50)
+        found = played["next", "drones", "info", "Found"][-1].any()
+        assert bool(played["next", "terminated"][-1]) == bool(found)
+        assert len(played) == 50 or found
