@@ -186,7 +186,7 @@ def test_a_checkpoint_becomes_a_policy(rllib: Any, tmp_path: Path) -> None:
     assert len({*actions.tolist()}) > 2
     sampling.reset(seed=0)
     assert (sampling(observations) == actions).all()
-    best = rllib.TrainedPolicy(tmp_path, "drone", sample=False)
+    best = rllib.TrainedPolicy(tmp_path, "drone", deterministic=True)
     assert (best(observations) == best(observations)).all()
 
 

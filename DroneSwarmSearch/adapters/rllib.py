@@ -132,9 +132,7 @@ class SwarmEnv(ParallelPettingZooEnv):
         super().__init__(env)
         self._first_seed = SEED_STRIDE * (1 + getattr(config, "worker_index", 0))
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> Any:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
         """Begin an episode; the seeds of different env runners are far apart."""
         return super().reset(
             seed=None if seed is None else self._first_seed + seed, options=options
@@ -210,15 +208,19 @@ class TrainedPolicy:
     Args:
         checkpoint: the folder that ``Algorithm.save_to_path`` has written.
         module_id: the name of the RLModule; the one of single-agent training by default.
-        sample: sample actions, as in training; otherwise take the most likely ones.
+        deterministic: take the likeliest actions. By default, actions are sampled, as PPO does
+            while it learns.
     """
 
     def __init__(
-        self, checkpoint: str | Path, module_id: str = DEFAULT_MODULE_ID, sample: bool = True
+        self,
+        checkpoint: str | Path,
+        module_id: str = DEFAULT_MODULE_ID,
+        deterministic: bool = False,
     ) -> None:
         learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
         self.module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)
-        self.sample = checks.boolean("sample", sample)
+        self._deterministic = checks.boolean("deterministic", deterministic)
         self.reset(seed=0)
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
@@ -234,7 +236,7 @@ class TrainedPolicy:
         batch = {key: torch.from_numpy(array) for key, array in observations.items()}
         output = self.module.forward_inference({Columns.OBS: batch})
         logits = output[Columns.ACTION_DIST_INPUTS].numpy()
-        if self.sample:
+        if not self._deterministic:
             # The largest of logits with Gumbel noise is a sample from their softmax.
             logits = logits + self._generator.gumbel(size=logits.shape)
         actions: NDArray[np.int64] = logits.argmax(axis=1)
