@@ -6,8 +6,7 @@
 
 By default, everything runs in this process. With env runners, each runs in its own process on any
 CPU of the cluster, where this package must be installed; this process trains the network and keeps
-the folder. Each sub-environment of the batch is a drone; `--multi-agent` uses RLlib's multi-agent
-path instead, which is slower. Masks prevent crashes.
+the folder. Each sub-environment of the batch is a drone. Masks prevent crashes.
 """
 
 from __future__ import annotations
@@ -18,19 +17,12 @@ from pathlib import Path
 import ray
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.algorithms.ppo import PPOConfig
-from ray.rllib.core import DEFAULT_MODULE_ID
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
 from DroneSwarmSearch import RewardScheme, training
-from DroneSwarmSearch.adapters.rllib import (
-    DroneBatch,
-    MaskedPPOModule,
-    SwarmEnv,
-    TrainedPolicy,
-    log_success,
-)
+from DroneSwarmSearch.adapters import rllib
 from DroneSwarmSearch.training import TRAINING_TASK
 
 LAYOUT = "crops"
@@ -51,13 +43,13 @@ def build_algorithm(options: Namespace, seed: int) -> Algorithm:
     )
     config = (
         PPOConfig()
-        .environment(DroneBatch, env_config=ENV_CONFIG)
+        .environment(rllib.DroneBatch, env_config=ENV_CONFIG)
         .env_runners(
             num_env_runners=options.num_env_runners,
             num_envs_per_env_runner=options.num_envs * DRONES,
             gym_env_vectorize_mode="vector_entry_point",
         )
-        .rl_module(rl_module_spec=RLModuleSpec(MaskedPPOModule, model_config=network))
+        .rl_module(rl_module_spec=RLModuleSpec(rllib.MaskedPPOModule, model_config=network))
         .training(
             lr=1e-3,
             gamma=0.99,
@@ -69,16 +61,9 @@ def build_algorithm(options: Namespace, seed: int) -> Algorithm:
             minibatch_size=min(1024, options.batch),
             num_epochs=6,
         )
-        .callbacks(on_episode_end=log_success)
+        .callbacks(on_episode_end=rllib.log_success)
         .debugging(seed=seed, log_level="ERROR")
     )
-    if options.multi_agent:  # a step is one of all drones here
-        config.environment(SwarmEnv)
-        config.env_runners(num_envs_per_env_runner=options.num_envs, gym_env_vectorize_mode="sync")
-        config.training(train_batch_size_per_learner=options.batch)
-        config.multi_agent(
-            policies={DEFAULT_MODULE_ID}, policy_mapping_fn=lambda *_, **__: DEFAULT_MODULE_ID
-        )
     return config.build_algo()
 
 
@@ -89,20 +74,18 @@ def train(run: training.Run, options: Namespace) -> Path:
         with run.saving_folder(f"checkpoint_{steps}") as path:
             algorithm.save_to_path(path)
 
-    counted = 1 if options.multi_agent else DRONES  # RLlib's steps in a step of all drones
     algorithm = build_algorithm(options, options.seed + run.steps_done)  # resumed: new episodes
     if run.resuming:
         algorithm.restore_from_path(run.checkpoint.absolute())
         counter = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
-        run.resume_from(int(algorithm.metrics.peek(counter, default=0)) // counted)
+        run.resume_from(int(algorithm.metrics.peek(counter, default=0)) // DRONES)
     else:
         save(0)
     while run.steps_done < run.total_steps:
         results = algorithm.train()[ENV_RUNNER_RESULTS]
-        steps = int(results[NUM_ENV_STEPS_SAMPLED_LIFETIME]) // counted
+        steps = int(results[NUM_ENV_STEPS_SAMPLED_LIFETIME]) // DRONES  # RLlib counts drones' steps
         save(steps)
-        reward = results.get("episode_return_mean", float("nan"))  # of all agents in an episode
-        run.log(steps, reward=reward * counted / DRONES, found=results.get("success_rate"))
+        run.log(steps, results.get("episode_return_mean"), results.get("success_rate"))
     algorithm.stop()
     return run.checkpoint
 
@@ -115,7 +98,6 @@ def main() -> None:
     parser.add_argument(
         "--batch", default=4_096, help="environment steps between updates (4,096)", **number
     )
-    parser.add_argument("--multi-agent", action="store_true", help="the multi-agent path")
     parser.add_argument(
         "--address", default="local", help="of a Ray cluster; 'auto' for this machine's (a new one)"
     )
@@ -125,7 +107,7 @@ def main() -> None:
         path = train(run, options)
         ray.shutdown()
     training.compare_with_baselines(
-        TrainedPolicy(path),  # samples actions, as in training
+        rllib.TrainedPolicy(path),  # samples actions, as in training
         TRAINING_TASK,
         observation=LAYOUT,
         action_mask=True,

@@ -20,13 +20,7 @@ from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
 
 from DroneSwarmSearch import RewardScheme, training
-from DroneSwarmSearch.adapters.tianshou import (
-    DroneVenv,
-    MaskedActor,
-    MaskedCritic,
-    SuccessStats,
-    TrainedPolicy,
-)
+from DroneSwarmSearch.adapters import tianshou
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -39,9 +33,9 @@ LAYOUT = "crops"
 ROLLOUT = 64  # steps of each drone between updates
 
 
-def make_envs(searches: int) -> DroneVenv:
+def make_envs(searches: int) -> tianshou.DroneVenv:
     """A batch of searches; searches pay the probability of success that they add."""
-    return DroneVenv(
+    return tianshou.DroneVenv(
         DroneVectorEnv(
             searches,
             observation=LAYOUT,
@@ -54,17 +48,17 @@ def make_envs(searches: int) -> DroneVenv:
     )
 
 
-def make_ppo(envs: DroneVenv) -> PPO:
+def make_ppo(envs: tianshou.DroneVenv) -> PPO:
     """PPO with separate networks for the policy and the values."""
     inputs = envs.env.single_observation_space["observation"].shape[0]
 
     def network() -> Net:
         return Net(state_shape=inputs, hidden_sizes=[128, 128], activation=torch.nn.Tanh)
 
-    actor = MaskedActor(preprocess_net=network())
+    actor = tianshou.MaskedActor(preprocess_net=network())
     return PPO(
         policy=DiscreteActorPolicy(actor=actor, action_space=envs.env.single_action_space),
-        critic=MaskedCritic(preprocess_net=network()),
+        critic=tianshou.MaskedCritic(preprocess_net=network()),
         optim=AdamOptimizerFactory(lr=5e-4),
         gamma=0.99,
         gae_lambda=0.95,
@@ -95,7 +89,7 @@ def train(options: argparse.Namespace) -> PPO:
         envs.seed(options.seed + run.steps_done)  # a resumed run plays new episodes
         torch.manual_seed(options.seed + run.steps_done)
         buffer = VectorReplayBuffer(ROLLOUT * len(envs), len(envs))
-        collector = Collector(ppo, envs, buffer, collect_stats_class=SuccessStats)
+        collector = Collector(ppo, envs, buffer, collect_stats_class=tianshou.SuccessStats)
         collector.reset()
         while run.steps_done < run.total_steps:
             with policy_within_training_step(ppo.policy):
@@ -121,7 +115,7 @@ def main() -> None:
     options = parser.parse_args()
     ppo = train(options)
     training.compare_with_baselines(
-        TrainedPolicy(ppo.policy),  # samples actions, as in training
+        tianshou.TrainedPolicy(ppo.policy),  # samples actions, as in training
         TRAINING_TASK,
         action_mask=True,
         right_of_way=True,
