@@ -31,6 +31,7 @@ ENV_CONFIG = {
     **TRAINING_TASK,
     "observation": LAYOUT,
     "right_of_way": True,
+    "shared_rewards": True,  # so that drones cooperate
     "reward_scheme": RewardScheme.expected(),  # pays the probability of success that is added
 }
 
@@ -51,10 +52,10 @@ def build_algorithm(options: Namespace, seed: int) -> Algorithm:
         )
         .rl_module(rl_module_spec=RLModuleSpec(rllib.MaskedPPOModule, model_config=network))
         .training(
-            lr=1e-3,
+            lr=5e-4,
             gamma=0.99,
             lambda_=0.95,
-            entropy_coeff=0.005,
+            entropy_coeff=0.002,
             use_kl_loss=False,
             grad_clip=0.5,
             train_batch_size_per_learner=options.batch * DRONES,

@@ -44,7 +44,8 @@ def make_envs(searches: int) -> tianshou.DroneVenv:
             autoreset_mode="Disabled",  # Tianshou resets
             reward_scheme=RewardScheme.expected(),
             **TRAINING_TASK,
-        )
+        ),
+        shared_rewards=True,  # so that drones cooperate
     )
 
 
@@ -62,7 +63,7 @@ def make_ppo(envs: tianshou.DroneVenv) -> PPO:
         optim=AdamOptimizerFactory(lr=5e-4),
         gamma=0.99,
         gae_lambda=0.95,
-        ent_coef=0.005,
+        ent_coef=0.002,
         max_grad_norm=0.5,
         max_batchsize=4096,
         advantage_normalization=True,

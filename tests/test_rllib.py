@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 if any(importlib.util.find_spec(name) is None for name in ("ray", "torch", "lz4")):
@@ -106,6 +107,21 @@ def test_env_runners_play_different_episodes(rllib: Any, name: str) -> None:
             seen = [batch.env.frame(swarm).persons for swarm in range(8)]
         persons.append(seen)
     assert persons[0][1:] != persons[1][:-1]  # equal if the seeds were consecutive
+
+
+def test_shared_rewards(rllib: Any) -> None:
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "shared_rewards": True})
+    env = rllib.SwarmEnv({**CONFIG, "shared_rewards": True})
+    envs = DroneVectorEnv(1, **CONFIG)
+    batch.reset(seed=0)
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    for actions in ([Action.SEARCH, Action.IDLE], [Action.IDLE, Action.SEARCH]):
+        rewards = envs.step(actions)[1]
+        assert rewards[0] != rewards[1]
+        assert batch.step(np.array(actions))[1].tolist() == [rewards.mean()] * 2
+        paid = env.step({"drone0": actions[0], "drone1": actions[1]})[1]
+        assert [*paid.values()] == [rewards.mean()] * 2
 
 
 def test_what_the_batch_rejects(rllib: Any) -> None:

@@ -34,6 +34,7 @@ from tianshou.env import BaseVectorEnv
 from tianshou.utils.net.common import ModuleWithVectorOutput
 from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 
@@ -54,13 +55,14 @@ class DroneVenv(BaseVectorEnv):
 
     Args:
         env: with autoreset_mode="Disabled", and masks in the observations or none.
+        shared_rewards: pay every drone the mean reward of its swarm, so that drones cooperate.
 
     Raises:
-        TypeError: `env` is not a `DroneVectorEnv`.
+        TypeError: `env` is not a `DroneVectorEnv`, or `shared_rewards` is not a bool.
         ValueError: it has another autoreset mode.
     """
 
-    def __init__(self, env: DroneVectorEnv) -> None:
+    def __init__(self, env: DroneVectorEnv, shared_rewards: bool = False) -> None:
         # The base class's constructor would make a worker for each sub-environment.
         if not isinstance(env, DroneVectorEnv):
             raise TypeError(f"env must be a DroneVectorEnv, got {env!r}")
@@ -70,6 +72,7 @@ class DroneVenv(BaseVectorEnv):
         self.env = env
         self.env_num = self.wait_num = env.num_envs
         self.is_async = self.is_closed = False
+        self._shares = checks.boolean("shared_rewards", shared_rewards)
         self._drones = env.batch.scenario_of(0).n_drones
         self._seed: int | None = None
         self._stale = np.ones(env.num_envs, np.bool_)  # left out of a step: reset before the next
@@ -132,10 +135,12 @@ class DroneVenv(BaseVectorEnv):
             self._stale |= left_out
         actions = np.zeros(self.env_num, np.int64)
         actions[chosen] = action
-        observations, *results, infos = self.env.step(actions)
-        rewards, terminated, truncated = (values[chosen] for values in results)
+        observations, rewards, *flags, infos = self.env.step(actions)
+        if self._shares:
+            rewards = rewards.reshape(-1, self._drones).mean(axis=1).repeat(self._drones)
+        terminated, truncated = (flag[chosen] for flag in flags)
         shown = _rows(observations, chosen)
-        return shown, rewards, terminated, truncated, _listed(infos, chosen)
+        return shown, rewards[chosen], terminated, truncated, _listed(infos, chosen)
 
     def seed(self, seed: int | list[int] | None = None) -> list[list[int] | None]:
         """Seed the next reset.
