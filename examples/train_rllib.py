@@ -33,6 +33,7 @@ ENV_CONFIG = {
     "right_of_way": True,
     "shared_rewards": True,  # so that drones cooperate
     "reward_scheme": RewardScheme.expected(),  # pays the probability of success that is added
+    "mission": "coverage",  # episodes go on after a find
 }
 
 DRONES = TRAINING_TASK["n_drones"]
@@ -52,7 +53,7 @@ def build_algorithm(options: Namespace, seed: int) -> Algorithm:
         )
         .rl_module(rl_module_spec=RLModuleSpec(rllib.MaskedPPOModule, model_config=network))
         .training(
-            lr=5e-4,
+            lr=[[0, 1e-3], [options.steps * DRONES, 1e-4]],
             gamma=0.99,
             lambda_=0.95,
             entropy_coeff=0.002,
@@ -86,7 +87,7 @@ def train(run: training.Run, options: Namespace) -> Path:
         results = algorithm.train()[ENV_RUNNER_RESULTS]
         steps = int(results[NUM_ENV_STEPS_SAMPLED_LIFETIME]) // DRONES  # RLlib counts drones' steps
         save(steps)
-        run.log(steps, results.get("episode_return_mean"), results.get("success_rate"))
+        run.log(steps, results.get("episode_return_mean"), results.get("probability_of_success"))
     algorithm.stop()
     return run.checkpoint
 

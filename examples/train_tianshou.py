@@ -34,7 +34,7 @@ ROLLOUT = 64  # steps of each drone between updates
 
 
 def make_envs(searches: int) -> tianshou.DroneVenv:
-    """A batch of searches; searches pay the probability of success that they add."""
+    """A batch of searches in expectation: they pay the probability of success that they add."""
     return tianshou.DroneVenv(
         DroneVectorEnv(
             searches,
@@ -43,6 +43,7 @@ def make_envs(searches: int) -> tianshou.DroneVenv:
             right_of_way=True,
             autoreset_mode="Disabled",  # Tianshou resets
             reward_scheme=RewardScheme.expected(),
+            mission="coverage",  # episodes go on after a find
             **TRAINING_TASK,
         ),
         shared_rewards=True,  # so that drones cooperate
@@ -99,12 +100,10 @@ def train(options: argparse.Namespace) -> PPO:
             collector.reset_buffer(keep_statistics=True)
             steps = run.steps_done + stats.n_collected_steps // DRONES
             save(steps)
-            ended = bool(stats.successes)
-            run.log(
-                steps,
-                reward=np.mean(stats.returns) if ended else None,
-                found=np.mean(stats.successes) if ended else None,
-            )
+            if stats.n_collected_episodes:
+                run.log(steps, np.mean(stats.returns), np.mean(stats.probabilities))
+            else:
+                run.log(steps)
     return ppo
 
 

@@ -109,7 +109,8 @@ def test_a_collector_plays_the_episodes_of_the_vector_environment() -> None:
             shown, _ = played.reset(options={"reset_mask": terminated})
     assert successes > 0
     assert sum(stats.successes) == successes
-    assert len(stats.successes) == stats.n_collected_episodes
+    assert len(stats.successes) == len(stats.probabilities) == stats.n_collected_episodes
+    assert 0 < np.mean(stats.probabilities) < 1
 
 
 def test_shared_rewards() -> None:
@@ -149,7 +150,7 @@ def test_some_sub_environments() -> None:
     envs.reset()
     observations, rewards, terminated, truncated, infos = envs.step([5, 5], [2, 3])
     assert len(observations) == len(rewards) == len(terminated) == len(truncated) == 2
-    assert [{*info} for info in infos] == [{"is_success"}] * 2
+    assert [{*info} for info in infos] == [{"is_success", "probability_of_success"}] * 2
     with pytest.raises(ValueError, match=r"must be reset before they act again: \[0, 1, 4, 5, 6"):
         envs.step(np.full(8, 5))
     observations, infos = envs.reset([0, 1, 4, 5, 6, 7])

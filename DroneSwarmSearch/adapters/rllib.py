@@ -205,10 +205,11 @@ def _without_masks(batch: dict[str, Any]) -> dict[str, Any]:
 
 
 def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
-    """Log "success_rate", for ``AlgorithmConfig.callbacks(on_episode_end=log_success)``.
+    """Log the success of episodes: ``AlgorithmConfig.callbacks(on_episode_end=log_success)``.
 
     ``results["env_runners"]["success_rate"]`` is the fraction of the episodes since the last
-    results in which the search ended well; with several env runners, the mean of theirs.
+    results in which the search ended well; "probability_of_success", if the infos hold it, the
+    mean at the episodes' ends. With several env runners, both are means of theirs.
 
     Args:
         episode: an episode of one drone, or of all drones of a swarm.
@@ -218,6 +219,8 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
     if "is_success" not in infos:  # a dict with the infos of every drone
         infos = next(iter(infos.values()))
     metrics_logger.log_value("success_rate", float(infos["is_success"]), reduce="mean")
+    if (probability := infos.get("probability_of_success")) is not None:
+        metrics_logger.log_value("probability_of_success", float(probability), reduce="mean")
 
 
 class TrainedPolicy:

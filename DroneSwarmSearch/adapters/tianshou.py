@@ -48,7 +48,7 @@ class DroneVenv(BaseVectorEnv):
     """Adapts a `DroneVectorEnv` to Tianshou's collectors, which reset the episodes that ended.
 
     Observations with masks become ``Batch(obs=..., mask=...)``, as Tianshou's policies expect.
-    The infos hold "is_success".
+    The infos hold "is_success" and, if the environment's do, "probability_of_success".
 
     All drones of a swarm act in the same step. Collect steps, or a multiple of the number of
     drones of episodes.
@@ -203,8 +203,9 @@ def _rows(observations: Any, chosen: Ints) -> Any:
 
 def _listed(infos: dict[str, Any], chosen: Ints) -> NDArray[Any]:
     """An info for each of some sub-environments."""
-    success = infos["is_success"][chosen].tolist()
-    return np.array([{"is_success": each} for each in success])
+    keys = [key for key in ("is_success", "probability_of_success") if key in infos]
+    values = zip(*(infos[key][chosen].tolist() for key in keys), strict=True)
+    return np.array([dict(zip(keys, each, strict=True)) for each in values])
 
 
 @dataclass(kw_only=True)
@@ -213,16 +214,22 @@ class SuccessStats(CollectStats):
 
     Attributes:
         successes: whether the search ended well, for every collected episode of a drone.
+        probabilities: the probability of success (POS) of the searches made until the episode's
+            end, if the infos hold it.
     """
 
     successes: list[bool] = field(default_factory=list)
+    probabilities: list[float] = field(default_factory=list)
 
     def update_at_episode_done(
         self, episode_batch: Any, episode_return: float, refresh_sequence_stats: bool = False
     ) -> None:
         """Add an episode."""
         super().update_at_episode_done(episode_batch, episode_return, refresh_sequence_stats)
-        self.successes.append(bool(episode_batch.info.is_success[-1]))
+        infos = episode_batch.info
+        self.successes.append(bool(infos.is_success[-1]))
+        if "probability_of_success" in infos.get_keys():
+            self.probabilities.append(float(infos.probability_of_success[-1]))
 
 
 class MaskedActor(DiscreteActor):
