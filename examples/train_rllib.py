@@ -93,7 +93,7 @@ def train(run: training.Run, options: Namespace) -> Path:
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=200_000, short=2_000)
+    parser = training.arguments(__doc__, steps=300_000, short=2_000)
     number = {"type": int, "metavar": "N"}
     parser.add_argument("--num-env-runners", default=0, help="remote env runners (0)", **number)
     parser.add_argument("--num-envs", default=64, help="searches of each runner (64)", **number)

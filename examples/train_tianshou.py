@@ -108,7 +108,7 @@ def train(options: argparse.Namespace) -> PPO:
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=200_000, short=2_000)
+    parser = training.arguments(__doc__, steps=300_000, short=2_000)
     parser.add_argument(
         "--num-envs", metavar="N", type=int, default=64, help="searches in the batch (64)"
     )
