@@ -76,7 +76,6 @@ from ray.rllib.core.columns import Columns
 from ray.rllib.core import DEFAULT_MODULE_ID
 from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.adapters import rllib
-from DroneSwarmSearch.vector import DroneVectorEnv
 
 example = runpy.run_path(sys.argv[1])
 parser = training.arguments("", steps=100, short=100)
@@ -103,14 +102,14 @@ idle = runner.sample(num_episodes=2)
 forced = Action.LEFT  # off the grid, despite the mask
 crashed = runner.sample(num_episodes=2)
 
-envs = DroneVectorEnv(1, action_mask="observation", **example["ENV_CONFIG"])
+envs = rllib.DroneBatch({**example["ENV_CONFIG"], "num_envs": 2})
 inputs = iter(inputs)
 for first in (*played[::2], idle[0], crashed[0]):
     episodes = [*played, *idle, *crashed]
     place = next(i for i, each in enumerate(episodes) if each is first)
     agents = episodes[place : place + 2]
     seeded = first in (played[0], idle[0], crashed[0])
-    observations, _ = envs.reset(seed=5 * rllib.SEED_STRIDE if seeded else None)
+    observations, _ = envs.reset(seed=5 if seeded else None)
     if not seeded:
         next(inputs)  # the step in which the next episode begins
     for step in range(len(first)):
