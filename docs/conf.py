@@ -68,7 +68,15 @@ nitpick_ignore_regex = [
 ]
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
-autodoc_mock_imports = ["benchmarl", "stable_baselines3", "tensordict", "torch", "torchrl"]
+autodoc_mock_imports = [
+    "benchmarl",
+    "ray",
+    "stable_baselines3",
+    "tensordict",
+    "tianshou",
+    "torch",
+    "torchrl",
+]
 autodoc_preserve_defaults = True
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"

@@ -1,0 +1,264 @@
+"""Ray RLlib (extra ``rllib``): environments, a masked network, and the success rate.
+
+`DroneBatch` steps thousands of drones that share one policy, on RLlib's single-agent path::
+
+    config = (
+        PPOConfig()
+        .environment(DroneBatch, env_config={"observation": "flat", "grid_size": 10})
+        .env_runners(num_envs_per_env_runner=128, gym_env_vectorize_mode="vector_entry_point")
+        .rl_module(rl_module_spec=RLModuleSpec(MaskedPPOModule))
+        .callbacks(on_episode_end=log_success)
+    )
+
+`SwarmEnv` takes the same `env_config`. It is one search with an RLlib agent for each drone, for
+policies that differ between drones; it is several times slower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorWrapper
+from numpy.typing import NDArray
+from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
+from ray.rllib.core import (
+    COMPONENT_LEARNER,
+    COMPONENT_LEARNER_GROUP,
+    COMPONENT_RL_MODULE,
+    DEFAULT_MODULE_ID,
+)
+from ray.rllib.core.columns import Columns
+from ray.rllib.core.rl_module.rl_module import RLModule
+from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.wrappers import ActionMask, ScaledRewards
+from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+
+__all__ = ["DroneBatch", "MaskedPPOModule", "SwarmEnv", "TrainedPolicy", "log_success"]
+
+OBSERVATION, ACTION_MASK = "observation", "action_mask"
+"""The keys of masked observations."""
+
+SEED_STRIDE = 10**9
+"""The distance between the seeds of env runners, to which RLlib gives consecutive seeds."""
+
+_LEAST_LOGIT = -1e9
+"""The logit of masked actions; their probability is 0 in float32."""
+
+
+class DroneBatch(VectorWrapper):
+    """A `DroneVectorEnv` for RLlib's ``gym_env_vectorize_mode="vector_entry_point"``.
+
+    Every sub-environment is a drone, so ``num_envs_per_env_runner`` is a multiple of the number
+    of drones in a swarm, and RLlib counts the steps of single drones.
+
+    Args:
+        config: RLlib's `env_config`: keywords of `DroneVectorEnv`, with masks in the
+            observations (``action_mask="observation"``) by default; and "shared_rewards", whether
+            every drone is paid the mean reward of its swarm, so that drones cooperate (False).
+            RLlib adds "num_envs".
+
+    Raises:
+        TypeError: a keyword is unknown or has the wrong type.
+        ValueError: a keyword is out of its limits, "num_envs" is missing or not a multiple of
+            the number of drones, or "autoreset_mode" is not the one that RLlib needs, "NextStep".
+    """
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        keywords = {"action_mask": OBSERVATION, **config}
+        if "num_envs" not in keywords:
+            raise ValueError(
+                "num_envs is missing: DroneBatch needs "
+                'env_runners(gym_env_vectorize_mode="vector_entry_point")'
+            )
+        num_envs = checks.integer("num_envs", keywords.pop("num_envs"), 1)
+        mode = keywords.setdefault("autoreset_mode", AutoresetMode.NEXT_STEP)
+        if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.NEXT_STEP.value):
+            raise ValueError(f"autoreset_mode must be 'NextStep' for RLlib, got {mode!r}")
+        self._shares = checks.boolean("shared_rewards", keywords.pop("shared_rewards", False))
+        self._drones = drones = DroneVectorEnv(1, **keywords).batch.scenario_of(0).n_drones
+        if num_envs % drones:
+            raise ValueError(
+                f"num_envs_per_env_runner must be a multiple of n_drones={drones}, got {num_envs}"
+            )
+        super().__init__(DroneVectorEnv(num_envs // drones, **keywords))
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin episodes.
+
+        Args:
+            seed: as RLlib gives it, the run's seed plus the number of the env runner; runners
+                with different seeds play different episodes.
+            options: as for `DroneVectorEnv`.
+        """
+        return self.env.reset(seed=None if seed is None else seed * SEED_STRIDE, options=options)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Let every drone act once."""
+        observations, rewards, *others = self.env.step(actions)
+        if self._shares:
+            rewards = rewards.reshape(-1, self._drones).mean(axis=1).repeat(self._drones)
+        return observations, rewards, *others
+
+
+class SwarmEnv(ParallelPettingZooEnv):
+    """One search as a multi-agent environment of RLlib; agents "drone0", "drone1", ...
+
+    Args:
+        config: RLlib's `env_config`: parameters of `DroneSwarmSearch`, and "observation",
+            "action_mask", "right_of_way", "reward_scale" and "shared_rewards" with the meanings
+            and defaults of `DroneBatch`. RLlib's ``EnvContext`` also has the number of the env
+            runner, which keeps the seeds of runners apart.
+
+    Raises:
+        TypeError: a keyword is unknown or has the wrong type.
+        ValueError: a keyword is out of its limits.
+    """
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        parameters = dict(config)
+        names = tuple(LAYOUTS)
+        layout = str(checks.choice("observation", parameters.pop("observation", "dict"), names))
+        masks = checks.choice(
+            "action_mask", parameters.pop("action_mask", OBSERVATION), (None, OBSERVATION, "info")
+        )
+        right_of_way = checks.boolean("right_of_way", parameters.pop("right_of_way", False))
+        scale = parameters.pop("reward_scale", 1.0)
+        self._shares = checks.boolean("shared_rewards", parameters.pop("shared_rewards", False))
+        env = ScaledRewards(DroneSwarmSearch(**parameters), scale)
+        env = LayoutObservation(env, LAYOUTS[layout])
+        if masks is not None:
+            env = ActionMask(env, in_observation=masks == OBSERVATION, right_of_way=right_of_way)
+        super().__init__(env)
+        self._first_seed = SEED_STRIDE * (1 + getattr(config, "worker_index", 0))
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Begin an episode; the seeds of different env runners are far apart."""
+        return super().reset(
+            seed=None if seed is None else self._first_seed + seed, options=options
+        )
+
+    def step(self, action_dict: dict[str, int]) -> Any:
+        """Let every drone act once."""
+        observations, rewards, *others = super().step(action_dict)
+        if self._shares:
+            rewards = dict.fromkeys(rewards, float(np.mean([*rewards.values()])))
+        return observations, rewards, *others
+
+
+class MaskedPPOModule(DefaultPPOTorchRLModule):
+    """PPO's default network, which never chooses a masked action.
+
+    It takes observations {"observation": ..., "action_mask": ...}; its `model_config` is that
+    of RLlib's default, for example ``DefaultModelConfig``. Masks also apply in training, so that
+    probabilities and entropies are those of the allowed actions.
+
+    Raises:
+        ValueError: the observation space has no such keys.
+    """
+
+    def __init__(self, *, observation_space: spaces.Space[Any], **keywords: Any) -> None:
+        if not isinstance(observation_space, spaces.Dict) or (
+            {*observation_space.spaces} != {OBSERVATION, ACTION_MASK}
+        ):
+            raise ValueError(
+                f"observation_space must be a Dict with the keys {OBSERVATION!r} and "
+                f"{ACTION_MASK!r}, got {observation_space}"
+            )
+        super().__init__(observation_space=observation_space[OBSERVATION], **keywords)
+        self.observation_space = observation_space  # saved in checkpoints
+
+    def _forward(self, batch: dict[str, Any], **keywords: Any) -> dict[str, Any]:
+        return _masked(super()._forward, batch, **keywords)
+
+    def _forward_train(self, batch: dict[str, Any], **keywords: Any) -> dict[str, Any]:
+        return _masked(super()._forward_train, batch, **keywords)
+
+    def compute_values(self, batch: dict[str, Any], embeddings: Any = None) -> Any:
+        """The critic's values of a batch; the masks play no part."""
+        return super().compute_values(_without_masks(batch), embeddings)
+
+
+def _masked(
+    forward: Callable[..., dict[str, Any]], batch: dict[str, Any], **keywords: Any
+) -> dict[str, Any]:
+    """The output of a forward method, with masked logits."""
+    output = forward(_without_masks(batch), **keywords)
+    forbidden = batch[Columns.OBS][ACTION_MASK] == 0
+    logits = output[Columns.ACTION_DIST_INPUTS]
+    return {**output, Columns.ACTION_DIST_INPUTS: logits.masked_fill(forbidden, _LEAST_LOGIT)}
+
+
+def _without_masks(batch: dict[str, Any]) -> dict[str, Any]:
+    return {**batch, Columns.OBS: batch[Columns.OBS][OBSERVATION]}
+
+
+def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
+    """Log the success of episodes: ``AlgorithmConfig.callbacks(on_episode_end=log_success)``.
+
+    ``results["env_runners"]["success_rate"]`` is the fraction of the episodes since the last
+    results in which the search ended well; "probability_of_success", if the infos hold it, the
+    mean at the episodes' ends. With several env runners, both are means of theirs.
+
+    Args:
+        episode: an episode of one drone, or of all drones of a swarm.
+        metrics_logger: RLlib's.
+    """
+    infos = episode.get_infos(-1)
+    if "is_success" not in infos:  # a dict with the infos of every drone
+        infos = next(iter(infos.values()))
+    metrics_logger.log_value("success_rate", float(infos["is_success"]), reduce="mean")
+    if (probability := infos.get("probability_of_success")) is not None:
+        metrics_logger.log_value("probability_of_success", float(probability), reduce="mean")
+
+
+class TrainedPolicy:
+    """A masked network from a checkpoint, for `evaluate(..., view="drone", action_mask=True)`.
+
+    Args:
+        checkpoint: the folder that ``Algorithm.save_to_path`` has written.
+        module_id: the name of the RLModule; the one of single-agent training by default.
+        deterministic: take the likeliest actions. By default, actions are sampled, as PPO does
+            while it learns.
+    """
+
+    def __init__(
+        self,
+        checkpoint: str | Path,
+        module_id: str = DEFAULT_MODULE_ID,
+        deterministic: bool = False,
+    ) -> None:
+        learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
+        self.module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)
+        self._deterministic = checks.boolean("deterministic", deterministic)
+        self.reset(seed=0)
+
+    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
+        """Seed the sampling of actions; `evaluate` calls this before it plays episodes."""
+        self._generator = np.random.default_rng(seed)
+
+    def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:
+        """Actions of M drones, int64, shape (M,).
+
+        Args:
+            observations: {"observation": (M, ...), "action_mask": (M, 6)}.
+        """
+        batch = {key: torch.from_numpy(array) for key, array in observations.items()}
+        output = self.module.forward_inference({Columns.OBS: batch})
+        logits = output[Columns.ACTION_DIST_INPUTS].numpy()
+        if not self._deterministic:
+            # The largest of logits with Gumbel noise is a sample from their softmax.
+            logits = logits + self._generator.gumbel(size=logits.shape)
+        actions: NDArray[np.int64] = logits.argmax(axis=1)
+        return actions

@@ -1,0 +1,304 @@
+"""Tianshou (extra ``tianshou``): a batch of drones, masked networks, and the success rate.
+
+Every drone is a sub-environment, so that any algorithm for a single agent with discrete actions
+trains one policy that all drones share::
+
+    drones = DroneVectorEnv(
+        64, observation="flat", action_mask="observation", autoreset_mode="Disabled"
+    )
+    envs = DroneVenv(drones)
+    collector = Collector(
+        policy,
+        envs,
+        VectorReplayBuffer(200_000, len(envs)),
+        collect_stats_class=SuccessStats,
+    )
+
+Tianshou's Q-learning policies take the masks from the observations. For actor-critic algorithms,
+`MaskedActor` and `MaskedCritic` do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+from tianshou.algorithm.algorithm_base import Policy
+from tianshou.data import Batch, CollectStats
+from tianshou.env import BaseVectorEnv
+from tianshou.utils.net.common import ModuleWithVectorOutput
+from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+
+__all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "TrainedPolicy"]
+
+_LEAST_LOGIT = -1e9
+"""The logit of masked actions; their probability is 0 in float32."""
+
+
+class DroneVenv(BaseVectorEnv):
+    """Adapts a `DroneVectorEnv` to Tianshou's collectors, which reset the episodes that ended.
+
+    Observations with masks become ``Batch(obs=..., mask=...)``, as Tianshou's policies expect.
+    The infos hold "is_success" and, if the environment's do, "probability_of_success".
+
+    All drones of a swarm act in the same step. Collect steps, or a multiple of the number of
+    drones of episodes.
+
+    Args:
+        env: with autoreset_mode="Disabled", and masks in the observations or none.
+        shared_rewards: pay every drone the mean reward of its swarm, so that drones cooperate.
+
+    Raises:
+        TypeError: `env` is not a `DroneVectorEnv`, or `shared_rewards` is not a bool.
+        ValueError: it has another autoreset mode.
+    """
+
+    def __init__(self, env: DroneVectorEnv, shared_rewards: bool = False) -> None:
+        # The base class's constructor would make a worker for each sub-environment.
+        if not isinstance(env, DroneVectorEnv):
+            raise TypeError(f"env must be a DroneVectorEnv, got {env!r}")
+        mode = env.metadata["autoreset_mode"]
+        if mode is not AutoresetMode.DISABLED:
+            raise ValueError(f"env must have autoreset_mode='Disabled', got {mode.value!r}")
+        self.env = env
+        self.env_num = self.wait_num = env.num_envs
+        self.is_async = self.is_closed = False
+        self._shares = checks.boolean("shared_rewards", shared_rewards)
+        self._drones = env.batch.scenario_of(0).n_drones
+        self._seed: int | None = None
+        self._stale = np.ones(env.num_envs, np.bool_)  # left out of a step: reset before the next
+
+    def reset(
+        self, env_id: int | Sequence[int] | Ints | None = None, **keywords: Any
+    ) -> tuple[Any, NDArray[Any]]:
+        """Begin episodes.
+
+        Args:
+            env_id: the sub-environments to reset, all or none of each swarm; by default, all.
+            keywords: `seed` and `options` of `DroneVectorEnv.reset`. Without a seed, that of
+                `seed` counts once.
+
+        Returns:
+            The observations and infos of these sub-environments.
+
+        Raises:
+            ValueError: `env_id` holds a part of a swarm.
+        """
+        self._assert_is_not_closed()
+        chosen = self._numbers("env_id", env_id)
+        if keywords.get("seed") is None:
+            keywords["seed"], self._seed = self._seed, None
+        mask = np.zeros(self.env_num, np.bool_)
+        mask[chosen] = True
+        options = {**(keywords.pop("options", None) or {}), "reset_mask": mask}
+        observations, infos = self.env.reset(options=options, **keywords)
+        self._stale[chosen] = False
+        return _rows(observations, chosen), _listed(infos, chosen)
+
+    def step(
+        self, action: ArrayLike, id: int | Sequence[int] | Ints | None = None
+    ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Let drones act once.
+
+        Args:
+            action: an action for each of these drones.
+            id: the drones' sub-environments, all or none of each swarm; by default, all. The
+                others must be reset before they act again.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos of these
+            sub-environments.
+
+        Raises:
+            ValueError: `id` holds a part of a swarm, or a drone that must be reset first.
+        """
+        self._assert_is_not_closed()
+        chosen = self._numbers("id", id)
+        if self._stale[chosen].any():
+            raise ValueError(
+                "sub-environments that were left out of a step must be reset before they act "
+                f"again: {chosen[self._stale[chosen]].tolist()}"
+            )
+        left_out = np.ones(self.env_num, np.bool_)
+        left_out[chosen] = False
+        if left_out.any():
+            self.env.reset(options={"reset_mask": left_out})  # so that they can make the step
+            self._stale |= left_out
+        actions = np.zeros(self.env_num, np.int64)
+        actions[chosen] = action
+        observations, rewards, *flags, infos = self.env.step(actions)
+        if self._shares:
+            rewards = rewards.reshape(-1, self._drones).mean(axis=1).repeat(self._drones)
+        terminated, truncated = (flag[chosen] for flag in flags)
+        shown = _rows(observations, chosen)
+        return shown, rewards[chosen], terminated, truncated, _listed(infos, chosen)
+
+    def seed(self, seed: int | list[int] | None = None) -> list[list[int] | None]:
+        """Seed the next reset.
+
+        Args:
+            seed: the seed of the first swarm, whose successors get consecutive ones; or a
+                list, whose first element counts.
+        """
+        self._assert_is_not_closed()
+        self._seed = seed[0] if isinstance(seed, list) else seed
+        return [None if self._seed is None else [self._seed]] * self.env_num
+
+    def get_env_attr(self, key: str, id: int | Sequence[int] | Ints | None = None) -> list[Any]:
+        """An attribute of the environment, once for each of these sub-environments."""
+        self._assert_is_not_closed()
+        spaces = {
+            "action_space": self.env.single_action_space,
+            "observation_space": self.env.single_observation_space,
+        }
+        value = spaces[key] if key in spaces else getattr(self.env, key)
+        return [value for _ in self._wrap_id(id)]
+
+    def set_env_attr(
+        self, key: str, value: Any, id: int | Sequence[int] | Ints | None = None
+    ) -> None:
+        """Set an attribute of the environment."""
+        setattr(self.env, key, value)
+
+    def render(self, **_: Any) -> list[Any]:
+        """Render every swarm; see `render_mode`."""
+        return list(self.env.render() or ())
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._assert_is_not_closed()
+        self.env.close()
+        self.is_closed = True
+
+    def _numbers(self, name: str, given: Any) -> Ints:
+        """The numbers of sub-environments; raises unless they make up whole swarms."""
+        numbers: Ints = np.asarray(self._wrap_id(given))
+        swarms = np.bincount(numbers // self._drones)
+        if not np.isin(swarms, (0, self._drones)).all():
+            raise ValueError(
+                f"{name} must hold all {self._drones} drones of a swarm or none, got "
+                f"{numbers.tolist()}; collect a multiple of {self._drones} episodes"
+            )
+        return numbers
+
+
+def _rows(observations: Any, chosen: Ints) -> Any:
+    """Some sub-environments' observations, as Tianshou expects them."""
+    if not isinstance(observations, dict):
+        return observations[chosen]
+    if "action_mask" not in observations:
+        return Batch({key: array[chosen] for key, array in observations.items()})
+    inner = _rows(observations["observation"], chosen)
+    return Batch(obs=inner, mask=observations["action_mask"][chosen])
+
+
+def _listed(infos: dict[str, Any], chosen: Ints) -> NDArray[Any]:
+    """An info for each of some sub-environments."""
+    keys = [key for key in ("is_success", "probability_of_success") if key in infos]
+    values = zip(*(infos[key][chosen].tolist() for key in keys), strict=True)
+    return np.array([dict(zip(keys, each, strict=True)) for each in values])
+
+
+@dataclass(kw_only=True)
+class SuccessStats(CollectStats):
+    """Statistics of a collection, with success; a ``collect_stats_class`` for collectors.
+
+    Attributes:
+        successes: whether the search ended well, for every collected episode of a drone.
+        probabilities: the probability of success (POS) of the searches made until the episode's
+            end, if the infos hold it.
+    """
+
+    successes: list[bool] = field(default_factory=list)
+    probabilities: list[float] = field(default_factory=list)
+
+    def update_at_episode_done(
+        self, episode_batch: Any, episode_return: float, refresh_sequence_stats: bool = False
+    ) -> None:
+        """Add an episode."""
+        super().update_at_episode_done(episode_batch, episode_return, refresh_sequence_stats)
+        infos = episode_batch.info
+        self.successes.append(bool(infos.is_success[-1]))
+        if "probability_of_success" in infos.get_keys():
+            self.probabilities.append(float(infos.probability_of_success[-1]))
+
+
+class MaskedActor(DiscreteActor):
+    """A network for the logits of allowed actions, for ``DiscreteActorPolicy``.
+
+    Args:
+        preprocess_net: the network before the last layers; it gets observations without masks.
+        action_shape: the number of actions.
+        hidden_sizes: the sizes of further hidden layers.
+    """
+
+    def __init__(
+        self,
+        *,
+        preprocess_net: ModuleWithVectorOutput,
+        action_shape: int = 6,
+        hidden_sizes: Sequence[int] = (),
+    ) -> None:
+        super().__init__(
+            preprocess_net=preprocess_net,
+            action_shape=action_shape,
+            hidden_sizes=hidden_sizes,
+            softmax_output=False,
+        )
+
+    def forward(
+        self, obs: Any, state: Any = None, info: dict[str, Any] | None = None
+    ) -> tuple[torch.Tensor, Any]:
+        """The logits, shape (M, actions), and the hidden state."""
+        logits, hidden = super().forward(obs.obs, state, info)
+        mask = torch.as_tensor(obs.mask, device=logits.device)
+        return logits.masked_fill(mask == 0, _LEAST_LOGIT), hidden
+
+
+class MaskedCritic(DiscreteCritic):
+    """A critic that takes observations with masks; they play no part in the values."""
+
+    def forward(
+        self, obs: Any, state: Any = None, info: dict[str, Any] | None = None
+    ) -> torch.Tensor:
+        """The values, shape (M, 1)."""
+        return super().forward(obs.obs, state, info)
+
+
+class TrainedPolicy:
+    """A policy for `evaluate(..., view="drone", action_mask=True)`.
+
+    It chooses actions as the policy does outside training: Q-learning policies take the best
+    action (``eps_inference=0``); actor-critic policies sample, unless they were made with
+    ``deterministic_eval=True``.
+
+    Args:
+        policy: Tianshou's, trained with masks in the observations.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy.eval()
+
+    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
+        """Seed PyTorch, which samples the actions."""
+        torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
+
+    def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:
+        """Actions of M drones, int64, shape (M,).
+
+        Args:
+            observations: {"observation": (M, ...), "action_mask": (M, 6)}.
+        """
+        shown = Batch(obs=observations["observation"], mask=observations["action_mask"])
+        with torch.no_grad():
+            actions = self.policy(Batch(obs=shown, info=Batch())).act
+        return np.asarray(actions, np.int64)

@@ -1,0 +1,237 @@
+"""The adapters for RLlib: environments, masked networks, the success rate."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.vector import DroneVectorEnv
+
+if any(importlib.util.find_spec(name) is None for name in ("ray", "torch", "lz4")):
+    pytest.skip("ray[rllib] is not installed", allow_module_level=True)  # the import is slow
+
+pytestmark = pytest.mark.filterwarnings("default")  # from RLlib
+
+SMALL: dict[str, Any] = {
+    "grid_size": 5,
+    "n_drones": 2,
+    "vector": (0.1, 0.1),
+    "person_initial_position": (2, 2),
+    "disperse_constant": 2,
+    "timestep_limit": 6,
+    "bayesian_update": True,
+}
+
+CONFIG = {**SMALL, "observation": "flat", "right_of_way": True, "reward_scale": 2.0**-17}
+
+
+@pytest.fixture(scope="module")
+def rllib() -> Any:
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # while RLlib is imported
+        from DroneSwarmSearch.adapters import rllib
+    return rllib
+
+
+def same(left: Any, right: Any) -> bool:
+    return left.keys() == right.keys() and all(
+        left[key].tobytes() == right[key].tobytes() for key in left
+    )
+
+
+def test_the_batch_is_the_vector_environment(rllib: Any) -> None:
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 8})
+    envs = DroneVectorEnv(4, action_mask="observation", **CONFIG)
+    assert batch.num_envs == 8 and batch.single_observation_space == envs.single_observation_space
+    rng = np.random.default_rng(0)
+    shown, _ = batch.reset(seed=3)
+    expected, _ = envs.reset(seed=3 * rllib.SEED_STRIDE)
+    assert same(shown, expected)
+    for _ in range(20):
+        actions = rng.integers(6, size=8)
+        shown, rewards, terminated, truncated, infos = batch.step(actions)
+        expected, *others, expected_infos = envs.step(actions)
+        assert same(shown, expected)
+        results = (rewards, terminated, truncated)
+        assert all((a == b).all() for a, b in zip(results, others, strict=True))
+        assert (infos["is_success"] == expected_infos["is_success"]).all()
+
+
+def test_a_swarm_is_a_search_of_the_vector_environment(rllib: Any) -> None:
+    from ray.rllib.env.env_context import EnvContext
+
+    env = rllib.SwarmEnv(EnvContext(CONFIG, worker_index=2))
+    envs = DroneVectorEnv(1, action_mask="observation", **CONFIG)
+    shown, _ = env.reset(seed=5)
+    expected, _ = envs.reset(seed=5 + 3 * rllib.SEED_STRIDE)
+    rng = np.random.default_rng(0)
+    ended = False
+    while not ended:
+        for k in range(2):
+            drone = {key: array[k] for key, array in expected.items()}
+            assert same(shown[f"drone{k}"], drone)
+        actions = rng.choice(6, size=2)
+        shown, rewards, terminated, _, _ = env.step({"drone0": actions[0], "drone1": actions[1]})
+        expected, expected_rewards, *_ = envs.step(actions)
+        assert [rewards["drone0"], rewards["drone1"]] == expected_rewards.tolist()
+        ended = terminated["__all__"]
+
+
+@pytest.mark.parametrize("name", ["DroneBatch", "SwarmEnv"])
+def test_env_runners_play_different_episodes(rllib: Any, name: str) -> None:
+    """RLlib seeds a runner's environments with numbers that the next runner uses, too."""
+    from ray.rllib.env.env_context import EnvContext
+
+    persons = []
+    for runner in (1, 2):
+        config = {**CONFIG, "timestep_limit": 12, "num_envs": 2 * 8}
+        if name == "SwarmEnv":
+            config.pop("num_envs")
+            seen = []
+            for first in range(8):
+                env = rllib.SwarmEnv(EnvContext(config, worker_index=runner))
+                env.reset(seed=runner + first)
+                env.step({"drone0": 5, "drone1": 5})
+                seen.append(env.par_env.unwrapped.frame().persons)
+        else:
+            batch = rllib.DroneBatch(config)
+            batch.reset(seed=runner)
+            batch.step(np.full(16, 5))
+            seen = [batch.env.frame(swarm).persons for swarm in range(8)]
+        persons.append(seen)
+    assert persons[0][1:] != persons[1][:-1]  # equal if the seeds were consecutive
+
+
+def test_shared_rewards(rllib: Any) -> None:
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "shared_rewards": True})
+    env = rllib.SwarmEnv({**CONFIG, "shared_rewards": True})
+    envs = DroneVectorEnv(1, **CONFIG)
+    batch.reset(seed=0)
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    for actions in ([Action.SEARCH, Action.IDLE], [Action.IDLE, Action.SEARCH]):
+        rewards = envs.step(actions)[1]
+        assert rewards[0] != rewards[1]
+        assert batch.step(np.array(actions))[1].tolist() == [rewards.mean()] * 2
+        paid = env.step({"drone0": actions[0], "drone1": actions[1]})[1]
+        assert [*paid.values()] == [rewards.mean()] * 2
+
+
+def test_what_the_batch_rejects(rllib: Any) -> None:
+    with pytest.raises(ValueError, match="gym_env_vectorize_mode"):
+        rllib.DroneBatch(CONFIG)
+    with pytest.raises(ValueError, match="multiple of n_drones=2, got 7"):
+        rllib.DroneBatch({**CONFIG, "num_envs": 7})
+    with pytest.raises(ValueError, match="autoreset_mode must be 'NextStep'"):
+        rllib.DroneBatch({**CONFIG, "num_envs": 2, "autoreset_mode": "SameStep"})
+    with pytest.raises(TypeError, match="no parameter 'colour'"):
+        rllib.DroneBatch({**CONFIG, "num_envs": 2, "colour": "red"})
+
+
+def test_what_the_swarm_rejects(rllib: Any) -> None:
+    with pytest.raises(ValueError, match="observation must be one of"):
+        rllib.SwarmEnv({**CONFIG, "observation": "text"})
+    with pytest.raises(TypeError, match="colour"):
+        rllib.SwarmEnv({**CONFIG, "colour": "red"})
+
+
+@pytest.mark.parametrize("masks", [None, "info"])
+def test_observations_without_masks(rllib: Any, masks: str | None) -> None:
+    env = rllib.SwarmEnv({**CONFIG, "action_mask": masks})
+    batch = rllib.DroneBatch({**CONFIG, "action_mask": masks, "num_envs": 2})
+    observations, infos = env.reset(seed=0)
+    assert observations["drone0"].shape == batch.single_observation_space.shape
+    assert ("action_mask" in infos["drone0"]) == (masks == "info")
+    assert ("action_mask" in batch.reset(seed=0)[1]) == (masks == "info")
+
+
+def module_for(rllib: Any, batch: Any) -> Any:
+    from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+    from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+
+    return RLModuleSpec(
+        rllib.MaskedPPOModule,
+        observation_space=batch.single_observation_space,
+        action_space=batch.single_action_space,
+        model_config=DefaultModelConfig(fcnet_hiddens=[16]),
+    ).build()
+
+
+def test_masked_actions_have_no_probability(rllib: Any) -> None:
+    import torch
+
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 8})
+    module = module_for(rllib, batch)
+    observations, _ = batch.reset(seed=0)
+    masks = torch.from_numpy(observations["action_mask"])
+    assert not masks.all()
+    given = {"obs": {key: torch.from_numpy(array) for key, array in observations.items()}}
+    free = {"obs": {**given["obs"], "action_mask": torch.ones_like(masks)}}
+    for forward in (module.forward_inference, module.forward_exploration, module.forward_train):
+        logits = forward(given)["action_dist_inputs"]
+        probabilities = logits.softmax(1)
+        assert (probabilities[masks == 0] == 0).all() and (probabilities[masks == 1] > 0).all()
+        unmasked = forward(free)["action_dist_inputs"]
+        assert torch.equal(logits[masks == 1], unmasked[masks == 1])
+    assert torch.equal(module.compute_values(given), module.compute_values(free))
+    assert {*given["obs"]} == {"observation", "action_mask"}  # as it was
+
+
+def test_the_module_needs_masks(rllib: Any) -> None:
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "action_mask": None})
+    with pytest.raises(ValueError, match="'observation' and 'action_mask'"):
+        module_for(rllib, batch)
+
+
+def test_a_checkpoint_becomes_a_policy(rllib: Any, tmp_path: Path) -> None:
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 400})
+    module = module_for(rllib, batch)
+    module.save_to_path(tmp_path / "learner_group" / "learner" / "rl_module" / "drone")
+    observations, _ = batch.reset(seed=0)
+    sampling = rllib.TrainedPolicy(tmp_path, "drone")
+    actions = sampling(observations)
+    allowed = observations["action_mask"] == 1
+    assert actions.shape == (400,) and allowed[np.arange(400), actions].all()
+    assert len({*actions.tolist()}) > 2
+    sampling.reset(seed=0)
+    assert (sampling(observations) == actions).all()
+    best = rllib.TrainedPolicy(tmp_path, "drone", deterministic=True)
+    assert (best(observations) == best(observations)).all()
+
+
+def test_success_is_logged_for_drones_and_for_swarms(rllib: Any) -> None:
+    class Episode:
+        def __init__(self, infos: Any) -> None:
+            self.infos = infos
+
+        def get_infos(self, index: int) -> Any:
+            assert index == -1
+            return self.infos
+
+    class Logger:
+        def __init__(self) -> None:
+            self.values: list[Any] = []
+
+        def log_value(self, key: str, value: float, reduce: str) -> None:
+            self.values.append((key, value, reduce))
+
+    logger = Logger()
+    for infos in (
+        {"is_success": np.True_},
+        {"is_success": np.False_, "probability_of_success": np.float64(0.5)},
+        {"drone0": {"is_success": True}, "drone1": {"is_success": True}},
+    ):
+        rllib.log_success(episode=Episode(infos), metrics_logger=logger, env=None)
+    assert logger.values == [
+        ("success_rate", 1.0, "mean"),
+        ("success_rate", 0.0, "mean"),
+        ("probability_of_success", 0.5, "mean"),
+        ("success_rate", 1.0, "mean"),
+    ]

@@ -1,0 +1,231 @@
+"""The adapters for Tianshou: the batch in its collectors, masked networks, the success rate."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch.rules import Action, Ending
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+
+if importlib.util.find_spec("tianshou") is None:  # the import is slow
+    pytest.skip("tianshou is not installed", allow_module_level=True)
+
+import torch
+from tianshou.algorithm import DQN, PPO
+from tianshou.algorithm.modelfree.dqn import DiscreteQLearningPolicy
+from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
+from tianshou.algorithm.optim import AdamOptimizerFactory
+from tianshou.data import Collector, VectorReplayBuffer
+from tianshou.utils.net.common import Net
+from tianshou.utils.torch_utils import policy_within_training_step
+
+from DroneSwarmSearch.adapters.tianshou import (
+    DroneVenv,
+    MaskedActor,
+    MaskedCritic,
+    SuccessStats,
+    TrainedPolicy,
+)
+
+pytestmark = pytest.mark.filterwarnings("default")  # from Tianshou
+
+SMALL: dict[str, Any] = {
+    "grid_size": 5,
+    "n_drones": 2,
+    "vector": (0.1, 0.1),
+    "person_initial_position": (2, 2),
+    "disperse_constant": 2,
+    "timestep_limit": 12,
+    "bayesian_update": True,
+}
+
+MASKED = {"observation": "flat", "action_mask": "observation", "right_of_way": True, **SMALL}
+
+INPUTS = 2 * 2 + 1 + 25
+
+
+def vector_env(searches: int = 4, **keywords: Any) -> DroneVectorEnv:
+    return DroneVectorEnv(searches, autoreset_mode="Disabled", **{**MASKED, **keywords})
+
+
+def dqn_for(envs: DroneVenv, epsilon: float) -> DQN:
+    torch.manual_seed(0)
+    np.random.seed(0)
+    network = Net(state_shape=INPUTS, action_shape=6, hidden_sizes=[16])
+    policy = DiscreteQLearningPolicy(
+        model=network, action_space=envs.env.single_action_space, eps_training=epsilon
+    )
+    return DQN(policy=policy, optim=AdamOptimizerFactory(lr=1e-3), n_step_return_horizon=2)
+
+
+def ppo_for(envs: DroneVenv) -> PPO:
+    torch.manual_seed(0)
+    actor, critic = (Net(state_shape=INPUTS, hidden_sizes=[16]) for _ in range(2))
+    return PPO(
+        policy=DiscreteActorPolicy(
+            actor=MaskedActor(preprocess_net=actor), action_space=envs.env.single_action_space
+        ),
+        critic=MaskedCritic(preprocess_net=critic),
+        optim=AdamOptimizerFactory(lr=1e-3),
+    )
+
+
+def collector_of(algorithm: Any, envs: DroneVenv, steps: int = 100) -> Collector[SuccessStats]:
+    buffer = VectorReplayBuffer(steps * len(envs), len(envs))
+    collector = Collector(
+        algorithm, envs, buffer, exploration_noise=True, collect_stats_class=SuccessStats
+    )
+    collector.reset()
+    return collector
+
+
+def test_a_collector_plays_the_episodes_of_the_vector_environment() -> None:
+    envs = DroneVenv(vector_env())
+    envs.seed(7)
+    collector = collector_of(dqn_for(envs, 1.0), envs)
+    with policy_within_training_step(collector.policy):
+        stats = collector.collect(n_step=90 * 8)
+    buffer = collector.buffer
+    played = vector_env()
+    shown, _ = played.reset(seed=7)
+    successes = 0
+    for step in range(90):
+        index = np.arange(8) * buffer.buffers[0].maxsize + step
+        assert buffer.obs.obs[index].tobytes() == shown["observation"].tobytes()
+        assert buffer.obs.mask[index].tobytes() == shown["action_mask"].tobytes()
+        actions = buffer.act[index].astype(int)
+        assert shown["action_mask"][np.arange(8), actions].all()
+        shown, rewards, terminated, truncated, infos = played.step(actions)
+        assert buffer.obs_next.obs[index].tobytes() == shown["observation"].tobytes()
+        assert (buffer.rew[index] == rewards).all()
+        assert (buffer.terminated[index] == terminated).all()
+        assert (buffer.truncated[index] == truncated).all()
+        successes += int((infos["ending"] == Ending.FOUND).sum())
+        if terminated.any():
+            shown, _ = played.reset(options={"reset_mask": terminated})
+    assert successes > 0
+    assert sum(stats.successes) == successes
+    assert len(stats.successes) == len(stats.probabilities) == stats.n_collected_episodes
+    assert 0 < np.mean(stats.probabilities) < 1
+
+
+def test_shared_rewards() -> None:
+    own, shared = DroneVenv(vector_env()), DroneVenv(vector_env(), shared_rewards=True)
+    for envs in (own, shared):
+        envs.reset(seed=0)
+    actions = np.tile([Action.SEARCH, Action.IDLE], 4)
+    for _ in range(3):
+        rewards = own.step(actions)[1].reshape(4, 2)
+        means = shared.step(actions)[1].reshape(4, 2)
+        assert (means == rewards.mean(axis=1, keepdims=True)).all()
+        assert (rewards[:, 0] != rewards[:, 1]).all()
+
+
+@pytest.mark.parametrize("episodes", [4, 8, 12])
+def test_collecting_episodes(episodes: int) -> None:
+    envs = DroneVenv(vector_env())
+    collector = collector_of(dqn_for(envs, 1.0), envs)
+    for _ in range(2):
+        stats = collector.collect(n_episode=episodes)
+        assert len(stats.successes) == stats.n_collected_episodes == episodes
+
+
+def test_seeds() -> None:
+    envs, same = DroneVenv(vector_env()), vector_env()
+    for seed in (3, [3, 4, 5, 6, 7, 8, 9, 10]):
+        assert len(envs.seed(seed)) == 8  # type: ignore[arg-type]
+        shown, _ = envs.reset()
+        expected, _ = same.reset(seed=3)
+        assert (shown.obs == expected["observation"]).all()
+        envs.step(np.full(8, 5))
+    assert (envs.reset(seed=3)[0].obs == expected["observation"]).all()
+
+
+def test_some_sub_environments() -> None:
+    envs = DroneVenv(vector_env())
+    envs.reset()
+    observations, rewards, terminated, truncated, infos = envs.step([5, 5], [2, 3])
+    assert len(observations) == len(rewards) == len(terminated) == len(truncated) == 2
+    assert [{*info} for info in infos] == [{"is_success", "probability_of_success"}] * 2
+    with pytest.raises(ValueError, match=r"must be reset before they act again: \[0, 1, 4, 5, 6"):
+        envs.step(np.full(8, 5))
+    observations, infos = envs.reset([0, 1, 4, 5, 6, 7])
+    assert len(observations) == len(infos) == 6
+    assert len(envs.step(np.full(8, 5))[0]) == 8
+    with pytest.raises(ValueError, match="id must hold all 2 drones of a swarm or none"):
+        envs.step([5], [0])
+    with pytest.raises(ValueError, match="env_id must hold all 2 drones of a swarm or none"):
+        envs.reset([1, 2])
+
+
+def test_other_environments_are_rejected() -> None:
+    with pytest.raises(TypeError, match="env must be a DroneVectorEnv"):
+        DroneVenv(SwarmVectorEnv(2, **SMALL))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="autoreset_mode='Disabled', got 'NextStep'"):
+        DroneVenv(DroneVectorEnv(2, **SMALL))
+
+
+def test_attributes_and_closing() -> None:
+    envs = DroneVenv(vector_env())
+    assert envs.action_space == [envs.env.single_action_space] * 8
+    assert envs.get_env_attr("num_envs", [0, 1]) == [8, 8]
+    envs.set_env_attr("render_mode", "ansi")
+    envs.reset()
+    assert len(envs.render()) == 4
+    envs.close()
+    with pytest.raises(AssertionError, match="close"):
+        envs.reset()
+
+
+def test_observations_without_masks() -> None:
+    envs = DroneVenv(vector_env(action_mask=None))
+    assert isinstance(envs.reset()[0], np.ndarray)
+    envs = DroneVenv(vector_env(action_mask=None, observation="dict"))
+    assert {*envs.reset()[0].get_keys()} == {"position", "probability_matrix"}
+    envs = DroneVenv(vector_env(observation="dict"))
+    assert {*envs.reset()[0].obs.get_keys()} == {"position", "probability_matrix"}
+
+
+def test_dqn_and_ppo_learn() -> None:
+    for make in (lambda envs: dqn_for(envs, 0.5), ppo_for):
+        envs = DroneVenv(vector_env())
+        algorithm = make(envs)
+        collector = collector_of(algorithm, envs)
+        before = [each.detach().clone() for each in algorithm.policy.parameters()]
+        with policy_within_training_step(algorithm.policy):
+            collector.collect(n_step=20 * 8)
+            if isinstance(algorithm, PPO):
+                algorithm.update(collector.buffer, batch_size=32, repeat=1)
+            else:
+                algorithm.update(collector.buffer, sample_size=32)
+        after = algorithm.policy.parameters()
+        assert any((old != new).any() for old, new in zip(before, after, strict=True))
+
+
+def test_the_actor_never_chooses_a_masked_action() -> None:
+    envs = DroneVenv(vector_env(64))
+    actor = ppo_for(envs).policy.actor
+    shown, _ = envs.reset(seed=0)
+    probabilities = actor(shown)[0].softmax(1).detach().numpy()
+    assert not shown.mask.all()
+    assert ((probabilities > 0) == (shown.mask == 1)).all()
+
+
+def test_trained_policies_choose_allowed_actions() -> None:
+    env = vector_env(64)
+    envs = DroneVenv(env)
+    observations, _ = env.reset(seed=0)
+    allowed = observations["action_mask"] == 1
+    for algorithm in (ppo_for(envs), dqn_for(envs, 0.0)):
+        policy = TrainedPolicy(algorithm.policy)
+        policy.reset(seed=1)
+        actions = policy(observations)
+        assert actions.shape == (128,) and allowed[np.arange(128), actions].all()
+        policy.reset(seed=1)
+        assert (policy(observations) == actions).all()
+        sampled = isinstance(algorithm, PPO)
+        assert any((policy(observations) != actions).any() for _ in range(3)) == sampled
