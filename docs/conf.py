@@ -68,7 +68,7 @@ nitpick_ignore_regex = [
 ]
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
-autodoc_mock_imports = ["stable_baselines3"]
+autodoc_mock_imports = ["stable_baselines3", "torch"]
 autodoc_preserve_defaults = True
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"

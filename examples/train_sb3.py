@@ -20,9 +20,9 @@ from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from DroneSwarmSearch import DroneSwarmSearch, RewardScheme, training
+from DroneSwarmSearch.adapters.sb3 import SB3VecEnv
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
-from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
 
 CHECKPOINT = "model.zip"

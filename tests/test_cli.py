@@ -251,6 +251,9 @@ def test_weights_that_change_during_the_work_are_stored_correctly(capsys, tmp_pa
     """A trainer may write the file while it is evaluated."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DEFAULT_WEIGHTS, "mine.npz")
+    for size in (5, 6):
+        data = Scenario(size, timestep_limit=12, vector=(0, 0)).to_dict()
+        Path(f"{size}.json").write_text(json.dumps(data), "utf-8")
     original = run.play
 
     def changing(*arguments: Any) -> Any:
@@ -258,7 +261,7 @@ def test_weights_that_change_during_the_work_are_stored_correctly(capsys, tmp_pa
             np.savez("mine.npz", **{name: -file[name] for name in file})
         return original(*arguments)
 
-    arguments = ("evaluate", "mine.npz", "pond", "harbour", "--episodes", 5, "--json")
+    arguments = ("evaluate", "mine.npz", "5.json", "6.json", "--episodes", 5, "--json")
     with monkeypatch.context() as patch:
         patch.setattr(run, "play", changing)
         answer(capsys, *arguments, "--out", "results")
@@ -412,8 +415,17 @@ def test_errors_of_a_policy_are_reported_with_a_traceback(capsys, own, workers):
     assert output.err.endswith("LookupError: no chart\n")
 
 
-@pytest.mark.parametrize(("workers", "out"), [(1, False), (1, True), (2, True)])
-@pytest.mark.parametrize("policy", ["leaves", "LeavesAtOnce", "LeavesAtReset", "LeavesPreparing"])
+@pytest.mark.parametrize(
+    ("policy", "workers", "out"),
+    [
+        *(
+            (policy, 1, out)
+            for policy in ("leaves", "LeavesAtOnce", "LeavesAtReset", "LeavesPreparing")
+            for out in (False, True)
+        ),
+        ("LeavesAtReset", 2, True),
+    ],
+)
 def test_a_policy_that_ends_the_program_fails(capsys, own, tmp_path, policy, workers, out):
     output = answer(
         capsys,

@@ -54,7 +54,7 @@ EVERYTHING = PARAMETERS["everything"]
 def test_same_seed_same_episode(parameters):
     env, other = make_env(parameters), make_env(parameters)
     play(other, 5, seed=99)  # episodes before the seed have no effect
-    for seed in range(5):
+    for seed in range(3):
         assert play(env, seed, seed=seed) == play(other, seed, seed=seed)
 
 
@@ -129,9 +129,9 @@ def test_different_seeds_differ(parameters):
 @each_parameters
 def test_episodes_without_a_seed_differ_and_can_be_repeated(parameters):
     env, twin = make_env(parameters), make_env(parameters)
-    paths = [path(env, seed=7), *(path(env) for _ in range(49))]
-    assert len(set(paths)) >= 45
-    assert [path(twin, seed=7), *(path(twin) for _ in range(49))] == paths
+    paths = [path(env, seed=7), *(path(env) for _ in range(24))]
+    assert len(set(paths)) >= 22
+    assert [path(twin, seed=7), *(path(twin) for _ in range(24))] == paths
 
 
 def test_unseeded_environments_differ():
@@ -143,7 +143,7 @@ def test_unseeded_environments_differ():
 def test_two_environments_stay_equal_over_many_episodes(parameters):
     env, twin = make_env(parameters), make_env(parameters)
     assert play(env, seed=11) == play(twin, seed=11)
-    for episode in range(8):
+    for episode in range(4):
         assert play(env, episode) == play(twin, episode)
 
 
@@ -216,15 +216,15 @@ def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[
 )
 def test_drift_does_not_depend_on_actions(name):
     env = make_env(PARAMETERS[name])
-    longest = paths_under(env, idle, episodes=20)
+    longest = paths_under(env, idle, episodes=8)
     assert all(len(cells) == 61 for cells in longest)
     shorter = 0
     for policy in POLICIES[1:]:
-        for cells, expected in zip(paths_under(env, policy, episodes=20), longest, strict=True):
+        for cells, expected in zip(paths_under(env, policy, episodes=8), longest, strict=True):
             for here, there in zip(cells, expected, strict=False):
                 assert all(a in (None, b) for a, b in zip(here, there, strict=True))
             shorter += len(cells) < len(expected)
-    assert shorter > 20  # drones crashed or found a person early
+    assert shorter > 8  # drones crashed or found a person early
 
 
 @each_parameters
@@ -302,7 +302,7 @@ def reloaded(env: DroneSwarmSearch) -> DroneSwarmSearch:
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
-@pytest.mark.parametrize("steps", [0, 1, 8, 33])
+@pytest.mark.parametrize("steps", [0, 8, 33])
 @pytest.mark.parametrize("name", ["defaults", "unreliable", "posterior", "everything", "long"])
 def test_copies_during_an_episode_continue_identically(name, steps, copied):
     env = make_env(PARAMETERS[name])

@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from trainer_examples import QUIET_RAY
 
@@ -46,7 +47,7 @@ QUICK_COMMANDS = ("bound", "evaluate", "play", "record")
 
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
 
-MOST = {"--episodes": 50, "--searches": 2}
+MOST = {"--episodes": 50, "--searches": 1}
 """Commands play at most this many episodes, in at most this many sampled searches."""
 
 OUTPUT = {
@@ -55,6 +56,9 @@ OUTPUT = {
     "examples/random_searches.py": "ppo ahead",
 }
 """A part of what these scripts print."""
+
+ENDURANCE, SHORT_ENDURANCE = "whole_steps(45 * 60)", "whole_steps(8 * 60)"
+"""The time limit of the incident's plan, and one for which a plan takes a moment."""
 
 TIMEOUT = 120.0
 """Seconds for one command; code blocks with an RL library get five times as long."""
@@ -115,10 +119,10 @@ def between(fence: re.Match[str], following: re.Match[str]) -> str:
 
 
 def block_params() -> list[object]:
-    """The Python blocks as test parameters; those that start Ray are slow."""
+    """The Python blocks as test parameters; those that start Ray or plan for long are slow."""
     params: list[object] = []
     for block in blocks("python"):
-        marks = [pytest.mark.slow] * ("ray" in block.optional_packages)
+        marks = [pytest.mark.slow] * ("ray" in block.optional_packages or ENDURANCE in block.text)
         if block.output is not None and "planner" in block.text:
             marks.append(pytest.mark.good_plans)  # the page shows what such plans reach
         params.append(pytest.param(block, id=block.test_id, marks=marks))
@@ -140,6 +144,24 @@ def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert printed.strip()
     if block.output is not None:
         assert printed.rstrip() == block.output.rstrip()
+
+
+def test_the_incident_is_planned_for_fewer_minutes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The block as it is on the page is slow: its plan takes ten seconds."""
+    (block,) = (each for each in blocks("python") if ENDURANCE in each.text)
+    monkeypatch.chdir(tmp_path)
+    hide_the_display(monkeypatch)
+    printed = run_block(block._replace(text=block.text.replace(ENDURANCE, SHORT_ENDURANCE)))
+    assert block.output is not None
+    shorter, whole = (
+        re.fullmatch(r"probability of success: (\d+)%\s*", text) for text in (printed, block.output)
+    )
+    assert shorter is not None and whole is not None
+    assert 0 < int(shorter[1]) < int(whole[1])
+    assert np.load("map.npy").shape == (24, 24)
+    assert Path("plan.gif").read_bytes().startswith(b"GIF89a")
 
 
 def run_block(block: Block) -> str:
@@ -281,6 +303,8 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         skip_without("ray")
     elif command.script == "basic_env.py":
         arguments += ["--timestep-limit", "20"]
+    elif command.script == "examples/random_searches.py":
+        arguments += ["--seed", "1"]  # a small search
     for option, most in MOST.items():
         if option in arguments:
             place = arguments.index(option) + 1

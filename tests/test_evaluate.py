@@ -478,9 +478,9 @@ def test_a_policy_that_cannot_be_copied_plays_itself():
 @pytest.mark.parametrize("policy", [in_swarms, "random", "greedy-posterior", "planner"])
 def test_the_size_of_portions_has_no_effect(policy, monkeypatch):
     """Nor do the caches of the package's policies."""
-    whole = evaluate(policy, named(), episodes=25, progress=False).episodes.data
+    whole = evaluate(policy, named(), episodes=10, progress=False).episodes.data
     monkeypatch.setattr(run, "PORTION", 4)
-    parts = evaluate(policy, named(), episodes=25, progress=False).episodes.data
+    parts = evaluate(policy, named(), episodes=10, progress=False).episodes.data
     assert parts.pop("forecast") == pytest.approx(whole.pop("forecast"))
     assert parts == whole
 

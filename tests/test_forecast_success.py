@@ -12,7 +12,7 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardSche
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.policies import make
 
-SIZE, STEPS = 11, 25
+SIZE, STEPS = 11, 20
 STARTS = [(0, 0), (10, 0)]
 
 ACROSS_THE_WIND = Person(
@@ -43,7 +43,7 @@ def search_for(*persons: Person, **changes: Any) -> NamedSearch:
 @pytest.mark.parametrize("name", ["planner", "greedy-posterior"])
 @pytest.mark.parametrize("person", [ACROSS_THE_WIND, TWO_LAST_POSITIONS, PRIOR_MAP])
 def test_the_forecast_is_the_share_of_episodes_with_a_find(person: Person, name: str) -> None:
-    of, episodes = search_for(person), 1000
+    of, episodes = search_for(person), 400
     paths = paths_of(make(name, of.scenario), of)  # until a find, all episodes are alike
     (forecast,) = success_of(of, paths)
     assert 0.1 < forecast < 0.95

@@ -126,7 +126,7 @@ def test_an_interrupted_reset_of_an_environment() -> None:
     expected = play(DroneSwarmSearch(**parameters), seed=8, vector=(0.1, 0.1))
     asked = 0
     for left in interruptions(
-        lambda: copy.deepcopy(env), lambda env: env.reset(seed=2, vector=(-0.1, 0.4)), stride=71
+        lambda: copy.deepcopy(env), lambda env: env.reset(seed=2, vector=(-0.1, 0.4)), stride=151
     ):
         asked += not left.agents
         left = copy.deepcopy(left)
@@ -241,7 +241,7 @@ def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
         for left in interruptions(
             lambda: copy.deepcopy(batch),
             lambda batch, rows=rows, count=count: batch.reset(range(count), rows, others),
-            stride=211,
+            stride=260,
         ):
             left.reset(range(20, 20 + ROWS), given=given)
             assert seen(left) == expected
@@ -275,7 +275,7 @@ def test_an_interrupted_step_of_a_view(
     crash = np.full(made().action_space.shape, Action.RIGHT)
     crash.reshape(3, 2)[0] = Action.RIGHT, Action.IDLE
     expected = log(made())
-    for left in interruptions(made, lambda env: env.step(crash), stride=71):
+    for left in interruptions(made, lambda env: env.step(crash), stride=149):
         if left.batch.ended.any() and mode != "NextStep":
             with pytest.raises(ResetNeeded):
                 left.step(np.full(left.action_space.shape, Action.IDLE))
@@ -354,7 +354,7 @@ def test_interrupted_batches_with_workers(
     expected = seen(new)
     matrices = np.empty((ROWS, 4, 4), np.float32)
     for left in interruptions(
-        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS, matrices), stride=83
+        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS, matrices), stride=167
     ):
         left.reset(range(20, 20 + ROWS))
         assert seen(left) == expected

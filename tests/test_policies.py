@@ -123,20 +123,32 @@ UNCERTAIN: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("bayesian_update", [False, True])
-@pytest.mark.parametrize("persons", [KNOWN, UNCERTAIN, {**UNCERTAIN, "mission": "coverage"}])
-@pytest.mark.parametrize("name", NAMES)
+COVERAGE = {**UNCERTAIN, "mission": "coverage"}
+LONG = ("ppo", "planner")  # take as long as all others together
+
+
+@pytest.mark.parametrize(
+    ("name", "persons", "bayesian_update"),
+    [
+        pytest.param(
+            name, persons, update, marks=[pytest.mark.slow] * (name in LONG and update != usual)
+        )
+        for name in NAMES
+        for persons, usual in ((KNOWN, False), (UNCERTAIN, True), (COVERAGE, False))
+        for update in (False, True)
+    ],
+)
 def test_a_batch_gets_the_same_actions_as_single_searches(
     name: str, persons: dict[str, Any], bayesian_update: bool
 ) -> None:
     parameters: dict[str, Any] = {
         "grid_size": 8,
         "n_drones": 3,
-        "timestep_limit": 20,
+        "timestep_limit": 12,
         "bayesian_update": bayesian_update,
         **persons,
     }
-    batch = SearchBatch(2 if name == "planner" else 4, **parameters)
+    batch = SearchBatch(2 if name in LONG else 4, **parameters)
     taken, endings = play_batch(make(name, batch.scenario), batch, 11)
     assert Ending.COLLISION not in endings
     env = DroneSwarmSearch(**parameters)
@@ -202,14 +214,14 @@ def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
         "n_drones": n_drones,
         "drones_positions": np.array(starts),
         "bayesian_update": draw(st.booleans()),
-        "timestep_limit": draw(st.integers(1, 40)),
+        "timestep_limit": draw(st.integers(1, 20)),
         **draw(st.one_of(st.just(known), st.fixed_dictionaries({"persons": uncertain}))),
     }, draw(st.integers(0, 1000))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
-    @settings(deadline=None, max_examples=2 if name == "planner" else 8, derandomize=True)
+    @settings(deadline=None, max_examples=2 if name == "planner" else 5, derandomize=True)
     @given(scenes())
     def whole_episodes(scene: tuple[dict[str, Any], int]) -> None:
         parameters, seed = scene

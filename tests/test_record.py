@@ -349,11 +349,11 @@ class TestWriting:
             "def most(count):\n"
             "    write_film(Path(sys.argv[1]), pictures(count), fps=5, hold=1)\n"
             "    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-            "few = most(15)\n"
-            "print(most(80) - few)\n"
+            "few = most(10)\n"
+            "print(most(50) - few)\n"
         )
         unit = 1 if sys.platform == "darwin" else 1024
-        assert int(python(code, path)) * unit < 6_000_000  # 65 pictures have 23 million bytes
+        assert int(python(code, path)) * unit < 6_000_000  # 40 pictures have 14 million bytes
 
     def test_a_gif_shows_every_picture_for_its_time(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"

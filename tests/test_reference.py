@@ -23,7 +23,9 @@ PAGES = sorted((DOCS / "api").glob("*.rst"))
 ENVIRONMENT = (DOCS / "environment.md").read_text("utf-8")
 README = (DOCS.parent / "README.md").read_text("utf-8")
 
-SB3 = "DroneSwarmSearch.vector.sb3"  # only importable where Stable-Baselines3 is installed
+ADAPTERS = {"DroneSwarmSearch.adapters.sb3": "stable_baselines3"}
+"""Modules that are only importable where a library is installed."""
+
 PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
@@ -32,7 +34,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.priors",
     "DroneSwarmSearch.detection",
     "DroneSwarmSearch.vector",
-    SB3,
+    *ADAPTERS,
     "DroneSwarmSearch.wrappers",
     "DroneSwarmSearch.policies",
     "DroneSwarmSearch.planning",
@@ -76,14 +78,14 @@ def public_names(module: str) -> list[str]:
 def load(name: str) -> Any:
     """The object with this full name."""
     module, _, attribute = name.rpartition(".")
-    if module == SB3:
-        pytest.importorskip("stable_baselines3")
+    if module in ADAPTERS:
+        pytest.importorskip(ADAPTERS[module])
     return getattr(importlib.import_module(module), attribute)
 
 
 def definition(name: str) -> str:
     """Where the object is defined, so that names of one object compare equal."""
-    if name.startswith(SB3):
+    if name.rpartition(".")[0] in ADAPTERS:
         return name
     thing = load(name)
     is_definition = inspect.isclass(thing) or inspect.isfunction(thing)

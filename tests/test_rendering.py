@@ -644,9 +644,18 @@ class TestPanel:
 
 
 class TestEndScreens:
-    @pytest.mark.parametrize("palette", PALETTES)
-    @pytest.mark.parametrize("grid_size", SIZES)
-    @pytest.mark.parametrize("ending", list(Ending))
+    @pytest.mark.parametrize(
+        ("grid_size", "ending", "palette"),
+        [
+            *((size, ending, "classic") for size in SIZES for ending in Ending),
+            *(
+                (7, ending, palette)
+                for palette in PALETTES
+                if palette != "classic"
+                for ending in Ending
+            ),
+        ],
+    )
     def test_the_banner_and_the_frame_are_green_for_found_and_red_for_not_found(
         self, grid_size: int, ending: Ending, palette: str
     ) -> None:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from helpers import plain
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario, training
+from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import (
     VecCheckNan,
@@ -23,7 +28,7 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_normalize,
 )
 
-from DroneSwarmSearch.vector.sb3 import SB3VecEnv
+from DroneSwarmSearch.adapters.sb3 import RunCallback, SB3VecEnv, TrainedPolicy
 
 both_views = pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
 all_layouts = pytest.mark.parametrize("layout", ["flat", "dict", "planes", "top-cells"])
@@ -85,6 +90,7 @@ def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout
         assert plain(rewards) == plain(their_rewards.astype(np.float32))
         assert plain(dones) == plain(terminated | truncated)
         for index, info in enumerate(infos):
+            assert info.pop("is_success") is bool(their_infos["is_success"][index])
             if not dones[index]:
                 assert info == {}
                 continue
@@ -307,6 +313,119 @@ def test_wrappers_work(view: type[SearchVectorEnv]) -> None:
     assert seen.std() == pytest.approx(1, abs=0.5)
 
 
+@both_views
+def test_models_take_observations_with_masks(view: type[SearchVectorEnv]) -> None:
+    contrib = pytest.importorskip("sb3_contrib")
+    env = made(view, 4, observation="flat", action_mask="observation", right_of_way=True)
+    for algorithm in (PPO, contrib.MaskablePPO):
+        model = algorithm("MultiInputPolicy", env, n_steps=8, batch_size=16, n_epochs=1, seed=1)
+        model.learn(16 * env.num_envs)
+        shown = env.reset()
+        assert shown["action_mask"].dtype == np.int8
+        actions, _ = model.predict(shown)
+        assert actions.shape == (env.num_envs, *env.action_space.shape)
+
+
+EASY: dict[str, Any] = {
+    "grid_size": 2,
+    "n_drones": 2,
+    "vector": (0, 0),
+    "person_initial_position": [(0, 0)],
+    "disperse_constant": 0,
+    "timestep_limit": 4,
+}
+"""The person stays with drone 0, so that random drones find it in some episodes."""
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return [*csv.DictReader(file)]
+
+
+def test_success_is_logged_and_evaluated(tmp_path: Path) -> None:
+    def make() -> VecMonitor:
+        how = {"observation": "flat", "autoreset_mode": "SameStep", "reward_scale": 2.0**-17}
+        return VecMonitor(SB3VecEnv(DroneVectorEnv(8, **how, **EASY)))
+
+    evaluation = EvalCallback(make(), n_eval_episodes=32, eval_freq=16, log_path=str(tmp_path))
+    logger = configure(str(tmp_path), ["csv"])
+    model = PPO("MlpPolicy", make(), n_steps=16, batch_size=64, n_epochs=1, seed=0, device="cpu")
+    model.set_logger(logger)
+    model.learn(3 * 16 * 16, callback=[evaluation])
+    logger.close()
+    rows = rows_of(tmp_path / "progress.csv")
+    for name in ("rollout/success_rate", "eval/success_rate"):
+        rates = [float(row[name]) for row in rows if row.get(name)]
+        assert rates and all(0 <= rate <= 1 for rate in rates)
+    assert 0 < float(rows[-1]["rollout/success_rate"]) < 1
+    with np.load(tmp_path / "evaluations.npz") as saved:
+        assert saved["successes"].shape[1] == 32
+
+
+@pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
+def test_a_run_logs_rollouts_and_resumes(view: type[SearchVectorEnv], tmp_path: Path) -> None:
+    options = training.arguments("A test.", steps=64, short=1).parse_args(["--out", str(tmp_path)])
+    env = view(4, observation="flat", autoreset_mode="SameStep", reward_scale=2.0**-17, **EASY)
+    monitored = VecMonitor(SB3VecEnv(env))
+    per_step = env.num_envs  # of Stable-Baselines3's steps; each swarm makes one of ours
+    drones = per_step // 4
+    with training.Run(options, "Test", "model.zip") as run:
+        model = PPO("MlpPolicy", monitored, n_steps=8, batch_size=16, n_epochs=1, device="cpu")
+        model.learn(2 * 8 * per_step, RunCallback(run))
+    rows = rows_of(tmp_path / "curve.csv")
+    assert [int(row["steps"]) for row in rows] == [32, 64]
+    assert all(0 < float(row["found"]) < 1 for row in rows)
+    team = 2 / drones  # returns of a team are those of its drones
+    assert all(-110_000 * team < float(row["reward"]) < 20_100 * team for row in rows)
+
+    options.resume, options.steps = True, 96
+    with training.Run(options, "Test", "model.zip") as run:
+        model = PPO.load(run.checkpoint, monitored, device="cpu")
+        run.resume_from(model.num_timesteps // drones)
+        assert run.steps_done == 64
+        model.learn(8 * per_step, RunCallback(run), reset_num_timesteps=False)
+    rows = rows_of(tmp_path / "curve.csv")
+    assert [int(row["steps"]) for row in rows] == [32, 64, 96]
+
+
+@both_views
+@pytest.mark.parametrize("deterministic", [False, True])
+@pytest.mark.parametrize("where", [None, "observation"])
+def test_a_masked_model_is_evaluated_as_trained(
+    view: type[SearchVectorEnv], deterministic: bool, where: str | None
+) -> None:
+    contrib = pytest.importorskip("sb3_contrib")
+    env = made(view, 4, observation="flat", action_mask=where, right_of_way=True)
+    kind = "MlpPolicy" if where is None else "MultiInputPolicy"
+    model = contrib.MaskablePPO(kind, env, n_steps=8, batch_size=16, seed=1, device="cpu")
+    how = {
+        "view": "swarm" if view is SwarmVectorEnv else "drone",
+        "observation": "flat",
+        "action_mask": True,
+        "right_of_way": True,
+        "episodes": 40,
+    }
+    policy = TrainedPolicy(model, deterministic)
+    first, second = (evaluate(policy, Scenario(**SMALL), **how) for _ in range(2))
+    assert first.episodes.data == second.episodes.data
+    assert not first.endings[Ending.COLLISION] and not first.endings[Ending.LEFT_GRID]
+    other = evaluate(TrainedPolicy(model, not deterministic), Scenario(**SMALL), **how)
+    assert other.episodes.data != first.episodes.data
+
+
+def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
+    env = made(DroneVectorEnv, 4, observation="flat")
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, seed=1, device="cpu")
+    how = {"view": "drone", "observation": "flat", "episodes": 20}
+    results = [
+        evaluate(TrainedPolicy(model), Scenario(**SMALL), **how, action_mask=masked)
+        for masked in (False, True)
+    ]
+    assert results[0].episodes.data == results[1].episodes.data
+    with pytest.raises(TypeError, match="deterministic must be True or False, got 1"):
+        TrainedPolicy(model, 1)  # type: ignore[arg-type]
+
+
 def test_other_environments_are_refused() -> None:
     with pytest.raises(TypeError, match="env must be a SwarmVectorEnv or a DroneVectorEnv, got <"):
         SB3VecEnv(DroneSwarmSearch())  # type: ignore[arg-type]
@@ -344,7 +463,7 @@ def test_infos_hold_the_probability_of_success_if_the_environments_do(
     adapted.seed(5)
     adapted.reset()
     plainly.reset(seed=5)
-    assert adapted.reset_infos == [{key: 0.0}] * env.num_envs
+    assert adapted.reset_infos == [{"is_success": False, key: 0.0}] * env.num_envs
     rng, ended = np.random.default_rng(0), 0
     for _ in range(40):
         actions = random_actions(rng, adapted)

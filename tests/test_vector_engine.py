@@ -400,11 +400,11 @@ def test_every_row_is_the_single_environment_in_thousands_of_cases(seed):
 
 
 def test_every_row_is_the_single_environment() -> None:
-    """In 80 random cases, in which every event occurs several times."""
+    """In random cases, in which every event occurs."""
     events: Counter[str] = Counter()
-    for number in range(80):
+    for number in range(50):
         events += check_case(random_case(random.Random(number)))
-    assert {event: events[event] for event in EVENTS if events[event] < 2} == {}
+    assert [event for event in EVENTS if not events[event]] == []
 
 
 # Kinds of forecasts, tiles of beliefs, parameters of each row, long episodes.
@@ -444,7 +444,7 @@ def test_episodes_of_many_blocks_are_those_of_the_single_environment(
             "vector": (0.03, -0.02),
             PERSON: [(1, 4), (3, 3)],
             CONSTANT: 0.3,
-            "timestep_limit": 150,
+            "timestep_limit": 75,
             POD: 0.2,
             "bayesian_update": bayesian,
         },
@@ -452,12 +452,12 @@ def test_episodes_of_many_blocks_are_those_of_the_single_environment(
     twins.reset([1, 2, 3])
     longest = 0
     rng = random.Random(1)
-    for step in range(250):
+    for step in range(160):
         twins.step([[rng.choice([4, 5])] for _ in range(3)])
         longest = max(longest, int(twins.batch.steps.max()))
         if step == 40:
             twins.reset(rows=[1])
-    assert longest == 150
+    assert longest == 75
     assert len(set(twins.batch.steps.tolist())) > 1
 
 
@@ -670,14 +670,14 @@ def test_a_vector_given_stays_and_the_rest_is_for_the_episode(
         expected.update({name: of_row(values, row)[name] for name in names})
         for name, value in twins.batch.parameters.items():
             np.testing.assert_array_equal(value[row], expected[name])
-    play(twins, 18, seed=1)
+    play(twins, 9, seed=1)
     twins.reset([1, 2, 3, 4])
     for name, value in twins.batch.parameters.items():
         for row in (1, 3):
             stays = name == "vector" and "vector" in names
             expected_row = of_row(values, row)[name] if stays else usual[name][row]
             np.testing.assert_array_equal(value[row], expected_row)
-    play(twins, 10)
+    play(twins, 3)
 
 
 def test_resets_with_many_vectors_switch_to_on_the_fly_forecasts(
@@ -819,21 +819,21 @@ def test_copies_are_equal_and_independent(
     detection = {} if "situation" in changes_of(name) else {POD: 0.5}
     batch = SearchBatch(
         5,
-        **{"grid_size": 6, "n_drones": 2, "timestep_limit": 40, **detection, **COPIED[name]},
+        **{"grid_size": 6, "n_drones": 2, "timestep_limit": 16, **detection, **COPIED[name]},
     )
     batch.reset(range(5))
     rng = np.random.default_rng(1)
-    actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 5, 5, 5], (50, 5, 2))
+    actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 5, 5, 5], (24, 5, 2))
 
     def play_on(batch: SearchBatch) -> list[Any]:
         log = []
-        for chosen in actions[20:]:
+        for chosen in actions[10:]:
             batch.step(chosen)
             log.append(seen(batch))
         batch.reset(given=changes_of(name))
         return [*log, seen(batch)]
 
-    for chosen in actions[:20]:
+    for chosen in actions[:10]:
         batch.step(chosen)
     assert batch.steps.any()
     state = pickle.dumps(batch)
@@ -852,12 +852,12 @@ def test_nothing_grows_with_the_steps(kind: str, bayesian: bool) -> None:
         probability_of_detection=0.3, person_initial_position=[(2, 2), (1, 3)],
     )  # fmt: skip
     batch.reset(range(4))
-    actions = np.random.default_rng(1).choice([1, 0, 2, 3, 4, 4, 4, 4, 5, 5], (140, 4, 2))
+    actions = np.random.default_rng(1).choice([1, 0, 2, 3, 4, 4, 4, 4, 5, 5], (70, 4, 2))
     tracemalloc.start()
     try:
         for step, chosen in enumerate(actions):
             batch.step(chosen)
-            if step == 49:
+            if step == 29:
                 gc.collect()
                 before = tracemalloc.get_traced_memory()[0]
         gc.collect()

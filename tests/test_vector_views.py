@@ -1167,7 +1167,7 @@ def test_without_copies_the_same_arrays_come_back(
     parameters = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
     env, copies = view(3, copy=False, **parameters), view(3, **parameters)
     assert as_data(env.reset(seed=1)) == as_data(copies.reset(seed=1))
-    assert rollout(env, 40) == rollout(copies, 40)
+    assert rollout(env, 15) == rollout(copies, 15)
     begun = arrays_in(env.reset()[0])
     idle = np.full(env.action_space.shape, Action.IDLE)
     first, second = env.step(idle), env.step(idle)
@@ -1409,9 +1409,9 @@ def test_a_copy_goes_on_identically(
     env.reset(seed=2)
     rollout(env, 4)
     other = way(env)
-    mine = rollout(env, 10, policy_seed=1)
-    assert rollout(other, 10, policy_seed=1) == mine
-    assert rollout(way(other), 10, policy_seed=2) == rollout(env, 10, policy_seed=2)
+    mine = rollout(env, 6, policy_seed=1)
+    assert rollout(other, 6, policy_seed=1) == mine
+    assert rollout(way(other), 6, policy_seed=2) == rollout(env, 6, policy_seed=2)
 
 
 @pytest.mark.parametrize("case", [SEVERAL_PERSONS, ONE_DRONE])

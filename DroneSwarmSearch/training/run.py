@@ -43,6 +43,7 @@ class Run:
         total_steps: environment steps to train, including those before a resume.
         steps_done: environment steps trained so far, including those before a resume.
         resuming: whether the run continues from a checkpoint.
+        checkpoint_name: the argument `checkpoint`.
 
     Raises:
         SystemExit: the folder holds a run but ``--resume`` is not given, or vice versa.
@@ -55,7 +56,7 @@ class Run:
         self.total_steps: int = options.steps
         self.resuming: bool = options.resume
         self._title = title
-        self._name = checkpoint
+        self.checkpoint_name = checkpoint
         self._file = self.folder / "curve.csv"
         newest = self._newest()
         if self.resuming and newest is None:
@@ -92,7 +93,7 @@ class Run:
         """
         newest = self._newest()
         if newest is None:
-            raise FileNotFoundError(f"no checkpoint {self._name} in {self.folder}")
+            raise FileNotFoundError(f"no checkpoint {self.checkpoint_name} in {self.folder}")
         return newest
 
     def saving(self, name: str) -> AbstractContextManager[Path]:
@@ -129,7 +130,7 @@ class Run:
         """
         new = self.folder.absolute() / ".new"
         shutil.rmtree(new, ignore_errors=True)
-        earlier = list(self.folder.glob(self._name))
+        earlier = list(self.folder.glob(self.checkpoint_name))
         try:
             yield new
             new.rename(self.folder / name)
@@ -140,7 +141,7 @@ class Run:
             shutil.rmtree(path, ignore_errors=True)
 
     def _newest(self) -> Path | None:
-        saved = self.folder.glob(self._name)
+        saved = self.folder.glob(self.checkpoint_name)
         return max(saved, key=lambda path: path.stat().st_mtime_ns, default=None)
 
     def _restart(self) -> str:

@@ -1,7 +1,7 @@
 """Thousands of searches stepped together in NumPy, millions of steps a second in one process.
 
 `SwarmVectorEnv` and `DroneVectorEnv` are Gymnasium vector environments around `SearchBatch`,
-which works with plain arrays. `sb3` adapts them to Stable-Baselines3 and is imported separately.
+which works with plain arrays.
 """
 
 from DroneSwarmSearch.vector.arguments import Buffers

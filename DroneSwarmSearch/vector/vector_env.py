@@ -57,6 +57,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         action_mask: where the action masks are: "observation", "info" or None.
         right_of_way: whether the masks have right of way.
         autoreset_mode: when ended episodes are followed by the next ones.
+        reward_scale: the factor of the rewards.
         largest_reward: an upper limit of the absolute value of a scaled reward.
     """
 
@@ -109,7 +110,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             ) from None
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self._separate = checks.boolean("separate_flags", separate_flags)
-        self._reward_scale = checks.positive("reward_scale", reward_scale)
+        self.reward_scale = checks.positive("reward_scale", reward_scale)
         copies = checks.boolean("copy", copy)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
 
@@ -133,7 +134,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             except ValueError as error:
                 raise ValueError(f"write_matrices=False needs a table: {error}") from None
         largest = scenario.reward_scheme.largest(scenario.timestep_limit)
-        self.largest_reward = largest * (scenario.n_drones // self._each) * self._reward_scale
+        self.largest_reward = largest * (scenario.n_drones // self._each) * self.reward_scale
         if math.isinf(self.largest_reward) and math.isfinite(largest):
             raise ValueError(
                 f"reward_scale must leave rewards finite, which are up to {largest:g}, "
@@ -377,7 +378,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def _scaled_rewards(self) -> NDArray[np.float64]:
         """Every drone's reward: (swarms, drones); possibly the batch's own array."""
         rewards = self.batch.rewards
-        return rewards if self._reward_scale == 1.0 else rewards * self._reward_scale
+        return rewards if self.reward_scale == 1.0 else rewards * self.reward_scale
 
     def _flags(self) -> tuple[Flags, Flags]:
         """Terminations and truncations of all sub-environments."""

@@ -24,8 +24,8 @@ from timing import Run, Spread, take_turns
 from torch import nn
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
+from DroneSwarmSearch.adapters.sb3 import SB3VecEnv
 from DroneSwarmSearch.vector import DroneVectorEnv
-from DroneSwarmSearch.vector.sb3 import SB3VecEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
 
 HIDDEN = 128  # units in each of the two hidden layers

@@ -1,21 +1,39 @@
-"""A vector environment as a `VecEnv` of Stable-Baselines3, which only this module imports."""
+"""Batches of searches for Stable-Baselines3 and sb3-contrib; this module imports the former.
+
+drones = DroneVectorEnv(64, observation="flat", right_of_way=True, autoreset_mode="SameStep",
+**TRAINING_TASK)
+with training.Run(options, "MaskablePPO", "model.zip") as run:
+model = MaskablePPO("MlpPolicy", VecMonitor(SB3VecEnv(drones)))
+model.learn(200_000, RunCallback(run))
+evaluate(TrainedPolicy(model), search, view="drone", observation="flat", action_mask=True,
+right_of_way=True)
+"""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
 import numpy as np
+import torch
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.training.run import Run
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
 
-__all__ = ["SB3VecEnv"]
+__all__ = ["RunCallback", "SB3VecEnv", "TrainedPolicy"]
 
-_SUCCESS = "probability_of_success"
+_INFOS = ("is_success", "probability_of_success")
+"""The infos that Stable-Baselines3 gets, if the environment has them."""
 
 
 class SB3VecEnv(VecEnv):
@@ -28,9 +46,10 @@ class SB3VecEnv(VecEnv):
 
     When an episode ends, the next one begins in the same step. The sub-environment's info then
     holds "terminal_observation" and "TimeLimit.truncated", which is True if the environment
-    truncates without terminating (separate_flags=True). Every info holds
-    "probability_of_success" if the environment's infos do. Other infos are empty; `env.batch`
-    has the state. ``VecMonitor`` adds episode returns.
+    truncates without terminating (separate_flags=True). Every info holds "is_success", from
+    which Stable-Baselines3 logs success rates, and "probability_of_success" if the
+    environment's infos do. `env.batch` has the rest of the state. ``VecMonitor`` adds episode
+    returns.
 
     `env_method("action_masks")` returns a mask for each sub-environment, as sb3-contrib's
     ``MaskablePPO`` expects; `right_of_way` is the environment's.
@@ -100,10 +119,9 @@ class SB3VecEnv(VecEnv):
 
     def _listed(self, infos: dict[str, Any]) -> list[dict[str, Any]]:
         """An info for each sub-environment."""
-        success = infos.get(_SUCCESS)
-        if success is None:
-            return [{} for _ in range(self.num_envs)]
-        return [{_SUCCESS: value} for value in success.tolist()]
+        names = [name for name in _INFOS if name in infos]
+        columns = [infos[name].tolist() for name in names]
+        return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
 
     def _kept(self, observations: Any) -> Any:
         """Observations that the next step does not overwrite: the caller keeps the last ones."""
@@ -142,6 +160,91 @@ class SB3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Whether sub-environments are wrapped: False for each."""
         return [False for _ in self._get_indices(indices)]
+
+
+class RunCallback(BaseCallback):
+    """Adds a row to a run's learning curve after each rollout, and saves the model.
+
+    The model's environment is ``VecMonitor(SB3VecEnv(...))``. The row holds the mean return
+    and the success rate of the episodes that ended, in environment steps and unscaled points.
+
+    Args:
+        run: the run; its checkpoint is the file of the model.
+    """
+
+    def __init__(self, run: Run) -> None:
+        super().__init__()
+        self._run = run
+        self._returns: list[float] = []
+        self._successes: list[bool] = []
+
+    def _on_training_start(self) -> None:
+        [env] = self.training_env.get_attr("unwrapped", [0])
+        self._drones = env.num_envs // env.batch.num_rows  # sub-environments in a swarm
+        self._scale = env.reward_scale
+
+    def _on_step(self) -> bool:
+        for index in self.locals["dones"].nonzero()[0]:
+            info = self.locals["infos"][index]
+            self._returns.append(info["episode"]["r"] / self._scale)
+            self._successes.append(info["is_success"])
+        return True
+
+    def _on_rollout_end(self) -> None:
+        steps = self.num_timesteps // self._drones
+        if self._returns:
+            self._run.log(steps, float(np.mean(self._returns)), float(np.mean(self._successes)))
+        else:
+            self._run.log(steps)
+        self._returns, self._successes = [], []
+
+    def _on_rollout_start(self) -> None:  # before the first, then after every update
+        self._save()
+
+    def _on_training_end(self) -> None:
+        self._save()
+
+    def _save(self) -> None:
+        with self._run.saving(self._run.checkpoint_name) as path:
+            self.model.save(path)
+
+
+class TrainedPolicy:
+    """A trained model as a policy for `evaluation.evaluate`.
+
+    If the model was trained with masks, pass `evaluate` the same `action_mask` and
+    `right_of_way`. The observations are then {"observation": ..., "action_mask": ...}; the
+    model gets what it was trained with.
+
+    Args:
+        model: of Stable-Baselines3 or sb3-contrib.
+        deterministic: take the likeliest actions. By default, actions are sampled, as PPO does
+            while it learns.
+    """
+
+    def __init__(self, model: BaseAlgorithm, deterministic: bool = False) -> None:
+        self._policy = model.policy
+        self._deterministic = checks.boolean("deterministic", deterministic)
+        self._takes_masks = "action_masks" in inspect.signature(self._policy.predict).parameters
+        space = model.observation_space
+        self._sees_masks = isinstance(space, spaces.Dict) and "action_mask" in space.spaces
+
+    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
+        """Seed PyTorch, which samples the actions; `evaluate` calls this before episodes."""
+        torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
+
+    def __call__(self, observations: Any) -> NDArray[np.int64]:
+        """Actions for the observations of `evaluate`."""
+        shown, masks = observations, {}
+        if isinstance(observations, dict) and "action_mask" in observations:
+            given = observations["action_mask"]
+            if self._takes_masks:
+                masks["action_masks"] = given.reshape(len(given), -1)
+            if not self._sees_masks:
+                shown = observations["observation"]
+        actions: NDArray[np.int64]
+        actions, _ = self._policy.predict(shown, deterministic=self._deterministic, **masks)
+        return actions
 
 
 def _equal(options: dict[str, Any], others: dict[str, Any]) -> bool:
