@@ -374,8 +374,8 @@ def test_the_parallel_view_shows_masks_as_the_wrapper_does(right_of_way):
     assert not env.agents
 
 
-def test_masks_are_shown_for_exact_values_too():
-    """Exact values are those of a policy that computes its masks itself."""
+def test_masks_are_shown_for_exact_and_conditional_values_too():
+    """They are those of a policy that computes its masks itself."""
 
     def follow(positions: np.ndarray, masks: np.ndarray) -> np.ndarray:
         preferences = positions.sum(axis=-1)[..., None] * [3, 5, 4, 7, 2, 1] % 11 + 1
@@ -392,6 +392,11 @@ def test_masks_are_shown_for_exact_values_too():
     exact = evaluate(masked, named(), action_mask=True, right_of_way=True, **how)
     assert exact.exact.tolist() == evaluate(unmasked, named(), **how).exact.tolist()
     assert exact.exact[-1] > 0
+    one = named(person_initial_position=(3, 4), probability_of_detection=0.9)
+    how = {"episodes": 3, "action_mask": True, "right_of_way": True}
+    expected = evaluate(masked, one, deterministic=True, **how).exact
+    given_path = evaluate(masked, one, deterministic=False, **how).conditional
+    assert np.allclose(given_path, expected) and expected[-1] > 0
     assert not exact.endings[Ending.COLLISION] and not exact.endings[Ending.LEFT_GRID]
 
 
@@ -419,10 +424,11 @@ def test_reset_receives_the_seeds_of_each_portion(monkeypatch, tmp_path):
             return dict.fromkeys(names, idle) if names else np.full((len(shown["row"]), 3), idle)
 
     evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
-    assert log.read_text().splitlines() == ["[10, 11, 12, 13] None", "[14, 15] None"]
+    portions = ["[10, 11, 12, 13] None", "[14, 15] None"]
+    assert log.read_text().splitlines() == 2 * portions  # the episodes, and conditional success
     log.unlink()
     evaluate(Listener(), named(), episodes=2, seed=10, view="parallel", progress=False)
-    assert log.read_text().splitlines() == ["10 None", "11 None"]
+    assert log.read_text().splitlines() == 2 * ["10 None", "11 None"]
 
 
 def test_every_portion_is_played_by_a_fresh_copy(monkeypatch):
@@ -606,6 +612,27 @@ def test_a_reset_that_takes_no_seed_is_refused():
         evaluate(Old(), named(), episodes=2, progress=False)
 
 
+def test_prepare_may_take_a_report() -> None:
+    called: list[Any] = []
+
+    class Prepared:
+        def __call__(self, shown: Any) -> Any:
+            return np.full(shown["positions"].shape[:2], int(Action.IDLE))
+
+    class Old(Prepared):
+        def prepare(self, drones: Any) -> None:
+            called.append(drones)
+
+    class New(Prepared):
+        def prepare(self, drones: Any, report: Any = None) -> None:
+            called.append(drones)
+            report(0.5)
+
+    for policy in (Old(), New()):
+        evaluate(policy, named(), episodes=2, progress=False)
+    assert called == [named().drones] * 2
+
+
 # What follows from the episodes.
 
 
@@ -781,7 +808,7 @@ def test_a_rerun_plays_nothing_again(played, tmp_path):
     assert len(played) == 3
     assert again.data == first.data
     assert again.episodes.data == first.episodes.data
-    assert len(Store(tmp_path)) == 3
+    assert len(Store(tmp_path)) == 3 + 3  # the episodes, and conditional success
 
 
 def test_more_episodes_add_to_those_kept(played, tmp_path):
@@ -1086,7 +1113,7 @@ def evaluated_elsewhere(home: Path, hash_seed: str = "0", workers: int = 1) -> d
 def test_policies_in_files_are_identified_in_every_process(tmp_path):
     in_files(tmp_path, 4)
     first = evaluated_elsewhere(tmp_path, "0")
-    assert all(added == 1 for added, *_ in first.values())
+    assert all(added == 2 for added, *_ in first.values())
     again = evaluated_elsewhere(tmp_path, "1", workers=2)
     assert again == {text: [0, *figures] for text, (_, *figures) in first.items()}
 
@@ -1094,7 +1121,7 @@ def test_policies_in_files_are_identified_in_every_process(tmp_path):
     changed = evaluated_elsewhere(tmp_path)
     for text, (added, *figures) in changed.items():
         attribute = text.rpartition(":")[2]
-        assert added == (attribute not in ("stay", "idle")), text
+        assert added == 2 * (attribute not in ("stay", "idle")), text
         assert figures == first["mine:stay" if attribute == "stay" else "mine:idle"][1:], text
 
 
@@ -1147,7 +1174,7 @@ def test_a_replaced_policy_of_the_package_is_another_policy(played, tmp_path, mo
         monkeypatch.setitem(POLICIES, "random", by_class(action))
         got = evaluate("random", named(), episodes=5, store=tmp_path)
         assert got.episodes.data == evaluate(Acts(action), named(), episodes=5).episodes.data
-    assert len(Store(tmp_path)) == 3
+    assert len(Store(tmp_path)) == 3 * 2
 
 
 # Damage.
@@ -1161,7 +1188,8 @@ def kept(tmp_path: Path) -> tuple[Path, Callable[[], Evaluation]]:
         return evaluate(in_swarms, named(), episodes=5, store=tmp_path / "kept", name="x")
 
     again()
-    (entry,) = (tmp_path / "kept").iterdir()
+    entries = (tmp_path / "kept").iterdir()
+    (entry,) = (each for each in entries if '"what": "episodes"' in each.read_text())
     return entry, again
 
 
@@ -1223,7 +1251,7 @@ def test_an_inconsistent_entry_is_played_again(played, kept, damage, is_signed):
     if is_signed and isinstance(damaged, dict) and "entry" in damaged:
         key = {name: value for name, value in data["key"].items() if name not in VERSIONS}
         Store(entry.parent).save(key, damaged["entry"])
-    assert len(Store(entry.parent)) == 1
+    assert len(Store(entry.parent)) == 2  # it, and its conditional success
     assert again().episodes.data == data["entry"]
     assert len(played) == 2
     assert entry.read_bytes() == whole

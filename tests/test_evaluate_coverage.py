@@ -23,7 +23,7 @@ from DroneSwarmSearch.evaluation import (
     save_episodes,
     save_json,
 )
-from DroneSwarmSearch.evaluation.statistics import bootstrap_mean
+from DroneSwarmSearch.evaluation.statistics import bounded_mean, wilson
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
@@ -124,7 +124,9 @@ def test_two_drones_that_stay_where_they_are() -> None:
     assert got.episodes.steps.tolist() == [3, 3]
     assert got.coverage.searches.tolist() == [6, 6]
     assert got.coverage.cells_searched.tolist() == [2, 2]
-    assert got.success == pytest.approx((0.992, 0.992, 0.992))
+    unseen = wilson(0, 2).at(()).high  # the largest share of other paths
+    limits = 0.992 * (1 - unseen), 0.992 + 0.008 * unseen
+    assert got.success == pytest.approx((0.992, *limits))
     assert got.coverage_rate == pytest.approx((2 / 49, 2 / 49, 2 / 49))
     assert got.repetition_rate == pytest.approx((4 / 49, 4 / 49, 4 / 49))
     assert got.time.value == pytest.approx(1 + 0.2 + 0.04 + 0.008 * (LIMIT - 3))
@@ -134,13 +136,13 @@ def test_success_is_the_mean_probability_of_success() -> None:
     got = evaluated(Wanderer(), mission())
     assert got.coverage is not None
     curves = got.coverage.probability_of_success
-    assert got.success == bootstrap_mean(curves[:, -1])
+    assert got.success == pytest.approx(bounded_mean(curves[:, -1]))
     assert got.success.low < got.success.value < got.success.high
     assert got.success_by_time.value.shape == (LIMIT + 1,)
     assert got.success_by_time.value[0] == 0.0
     for step in (0, 4, LIMIT):
-        assert got.success_by_time.at(step) == bootstrap_mean(curves[:, step])
-    assert got.time == bootstrap_mean((1 - curves[:, :-1]).sum(axis=1))
+        assert got.success_by_time.at(step) == pytest.approx(bounded_mean(curves[:, step]))
+    assert got.time == bounded_mean((1 - curves[:, :-1]).sum(axis=1), most=LIMIT)
     assert "POS" in repr(got)
     assert not got.episodes.found_at.any()
     assert not got.reliability.searches.any()
@@ -174,10 +176,12 @@ def test_comparisons_are_paired() -> None:
     assert first.coverage is not None
     assert second.coverage is not None
     one, other = (each.coverage.probability_of_success for each in (first, second))
-    assert got.success == bootstrap_mean(one[:, -1] - other[:, -1])
-    assert got.time == bootstrap_mean(first.times - second.times)
+    assert got.success == bounded_mean(one[:, -1] - other[:, -1], -1.0)
+    assert got.time == bounded_mean(first.times - second.times, -LIMIT, LIMIT)
     same = compare(first, evaluated(Wanderer(), mission()))
-    assert same.success == same.time == (0.0, 0.0, 0.0)
+    unseen = wilson(0, len(first.episodes)).at(()).high  # the largest share of other differences
+    assert same.success == pytest.approx((0.0, -unseen, unseen))
+    assert same.time == pytest.approx((0.0, -unseen * LIMIT, unseen * LIMIT))
     with pytest.raises(ValueError, match="second must be of the same search as first"):
         compare(first, evaluated(Wanderer(), mission(mission="rescue")))
 

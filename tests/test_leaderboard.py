@@ -249,7 +249,7 @@ class TestPage:
         assert order[1][4].startswith("-")
         assert limits[1] == ["pond", "planner", "~80", "90.0", "~89", "0.10", "exact"]
         assert "```sh\npython -m something\n```" in text
-        assert "Success and time are sampled" in text.replace("\n", " ")
+        assert "Success and time are estimates" in text.replace("\n", " ")
         for search in board.searches:
             assert f"- **{search.name}**: " in text
             assert search.reason.split(",")[0] in text.replace("\n  ", " ")
@@ -282,7 +282,7 @@ class TestPage:
             *("2 of 2", "+6.2 (fog)"),
         ]
         words = " ".join(text.split())
-        assert "are exact, without sampling error, unless they have a tilde" in words
+        assert "are exact, without sampling error, unless they are estimates" in words
         assert "2 of 2 intervals hold the forecast" in words
         assert "The bound is trivial on fog: 100%." in words
         assert "The mean ratio is 74.7%." in words  # of 80.4 / 90 and 60 / 100
@@ -446,6 +446,9 @@ class TestCommand:
         with (out / "leaderboard.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
 
+        words = " ".join(text.split())
+        assert "unless they are estimates, with a tilde or a 95% confidence interval." in words
+        assert "Estimates are means over sampled paths of the probability of success" in words
         tasks = [(each["policy"], each["search"]) for each in data["evaluations"]]
         assert tasks == [
             (policy, search)
@@ -457,9 +460,12 @@ class TestCommand:
         for row, each in zip(rows, data["evaluations"], strict=True):
             assert float(row["success"]) == each["success"]["value"]
             value = 100 * each["success"]["value"]
-            shown = f"{value:.1f}" if each["success"]["exact"] else f"~{value:.0f}"
+            width = 100 * (each["success"]["high"] - each["success"]["low"])
+            shown = f"~{value:.{int(width < 0.5)}f}"
+            if each["success"]["exact"]:
+                shown = f"{value:.1f}"
             assert each["success"]["exact"] == (each["policy"] == "greedy-matrix")
-            assert row["exact"] == str(each["success"]["exact"])
+            assert row["method"] == ("exact" if each["success"]["exact"] else "conditional")
             (line,) = [line for line in overview if line[0] == each["search"]]
             place = overview[0].index(each["policy"])
             assert line[place].strip("*") == shown
@@ -546,8 +552,8 @@ class TestCommand:
         output = capsys.readouterr().err
         assert "interrupted" in output
         assert str(tmp_path / "portions") in output
-        # The exact values of two tasks, and two portions.
-        assert len(Store(tmp_path / "portions")) == 4
+        # The exact values of two tasks, two portions, and the conditional success of one.
+        assert len(Store(tmp_path / "portions")) == 5
         assert command.main(["leaderboard", *arguments]) == 0
         # Five tasks, of which two were stored; one was interrupted.
         assert played == 3 + 3

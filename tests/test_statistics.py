@@ -13,6 +13,8 @@ from DroneSwarmSearch.evaluation.statistics import (
     Estimate,
     bootstrap_mean,
     bootstrap_means,
+    bounded_mean,
+    bounded_means,
     mean_of,
     paired_difference,
     wilson,
@@ -125,6 +127,77 @@ def test_bootstrap_does_not_depend_on_its_portions(monkeypatch):
 def test_bootstrap_refuses_other_shapes(sample):
     with pytest.raises(ValueError, match=r"sample must have the shape \(n,\) with n >= 1, got"):
         bootstrap_mean(sample)
+
+
+# Means of bounded quantities.
+
+
+def test_bounded_means_without_skewness_have_nearly_normal_intervals():
+    sample = np.repeat([0.2, 0.3, 0.4, 0.5], 50)
+    got = bounded_mean(sample)
+    error = sample.std(ddof=1) / math.sqrt(200)
+    assert got == pytest.approx((0.35, 0.35 - 1.96 * error, 0.35 + 1.96 * error), rel=1e-4)
+    assert not got.is_exact
+
+
+def test_limits_solve_halls_equation():
+    """His transformation of Student's statistic has the quantiles of the normal distribution."""
+    sample = np.random.default_rng(2).exponential(size=80) / 50
+    mean, n, deviation = sample.mean(), len(sample), sample.std(ddof=1)
+    skewness = ((sample - mean) ** 3).mean() / deviation**3
+    got = bounded_mean(sample)
+    for end, quantile in ((got.low, 1.959964), (got.high, -1.959964)):
+        w = (mean - end) / deviation
+        transformed = w + skewness * w**2 / 3 + skewness**2 * w**3 / 27 + skewness / (6 * n)
+        assert math.sqrt(n) * transformed == pytest.approx(quantile, abs=1e-6)
+    assert got.high - mean > mean - got.low
+
+
+@pytest.mark.parametrize("n", [50, 500])
+def test_bounded_means_cover_skewed_probabilities(n):
+    """Small probabilities of which most are nearly 0: the skewness of each is 5.2."""
+    trials = 2000
+    exponential = np.random.default_rng(n).exponential(size=(n, trials))
+    band = bounded_means(np.minimum(exponential**2 / 1000, 1.0))
+    too_high, too_low = (band.low > 0.002).mean(), (band.high < 0.002).mean()
+    assert too_high < 0.05
+    assert too_low < 0.025 + 3.0 / n + 0.03
+    assert 1.0 - too_high - too_low > 0.9
+
+
+def test_equal_values_leave_room_for_others():
+    """In the share of trials that Wilson's interval for 0 of n holds."""
+    share = wilson(0, 20).high
+    for value in (0.0, 0.3, 1.0):
+        expected = value, value * (1 - share), value + (1 - value) * share
+        assert bounded_mean([value] * 20) == pytest.approx(expected)
+    assert bounded_mean([2.0] * 20, -10, 10) == pytest.approx(
+        (2.0, 2.0 - 12 * share, 2.0 + 8 * share)
+    )
+    assert bounded_mean([0.3]).high > 0.8
+
+
+def test_bounded_means_are_those_of_each_column():
+    samples = np.random.default_rng(5).random((50, 3)) ** 4
+    samples[:, 1] = 0.25
+    band = bounded_means(samples)
+    for column in range(3):
+        assert band.at(column) == pytest.approx(bounded_mean(samples[:, column]))
+    assert (band.low >= 0.0).all()
+    mirrored = bounded_means(1.0 - samples)
+    assert mirrored.low == pytest.approx(1.0 - band.high)
+    assert mirrored.high == pytest.approx(1.0 - band.low)
+
+
+def test_bounded_means_refuse_other_values():
+    with pytest.raises(ValueError, match=r"sample must have the shape \(n,\) with n >= 1"):
+        bounded_mean([])
+    with pytest.raises(ValueError, match=r"samples must have the shape \(n, k\) with n >= 1"):
+        bounded_means([0.5])
+    for wrong in ([0.5, 1.5], [-0.1, 0.0], [0.5, math.nan]):
+        with pytest.raises(ValueError, match="samples must be from 0 to 1, got"):
+            bounded_mean(wrong)
+    assert bounded_mean([-3.0, 1.0], -3.0).value == -1.0
 
 
 # Newcombe, Improved confidence intervals for the difference between binomial proportions based on

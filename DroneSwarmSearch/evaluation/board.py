@@ -389,10 +389,8 @@ class Contest:
         ]
         pair = _for_calibration(of_package, named)
         self._posterior = None
-        if pair:  # only for its calibration, which is sampled
-            self._posterior = EvaluationTask(
-                *pair, bayesian_update=True, deterministic=False, **shared
-            )
+        if pair:  # only for its calibration
+            self._posterior = EvaluationTask(*pair, bayesian_update=True, **shared)
         self._bounds = {each.name: BoundTask(each, store) for each in named if bounds}
 
     def run(self, *, workers: int, ray: str | None, progress: bool) -> Leaderboard:

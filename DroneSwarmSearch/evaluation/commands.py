@@ -245,10 +245,16 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
         f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
         f"{SUITE_VERSION}, {shown} shown; 95% intervals in parentheses."
     ]
-    if any(each.is_exact for each in evaluations):
+    methods = {each.method for each in evaluations}
+    if "exact" in methods:
         notes.append(
             "Success, POS, time and the rates of cells are exact where they have no interval; "
             "the return is a mean of episodes."
+        )
+    if "conditional" in methods:
+        notes.append(
+            "Where they have an interval, success, POS and time are means over the paths flown in "
+            "the episodes, of the probability given the path."
         )
     if rescues:
         notes.append(

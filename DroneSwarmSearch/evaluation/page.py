@@ -34,12 +34,15 @@ Table = list[list[str]]
 WIDTH = 98
 """Characters in a line of text."""
 
+WIDE = 0.5
+"""Percentage points or steps; a figure with an interval of this width has no decimals."""
+
 TRIVIAL = 0.9995
 """A bound from here on is printed as 100%."""
 
 PLOTS = {
     "success": "For every search, a row with the success of each policy, with an interval if it is "
-    "sampled, and the bound as a black bar.",
+    "not exact, and the bound as a black bar.",
     "curves": "For every search, a panel with the success of each policy over time, and the bound "
     "as a dashed line above the curves.",
     "one-search": "The success of each policy over time on one search.",
@@ -197,14 +200,22 @@ def _lines(board: Leaderboard, command: str, plots: Collection[str]) -> Iterator
 
 
 def _legend(board: Leaderboard) -> str:
-    """How exact and sampled figures look, as far as the page has them."""
-    exact = [each.is_exact for each in board.evaluations]
-    if all(exact):
+    """How exact and other figures look, and what they are, as far as the page has them."""
+    methods = {each.method for each in board.evaluations}
+    if methods == {"exact"}:
         return "Success and time are exact: they have no sampling error."
-    sampled = "a tilde and no decimals, or a 95% confidence interval"
-    if not any(exact):
-        return f"Success and time are sampled, and have {sampled}."
-    return f"Success and time are exact, without sampling error, unless they have {sampled}."
+    text = "Success and time are estimates, with a tilde or a 95% confidence interval."
+    if "exact" in methods:
+        text = (
+            "Success and time are exact, without sampling error, unless they are estimates, with a "
+            "tilde or a 95% confidence interval."
+        )
+    if "conditional" in methods:
+        text += (
+            " Estimates are means over sampled paths of the probability of success given the path "
+            "(conditional Monte Carlo)."
+        )
+    return text
 
 
 def overview(board: Leaderboard, best: str = "**{}**") -> Table:
@@ -426,5 +437,7 @@ def _percent(share: float) -> str:
 
 
 def _short(estimate: Estimate) -> str:
-    """An exact figure; or a sampled one without the digits that its interval does not support."""
-    return f"{estimate.value:.1f}" if estimate.is_exact else f"~{estimate.value:.0f}"
+    """An exact figure; or another one without the digits that its interval does not support."""
+    if estimate.is_exact:
+        return f"{estimate.value:.1f}"
+    return f"~{estimate.value:.{int(estimate.high - estimate.low < WIDE)}f}"

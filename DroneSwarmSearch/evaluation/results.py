@@ -85,6 +85,9 @@ class Evaluation:
         bound: the upper bound for this search, or None.
         exact: the probability of success within t steps, t = 0..L, without sampling error:
             float64, (L + 1,); None if it is not known. Success, curve and time follow from it.
+        conditional: the same given the path of each episode if it went on without the last find:
+            float64, (n, L + 1); None if it is not known. Without exact values, success, curve and
+            time are means of it, and not of what was found.
     """
 
     policy: str
@@ -95,6 +98,7 @@ class Evaluation:
     episodes: Episodes
     bound: SuccessBound | None = None
     exact: Floats | None = None
+    conditional: Floats | None = None
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
@@ -125,6 +129,26 @@ class Evaluation:
         return self.exact is not None
 
     @property
+    def curves(self) -> Floats | None:
+        """The probability of success of each episode after each step: float64, (n, L + 1).
+
+        That given the path, or in the coverage mission the POS; None if only finds are known.
+        """
+        return self.conditional if self.coverage is None else self.coverage.probability_of_success
+
+    @property
+    def method(self) -> str:
+        """How success, its curve and the time were computed.
+
+        "exact": without sampling error. "conditional": as means over sampled paths of the
+        probability of success given the path (conditional Monte Carlo). "sampled": from the
+        episodes in which everybody was found.
+        """
+        if self.is_exact:
+            return "exact"
+        return "sampled" if self.curves is None else "conditional"
+
+    @property
     def coverage(self) -> Coverage | None:
         """What the searches of a coverage mission covered; None for another mission."""
         return self.episodes.coverage
@@ -140,16 +164,16 @@ class Evaluation:
     def times(self) -> Floats:
         """The step in which the last person was found, L for a failure: float64, (n,).
 
-        In the coverage mission, this is the mean over persons of the expected value, given the
-        searches: the area above the curve of the POS.
+        If `curves` are known, this is the expected value given the path, the area above the
+        curve; in the coverage mission the mean over persons.
 
         Their mean is the restricted mean time to find, the area above the success curve. It is
         defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
         survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
         13:152, 2013.
         """
-        if self.coverage is not None:
-            times: Floats = (1.0 - self.coverage.probability_of_success[:, :-1]).sum(axis=1)
+        if self.curves is not None:
+            times: Floats = (1.0 - self.curves[:, :-1]).sum(axis=1)
             return times
         return np.where(self.found_by == 0, self.limit, self.found_by).astype(np.float64)
 
@@ -157,13 +181,13 @@ class Evaluation:
     def success_by_time(self) -> Band:
         """The success within t steps, t = 0..L, with its interval: (L + 1,).
 
-        If it is not exact, the share of successes with Wilson's interval; in the coverage
-        mission, the mean POS with its bootstrap interval.
+        If it is not exact, the mean of `curves` with Hall's interval; without them, the share of
+        successes with Wilson's interval.
         """
         if self.exact is not None:
             return Band(self.exact, self.exact, self.exact)
-        if self.coverage is not None:
-            return statistics.bootstrap_means(self.coverage.probability_of_success)
+        if self.curves is not None:
+            return statistics.bounded_means(self.curves)
         found_by = self.found_by
         at_step = np.bincount(found_by[found_by > 0], minlength=self.limit + 1)
         return statistics.wilson(at_step.cumsum(), len(found_by))
@@ -177,14 +201,19 @@ class Evaluation:
 
     @cached_property
     def time(self) -> Estimate:
-        """The restricted mean time to find, in steps, exact or with its bootstrap interval."""
+        """The restricted mean time to find, in steps, exact or with its interval.
+
+        The interval is Hall's if `curves` are known, otherwise from the bootstrap.
+        """
         if self.exact is not None:
             return ExactValue.of(math.fsum((1.0 - self.exact[:-1]).tolist()))
+        if self.curves is not None:
+            return statistics.bounded_mean(self.times, most=self.limit)
         return statistics.bootstrap_mean(self.times)
 
     @cached_property
     def sampled_success(self) -> Estimate | None:
-        """The share of episodes that succeeded, with Wilson's interval, even if success is exact.
+        """The share of episodes that succeeded, with Wilson's interval, whatever success is.
 
         The exact success is the forecast, and this share is what was found; its interval holds
         the forecast in about 95% of evaluations. None in the coverage mission.
@@ -260,6 +289,7 @@ class Evaluation:
             "episodes": len(self.episodes),
             "seed": self.seed,
             "confidence": statistics.CONFIDENCE,
+            "method": self.method,
             "success": self.success.data,
             "sampled_success": self.sampled_success and self.sampled_success.data,
             "restricted_mean_time": self.time.data,
@@ -301,7 +331,7 @@ class Evaluation:
             "episodes": len(self.episodes),
             "seed": self.seed,
             "timestep_limit": self.limit,
-            "exact": self.is_exact,
+            "method": self.method,
         }
         for name, estimate in (
             ("success", self.success),
@@ -329,11 +359,11 @@ class Comparison:
     Attributes:
         policies: their names.
         search: the search's name.
-        success: the difference in success; of two samples, with Newcombe's interval for paired
-            shares, and in the coverage mission with a paired bootstrap interval. Above 0, the
-            first policy is better.
-        time: the difference in the restricted mean time to find, in steps; of two samples, with a
-            paired bootstrap interval. Below 0, the first policy is faster.
+        success: the difference in success; of two samples, with Hall's interval for the paired
+            differences of the probabilities of success, or Newcombe's for paired shares. Above 0,
+            the first policy is better.
+        time: the difference in the restricted mean time to find, in steps; of two samples, with
+            Hall's interval or a paired bootstrap interval. Below 0, the first policy is faster.
     """
 
     policies: tuple[str, str]
@@ -371,12 +401,16 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             statistics.difference(first.success, second.success),
             statistics.difference(first.time, second.time),
         )
-    if first.coverage is not None and second.coverage is not None:
-        gained = (each.probability_of_success[:, -1] for each in (first.coverage, second.coverage))
-        success = statistics.bootstrap_mean(np.subtract(*gained))
-    else:
+    times = first.times - second.times
+    if first.curves is None or second.curves is None:
         success = statistics.paired_difference(first.found_by > 0, second.found_by > 0)
-    return Comparison(*names, success, statistics.bootstrap_mean(first.times - second.times))
+        return Comparison(*names, success, statistics.bootstrap_mean(times))
+    gained = first.curves[:, -1] - second.curves[:, -1]
+    return Comparison(
+        *names,
+        statistics.bounded_mean(gained, -1.0, 1.0),
+        statistics.bounded_mean(times, -first.limit, first.limit),
+    )
 
 
 # Files.

@@ -20,7 +20,7 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.workers import Report
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.scenario import Cell, Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
@@ -33,6 +33,7 @@ __all__ = [
     "checked_masks",
     "checked_view",
     "play",
+    "prepare_policy",
     "reset_policy",
     "stage_of",
 ]
@@ -180,6 +181,23 @@ class _CoverageRecorder:
         # The probability never falls, so the last one is carried beyond the end of an episode.
         success = np.maximum.accumulate(self._success, axis=1)
         return Coverage(success, self._searches, self._searched.sum(axis=1))
+
+
+def prepare_policy(policy: PolicyLike, drones: Sequence[Cell], report: Report) -> None:
+    """Call the policy's `prepare`, if it has one.
+
+    Args:
+        policy: the policy.
+        drones: every drone's start cell (x, y).
+        report: passed on, if `prepare` has a parameter of that name.
+    """
+    prepare = getattr(policy, "prepare", None)
+    if prepare is None:
+        return
+    if "report" in inspect.signature(prepare).parameters:
+        prepare(drones, report=report)
+    else:
+        prepare(drones)
 
 
 def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:

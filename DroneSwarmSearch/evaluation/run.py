@@ -7,6 +7,7 @@ that cannot be pickled plays all portions itself, in this process.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache, partial
@@ -21,17 +22,22 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.bounds import BoundTask
+from DroneSwarmSearch.evaluation.conditional import as_text, conditional_success, from_text
 from DroneSwarmSearch.evaluation.episodes import Episodes, is_curve
 from DroneSwarmSearch.evaluation.exact import can_be_exact, exact_success
 from DroneSwarmSearch.evaluation.identity import NotIdentifiedError, fingerprint_of_copies
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
-from DroneSwarmSearch.evaluation.rollout import checked_masks, checked_view, play
+from DroneSwarmSearch.evaluation.rollout import (
+    checked_masks,
+    checked_view,
+    play,
+    prepare_policy,
+)
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import Job, Report
 from DroneSwarmSearch.planning.bound import SuccessBound
-from DroneSwarmSearch.policies.planner import PlannerPolicy
 
 __all__ = ["PORTION", "EvaluationTask", "evaluate", "run_tasks"]
 
@@ -69,13 +75,15 @@ def evaluate(
 
     Success and time are exact if the policy is deterministic and there is one person, or two and
     at most 500 steps; in the coverage mission, everything is if the policy is deterministic.
-    Otherwise, results are estimates from the episodes.
+    Otherwise, they are means over sampled paths of the probability of success given the path
+    (conditional Monte Carlo). Returns and endings are those of the episodes.
 
     Episode i has the seed `seed + i`, so all policies use common random numbers. The policy
     plays in portions of 500 episodes, each with a copy of the policy as you passed it. Two
     optional methods of the policy are called: `prepare(drones)` with the drones' start cells,
     once and before it is copied, and `reset(seed=..., rows=None)` with the seeds of each
-    portion.
+    portion. If `prepare` has a parameter `report`, it is a function to call with the share of
+    its work that is done.
 
     Args:
         policy: the name of a policy of this package; "weights.npz"; "module:attribute" or
@@ -195,10 +203,6 @@ class EvaluationTask:
         if bayesian_update is not None:
             self.search = self.search.with_posterior(bayesian_update)
         self.weight = checks.integer("episodes", episodes, 1)
-        numbers = 4
-        if self.search.scenario.mission == "coverage":  # the POS after every step
-            numbers += self.search.scenario.timestep_limit
-        checks.fits("their results", _NUMBER_BYTES * numbers * self.weight, episodes=self.weight)
         self._seed = checks.integer("seed", seed, 0)
         self._view, self._observation = checked_view(view, observation)
         self._masks = checked_masks(action_mask, right_of_way)
@@ -210,7 +214,14 @@ class EvaluationTask:
         self._is_deterministic = self.spec.is_deterministic
         if deterministic is not None:
             self._is_deterministic = checks.boolean("deterministic", deterministic)
+        scenario = self.search.scenario
+        # In the coverage mission, every episode has its probability of success.
+        self._wants_exact = self._is_deterministic and can_be_exact(scenario)
+        self._wants_conditional = scenario.mission == "rescue" and not self._wants_exact
+        numbers = 4 if self._wants_exact else 4 + scenario.timestep_limit
+        checks.fits("their results", _NUMBER_BYTES * numbers * self.weight, episodes=self.weight)
         self._exact: Floats | None = None
+        self._conditional: dict[range, Floats] = {}
         self._store = as_store(store)
         self._identity = self.spec.identity
         last = self._seed + self.weight
@@ -230,14 +241,17 @@ class EvaluationTask:
         if self._store is not None and not self.spec.is_known:
             made = self._make_and_identify(self._store)
         missing = [portion for portion in self._portions if not self._load(portion)]
-        self.weight = sum(map(len, missing))
+        unconditional = [
+            portion for portion in self._portions if not self._load_conditional(portion)
+        ]
+        self.weight = sum(map(len, (*missing, *unconditional)))
         if self._needs_exact and not self._load_exact():
             self.weight += self._exact_weight
-        elif not missing:
+        if not self.weight:
             return []
         if made is not None:
-            return list(self._portion_jobs(missing, made))
-        then = partial(self._portion_jobs, missing)
+            return list(self._portion_jobs(missing, unconditional, made))
+        then = partial(self._portion_jobs, missing, unconditional)
         return [Job(self._making, _make, (self.spec, self.search), then=then)]
 
     def _make_and_identify(self, store: Store) -> Made:
@@ -261,12 +275,8 @@ class EvaluationTask:
 
     @property
     def _needs_exact(self) -> bool:
-        """Whether the exact success is to be computed.
-
-        In the coverage mission, every episode of a deterministic policy has it.
-        """
-        possible = self._is_deterministic and can_be_exact(self.search.scenario)
-        return possible and self._exact is None
+        """Whether the exact success is still to be computed."""
+        return self._wants_exact and self._exact is None
 
     @property
     def _exact_weight(self) -> int:
@@ -276,8 +286,13 @@ class EvaluationTask:
 
     @property
     def is_done(self) -> bool:
-        """Whether all portions have been played."""
-        return len(self._done) == len(self._portions) and not self._needs_exact
+        """Whether all jobs are done."""
+        conditional = len(self._portions) * self._wants_conditional
+        return (
+            len(self._done) == len(self._portions)
+            and len(self._conditional) == conditional
+            and not self._needs_exact
+        )
 
     def evaluation(self) -> Evaluation:
         """Return the result, once all jobs are done.
@@ -292,6 +307,9 @@ class EvaluationTask:
         exact = self._exact
         if self._is_deterministic and episodes.coverage is not None:
             exact = episodes.coverage.common_curve()
+        conditional = None
+        if self._wants_conditional:
+            conditional = np.concatenate([self._conditional[each] for each in self._portions])
         return Evaluation(
             self.spec.name,
             self.search,
@@ -300,9 +318,12 @@ class EvaluationTask:
             self._observation,
             episodes,
             exact=exact,
+            conditional=conditional,
         )
 
-    def _portion_jobs(self, portions: list[range], policy: Made) -> Iterator[Job]:
+    def _portion_jobs(
+        self, portions: list[range], unconditional: list[range], policy: Made
+    ) -> Iterator[Job]:
         shared = policy, self.search
         shown = self._view, self._observation, self._masks, self.spec.is_reusable
         if self._needs_exact:
@@ -318,11 +339,26 @@ class EvaluationTask:
                 weight=len(portion),
                 then=partial(self._finish, portion),
             )
+        for portion in unconditional:
+            yield Job(
+                f"the conditional success of episodes {portion.start} to {portion.stop - 1} of "
+                f"{self.spec.name} on {self.search.name}",
+                _conditional,
+                (*shared, portion, *shown),
+                weight=len(portion),
+                then=partial(self._finish_conditional, portion),
+            )
 
     def _finish(self, portion: range, episodes: Episodes) -> Iterable[Job]:
         self._done[portion] = episodes
         if self._store is not None:
             self._store.save(self._key(portion), episodes.data)
+        return ()
+
+    def _finish_conditional(self, portion: range, curves: Floats) -> Iterable[Job]:
+        self._conditional[portion] = curves
+        if self._store is not None:
+            self._store.save(self._conditional_key(portion), as_text(curves))
         return ()
 
     def _finish_exact(self, success: Floats) -> Iterable[Job]:
@@ -341,6 +377,16 @@ class EvaluationTask:
         if success.shape == (self.search.scenario.timestep_limit + 1,) and is_curve(success):
             self._exact = success
         return self._exact is not None
+
+    def _load_conditional(self, portion: range) -> bool:
+        """Load the conditional success of a portion, if it is needed and the store has it."""
+        if not self._wants_conditional:
+            return True
+        data = None if self._store is None else self._store.load(self._conditional_key(portion))
+        shape = len(portion), self.search.scenario.timestep_limit + 1
+        with contextlib.suppress(ValueError):
+            self._conditional[portion] = from_text(data, shape)
+        return portion in self._conditional
 
     def _load(self, portion: range) -> bool:
         """Load a portion from the store, if it has it."""
@@ -366,6 +412,10 @@ class EvaluationTask:
     def _key(self, portion: range) -> dict[str, Any]:
         """Everything that determines a portion's episodes."""
         return {"what": "episodes", **self._shared_key, "seeds": [portion.start, portion.stop]}
+
+    def _conditional_key(self, portion: range) -> dict[str, Any]:
+        """Everything that determines the conditional success of a portion."""
+        return {**self._key(portion), "what": "conditional success"}
 
     @property
     def _exact_key(self) -> dict[str, Any]:
@@ -406,11 +456,7 @@ def _check_view_of_package_policy(
 def _make(spec: PolicySpec, search: NamedSearch, report: Report) -> Made:
     """Make a policy for a search, and call its `prepare`."""
     policy = spec.make(search.scenario)
-    prepare = getattr(policy, "prepare", None)
-    if isinstance(policy, PlannerPolicy):
-        policy.prepare(search.drones, report)
-    elif prepare is not None:
-        prepare(search.drones)
+    prepare_policy(policy, search.drones, report)
     try:
         packed: bytes = cloudpickle.dumps(policy)
     except Exception:  # its parts may raise anything
@@ -430,6 +476,21 @@ def _play(
 ) -> Episodes:
     """Play a portion of episodes."""
     return play(_player(policy, is_reusable), search, seeds, view, observation, report, masks)
+
+
+def _conditional(
+    policy: Made,
+    search: NamedSearch,
+    seeds: range,
+    view: str,
+    observation: str,
+    masks: bool | None,
+    is_reusable: bool,
+    report: Report,
+) -> Floats:
+    """Compute the conditional success of a portion of episodes."""
+    player = _player(policy, is_reusable)
+    return conditional_success(player, search, seeds, view, observation, report, masks)
 
 
 def _exact(

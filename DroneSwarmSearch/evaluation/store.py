@@ -22,7 +22,9 @@ __all__ = ["Store", "as_store"]
 _WITHOUT_EFFECT = ("rendering", "training", "evaluation", "demo.py", "cli.py", "__main__.py")
 """Parts of the package on which no stored result depends, except `_WITH_EFFECT`."""
 
-_WITH_EFFECT = tuple(f"evaluation/{name}.py" for name in ("episodes", "exact", "rollout"))
+_WITH_EFFECT = tuple(
+    f"evaluation/{name}.py" for name in ("conditional", "episodes", "exact", "rollout")
+)
 
 _CODE_AND_WEIGHTS = (".py", ".npz")
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
 __all__ = ["figure", "markdown_table", "percent", "print_table", "signed"]
+
+MOST_DECIMALS = 4
+"""Decimals of figures with a narrow interval; those with a wide one have one."""
 
 
 def percent(estimate: Estimate | None) -> str:
@@ -18,15 +22,24 @@ def figure(estimate: Estimate) -> str:
     """A value of at least 0, with its interval unless it is exact."""
     if estimate.is_exact:
         return f"{estimate.value:.1f}"
-    return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
+    value, low, high = (f"{number:.{_decimals(estimate)}f}" for number in estimate)
+    return f"{value} ({low}-{high})"
 
 
 def signed(estimate: Estimate) -> str:
     """A difference with its interval unless it is exact, all with their signs."""
-    value, low, high = (round(number, 1) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
-    if estimate.is_exact:
-        return f"{value:+.1f}"
-    return f"{value:+.1f} ({low:+.1f} to {high:+.1f})"
+    digits = _decimals(estimate)
+    rounded = (round(number, digits) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
+    value, low, high = (f"{number:+.{digits}f}" for number in rounded)
+    return value if estimate.is_exact else f"{value} ({low} to {high})"
+
+
+def _decimals(estimate: Estimate) -> int:
+    """As many decimals as show the interval."""
+    width = estimate.high - estimate.low
+    if not width > 0.0:
+        return 1
+    return min(max(math.ceil(-math.log10(width)), 1), MOST_DECIMALS)
 
 
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:

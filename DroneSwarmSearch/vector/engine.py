@@ -94,6 +94,8 @@ class SearchBatch:
             from (0, 0), row by row.
         sampler: draws new parameters for every episode, see `Sampler`.
         wants_table: keep the matrices of all forecasts and steps in one table, however large.
+        finds_last: False simulates searches that never find a search's last missing person,
+            although they may find the others.
         rows_name: the name of `num_rows` in error messages.
 
     Attributes:
@@ -125,11 +127,13 @@ class SearchBatch:
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
         wants_table: bool = False,
+        finds_last: bool = True,
         rows_name: str = "num_rows",
     ) -> None:
         if sampler is not None and not callable(sampler):
             raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
         self._wants_table = checks.boolean("wants_table", wants_table)
+        self._finds_last = checks.boolean("finds_last", finds_last)
         self._sampler = sampler
         self._usual = BatchParameters.from_arguments(
             num_rows,
@@ -168,7 +172,7 @@ class SearchBatch:
 
     def _new_world(self) -> BatchState:
         forecasts, situations = self._choose_forecasts(), self._usual.situations
-        world = BatchState(self._scenario, forecasts, situations, self.num_rows)
+        world = BatchState(self._scenario, forecasts, situations, self.num_rows, self._finds_last)
         if situations is None:
             world.assign(self._rows, self._now.forecasts)
         else:  # until an episode draws one
@@ -490,6 +494,15 @@ class SearchBatch:
         `RewardScheme.expected()` or the coverage mission.
         """
         return self._world.success()
+
+    @property
+    def probability_of_failure(self) -> Floats | None:
+        """The probability that no search so far finds each person: float64, (E, persons).
+
+        That of a person who has been found is meaningless. None unless beliefs are kept, see
+        `probability_of_success`.
+        """
+        return self._world.failure()
 
     def frame(self, row: int) -> Frame:
         """Everything that a picture of one row shows, including the persons.

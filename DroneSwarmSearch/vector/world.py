@@ -35,10 +35,16 @@ class BatchState:
         forecasts: the rows' forecasts.
         situations: the catalogue, or None.
         rows: the number of searches.
+        finds_last: whether a search's last missing person can be found.
     """
 
     def __init__(
-        self, scenario: Scenario, forecasts: Forecasts, situations: Situations | None, rows: int
+        self,
+        scenario: Scenario,
+        forecasts: Forecasts,
+        situations: Situations | None,
+        rows: int,
+        finds_last: bool,
     ) -> None:
         detections: Sequence[float | Floats] = scenario.detections
         if situations is not None:
@@ -49,6 +55,7 @@ class BatchState:
         self._size = scenario.grid_size
         self._width = np.array(self._size)  # 0-d: NumPy calculates faster than with an int
         self._is_rescue = scenario.mission == "rescue"
+        self._finds_last = finds_last
         self._pays_expectation = scenario.reward_scheme.expected_finds
         self._beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
@@ -244,10 +251,13 @@ class BatchState:
     def _finds_of(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         found = []
         now, several = self._now, self._persons > 1
+        is_last = None if self._finds_last else now.missing.sum(axis=0) == 1
         for person in range(self._persons):
             right = now.cells[person].take(rows) == cells
             if several:  # with one person, a find ends the episode
                 right &= now.missing[person].take(rows) != 0
+            if is_last is not None:
+                right &= ~is_last.take(rows)
             hits = right.nonzero()[0]
             if hits.size:
                 where = rows.take(hits)
@@ -294,6 +304,10 @@ class BatchState:
     def success(self) -> Floats | None:
         """The probability of success of every row, (rows,); None without beliefs."""
         return None if self._beliefs is None else self._beliefs.success(slice(None))
+
+    def failure(self) -> Floats | None:
+        """The probability that no search finds each person, (rows, persons), or None."""
+        return None if self._beliefs is None else self._beliefs.kept.T.copy()
 
     def advance(self, beginning: Ints, out: Singles | None, foreground: Callable[[], None]) -> None:
         """Advance the persons and the beliefs by a step, after `search`.
