@@ -25,6 +25,7 @@ search:
 from __future__ import annotations
 
 import os
+from functools import partial
 from typing import Any
 
 # Set before PyTorch starts its threads, which otherwise spin while they wait for each other.
@@ -35,18 +36,27 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from DroneSwarmSearch import Action, Drift, Person, Scenario
+from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.training import ExpectedSearches, Run, arguments, compare_with_baselines
+from DroneSwarmSearch.training.random_searches import (
+    draw_searches,
+    held_out_searches,
+    mean_success,
+)
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""
 
+BASELINES = ("greedy-matrix", "greedy-posterior", "greedy-forecast")
+HELD_OUT = 12  # searches outside the training, to compare with the baselines
+EVALUATION = 8  # updates between these comparisons
+
 BATCHES = 8  # batches of searches, each of one size
-DRONES = 64  # drones in a batch, in all its searches together
 HIDDEN = 64  # units in each of the two hidden layers
 BASELINE_SCALE = 15.0  # of the greedy scores in the logits at the start
 NUM_STEPS = 32  # steps of each batch between updates
@@ -65,57 +75,6 @@ ENOUGH = 0.93  # mean probability of success at which a batch ends before its ti
 NUM_ACTIONS = len(Action) - 1  # all but idling: a search is free here and never worse
 
 _FROM_VIEW = torch.from_numpy(np.argsort(VIEWS, axis=1))
-
-
-def draw_person(rng: np.random.Generator, grid_size: int, speed: float, pod: float) -> Person:
-    """A person with one or two hypotheses; the faster the drift, the farther upwind the start."""
-    known = rng.random() < 0.5
-    drifts = []
-    for _ in range(rng.choice([1, 1, 2])):
-        angle = rng.uniform(0.0, 2 * np.pi)
-        towards = np.array([np.cos(angle), np.sin(angle)])
-        start = rng.uniform(0, grid_size, 2)
-        if speed > 0.4:  # the person crosses the grid instead of waiting at its border
-            middle = rng.normal(size=2) * grid_size / 8 + (grid_size - 1) / 2
-            start = middle - towards * rng.uniform(0.0, 0.5) * grid_size
-        start = start.clip(0, grid_size - 1).astype(int)
-        drifts.append(
-            Drift(
-                (int(start[0]), int(start[1])),
-                start_sd=0.0 if known else rng.uniform(0.5, grid_size / 8),
-                vector=tuple(speed * towards),
-                vector_sd=0.0 if known else rng.uniform(0.0, 0.08),
-                diffusion=np.exp(rng.uniform(np.log(0.01), np.log(0.6))),
-            )
-        )
-    return Person(drifts, pod)
-
-
-def draw_searches(rng: np.random.Generator) -> ExpectedSearches:
-    """A batch of searches of one size, with drifts of up to 1.6 cells per step."""
-    n_drones = int(rng.choice([1, 1, 1, 2, 2, 3, 4, 5, 6, 8, 10, 12, 16]))
-    size = int(rng.integers(15, 46) if n_drones < 6 else rng.integers(25, 46))
-    is_long = rng.random() < 0.35
-    limit = int(rng.integers(120, 500) if is_long else rng.integers(2 * size, 4 * size))
-    speed = rng.choice([0.0, rng.uniform(0.0, 0.7), rng.uniform(0.7, 1.6)], p=[0.1, 0.54, 0.36])
-    persons = int(rng.choice([1, 1, 1, 2]))
-    scenarios, starts = [], []
-    for _ in range(min(max(DRONES // n_drones, 4), 24)):
-        pod = float(rng.choice([0.3, 0.4, 0.5, 0.7, 0.85, 1.0]))
-        scenarios.append(
-            Scenario(
-                grid_size=size,
-                n_drones=n_drones,
-                timestep_limit=limit,
-                persons=[draw_person(rng, size, speed, pod) for _ in range(persons)],
-            )
-        )
-        # Start cells: a row of neighbours, or anywhere.
-        first = int(rng.integers(0, size**2 - n_drones))
-        in_line = np.arange(first, first + n_drones)
-        cells = in_line if rng.random() < 0.5 else rng.permutation(size**2)[:n_drones]
-        starts.append(np.stack([cells % size, cells // size], -1))
-    return ExpectedSearches(scenarios, starts)
 
 
 class Views(nn.Module):
@@ -203,6 +162,11 @@ def step(agent: Agent, batch: ExpectedSearches, rng: np.random.Generator) -> dic
     }
 
 
+def new_batch(rng: np.random.Generator) -> ExpectedSearches:
+    """Random searches of one size, before their first step."""
+    return ExpectedSearches(*draw_searches(rng))
+
+
 def left_to_find(batch: ExpectedSearches) -> NDArray[np.float64]:
     """For each drone, the probability that nobody has been found yet: above 0, to divide by."""
     return np.maximum(1.0 - batch.found, 1e-6).repeat(batch.n_drones)
@@ -251,7 +215,7 @@ def rollout(
             # The time limit is terminal: the drones observe the remaining time.
             if batch.step == batch.timestep_limit or batch.found.mean() > ENOUGH:
                 parts.append(with_advantages(steps, 0.0, batch.n_drones))
-                steps, batches[number] = [], draw_searches(rng)
+                steps, batches[number] = [], new_batch(rng)
                 ended.append(batch)
         if steps:
             obs = torch.from_numpy(batch.inputs().reshape(-1, INPUTS))
@@ -315,8 +279,10 @@ def train(run: Run, seed: int) -> None:
         optimizer.load_state_dict(checkpoint["optimizer"])
     else:
         save(run, agent, optimizer, 0, 0)
+    held_out = held_out_searches(HELD_OUT)
+    levels = {name: mean_success(partial(make, name), held_out) for name in BASELINES}
     rng = np.random.default_rng([seed, run.steps_done])  # new searches after a resume
-    batches = [draw_searches(rng) for _ in range(BATCHES)]
+    batches = [new_batch(rng) for _ in range(BATCHES)]
     updates = 0 if checkpoint is None else checkpoint["updates"]
     while run.steps_done < run.total_steps:
         frac = 1.0 - run.steps_done / run.total_steps
@@ -327,6 +293,10 @@ def train(run: Run, seed: int) -> None:
         found = [min(float(batch.found.mean()), 1.0) for batch in ended]
         returns = [each / batch.n_drones for each, batch in zip(found, ended, strict=True)]
         mean = {"reward": np.mean(returns), "found": np.mean(found)} if ended else {}
+        if updates == 1 or updates % EVALUATION == 0:
+            weights = run.folder / "policy.npz"
+            alone = partial(PPOPolicy, weights=weights, samples=None)
+            mean["held_out"] = {"the network": mean_success(alone, held_out), **levels}
         run.log(steps, entropy=entropy, **mean)
 
 

@@ -163,6 +163,15 @@ def test_a_new_value_adds_a_column(tmp_path: Path) -> None:
     assert [row["entropy"] for row in rows(tmp_path)] == ["", "", "", "1.5"]
 
 
+def test_success_on_held_out_searches_has_a_column_for_each_policy(tmp_path: Path) -> None:
+    with training.Run(options(tmp_path), "Trial") as run:
+        run.log(10, held_out={"the network": 0.5, "greedy-matrix": 0.25})
+        run.log(20, loss=1.0)
+    first, second = rows(tmp_path)
+    assert first["held-out the network"] == "0.5" and first["held-out greedy-matrix"] == "0.25"
+    assert second["held-out the network"] == second["held-out greedy-matrix"] == ""
+
+
 def test_steps_must_increase_and_names_must_be_new(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         run.log(10)
@@ -206,16 +215,18 @@ def test_the_moving_mean_covers_a_twentieth_and_skips_unknown_values() -> None:
 def test_the_curve_is_plotted(tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
 
-    def plotted(name: str, *found: float) -> np.ndarray:
+    def plotted(name: str, *found: float, held_out: dict[str, float] | None = None) -> np.ndarray:
         with training.Run(options(tmp_path / name), "Trial") as run:
             for step, share in enumerate(found, 1):
-                run.log(100 * step, reward=-1e5 * share, found=share)
+                run.log(100 * step, reward=-1e5 * share, found=share, held_out=held_out)
         with image.open(tmp_path / name / "curve.png") as picture:
             return np.asarray(picture.convert("RGB"))
 
     one, other = plotted("one", 0.1, 0.3, 0.8), plotted("other", 0.1, 0.3, math.nan)
     assert one.shape[1] > one.shape[0] > 500
     assert one.shape == other.shape and (one != other).any()
+    with_held_out = plotted("held-out", 0.1, 0.3, 0.8, held_out={"trained": 0.5})
+    assert with_held_out.shape[0] > one.shape[0]
 
 
 @pytest.mark.usefixtures("plots")

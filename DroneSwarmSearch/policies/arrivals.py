@@ -18,6 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.policies.greedy import (
+    CLAIMED,
+    DISCOUNT,
+    WORTHWHILE_ON_ARRIVAL,
+    claimed_in_turn,
+    worthwhile,
+)
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
@@ -26,15 +33,12 @@ __all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
 Ints = NDArray[np.integer]
 Singles = NDArray[np.float32]
 
-NEAR, FAR = 0.7, 0.9
+NEAR, FAR = DISCOUNT, 0.9
 """Factors on the success of a search for every step of the way: for the best cell, as in greedy
 search, and for a wider view."""
 
 STEPS = 32
 """The most steps to look ahead; cells farther away count as they will be in the last of them."""
-
-CLAIMED = 1e-3
-"""Factor on the success in a cell that another drone claims."""
 
 LEAST = 1e-5
 """The least score of an action, relative to the best one's, that is distinguished from 0."""
@@ -99,17 +103,20 @@ class Arrivals:
       the discounted sum of the successes on arrival and in all later steps, which shows where a
       person drifts past a waiting drone;
     - six groups of scores of the directions in `TURNS`. In the first five, the fifth number is
-      the score of searching, and each is the logarithm relative to the greatest: the best cell
-      on that side, discounted by ``NEAR`` and by ``FAR``, without the cells that other drones
-      claim; the sums over all cells on that side in the first two windows; and the best cell
-      for waiting. The last group shows which moves lead closer to the drone's own claim, and how
-      far that is;
+      the score of searching, and each is the logarithm relative to the greatest: the best
+      target on that side, discounted by ``NEAR``, and the best cell, discounted by ``FAR``, both
+      without the cells that other drones claim; the sums over all cells on that side in the first
+      two windows; and the best cell for waiting. The last group shows which moves lead closer to
+      the drone's own claim, and how far that is;
     - the mean drift towards and the distance from the border in the directions in `TURNS`;
     - the remaining steps, probability of detection, number of drones, size of the likely area,
       and that size relative to the searches left, on logarithmic scales except for the second;
       and the discount of the best cell.
 
-    Drones claim cells in turn, the greatest discounted success first, as in greedy search.
+    Drones claim cells in turn, as in greedy search on the forecast (`greedy.claimed_in_turn`),
+    except that what a drone finds is not followed as it drifts. Targets have at least
+    ``WORTHWHILE_ON_ARRIVAL`` times the success of the drone's best cell; if none is left, any
+    cell is one.
 
     Args:
         grid_size: cells along each side, N.
@@ -167,7 +174,7 @@ class Arrivals:
         too_far = distances >= remaining.repeat(n)[:, None, None]
         arrivals, waits = self._on_arrival(ahead, distances), self._waits(ahead, distances)
         arrivals[too_far] = waits[too_far] = 0.0
-        near, far = (arrivals * discount.take(distances) for discount in self._discounts)
+        far = arrivals * self._discounts[1].take(distances)
         by_search = distances.reshape(searches, n, size, size)
         closest = by_search == by_search.min(axis=1, keepdims=True)
         own = far * closest.reshape(distances.shape)
@@ -177,7 +184,8 @@ class Arrivals:
             windows = flat[:, None, first : first + _BOXES]
             self._windows.write_windows(np.stack([x, y], 1)[:, None], values, windows)
 
-        claims = self._claims(near.reshape(searches, n, -1))
+        near = worthwhile(arrivals, WORTHWHILE_ON_ARRIVAL) * self._discounts[0].take(distances)
+        claims = claimed_in_turn(near.reshape(searches, n, -1))
         self._take_off(claims, near, far)
         best = [self._on_each_side(values, x, y, np.max) for values in (near, far)]
         sums.append(self._on_each_side(waits, x, y, np.max))
@@ -231,27 +239,6 @@ class Arrivals:
         for step in reversed(range(ahead.shape[1] - 1)):
             later[:, step] += later[:, step + 1]
         return self._on_arrival(later, distances)
-
-    def _claims(self, values: Singles) -> Ints:
-        """Each drone's cell, y * N + x, claimed in turn: int64, shape (searches, n).
-
-        Args:
-            values: of each cell to each drone: shape (searches, n, N²).
-        """
-        searches, n, _ = values.shape
-        values = values.copy()
-        favourites: Ints = values.argmax(axis=2)
-        best = np.take_along_axis(values, favourites[..., None], 2)[..., 0]
-        rows = np.arange(searches)
-        for _ in range(n - 1):
-            drone = best.argmax(axis=1)
-            claimed = favourites[rows, drone]
-            best[rows, drone] = -np.inf
-            values[rows, :, claimed] *= CLAIMED
-            rivals = (favourites == claimed[:, None]) & (best > -np.inf)
-            favourites[rivals] = values[rivals].argmax(axis=1)
-            best[rivals] = values[rivals].max(axis=1)
-        return favourites
 
     def _take_off(self, claims: Ints, *maps: Singles) -> None:
         """Lower each drone's values, (drones, N, N), of the cells that the others claim."""

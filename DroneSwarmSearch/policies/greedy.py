@@ -13,6 +13,7 @@ import copy
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,7 @@ LEAST = 1e-300
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Singles = NDArray[np.float32]
+Floating = TypeVar("Floating", Floats, Singles)
 Claim = Callable[[int, Cell, Ints], Floats]
 
 
@@ -150,6 +152,43 @@ class _Greedy(SwarmPolicy):
         return flat
 
 
+def worthwhile(success: Floating, share: float) -> Floating:
+    """The values of cells as targets, given the success there, both of shape (..., N, N).
+
+    Args:
+        success: see above, at least 0.
+        share: the fraction of the best cell's success that a target needs.
+    """
+    best = success.max(axis=(-2, -1), keepdims=True)
+    return np.where(success < share * best, SLIGHT * success, success)
+
+
+def claimed_in_turn(values: Singles) -> Ints:
+    """The array form of `_Greedy._targets` without `claim`, for many swarms.
+
+    Args:
+        values: of each cell to each drone, discounted by the distance, at least 0; shape
+            (swarms, n, N * N).
+
+    Returns:
+        Each drone's target, y * N + x: int64, shape (swarms, n).
+    """
+    swarms, n, _ = values.shape
+    values = values.copy()
+    favourites: Ints = values.argmax(axis=2)
+    best = np.take_along_axis(values, favourites[..., None], 2)[..., 0]
+    rows = np.arange(swarms)
+    for _ in range(n - 1):
+        drone = best.argmax(axis=1)
+        claimed = favourites[rows, drone]
+        best[rows, drone] = -np.inf
+        values[rows, :, claimed] *= CLAIMED
+        rivals = (favourites == claimed[:, None]) & (best > -np.inf)
+        favourites[rivals] = values[rivals].argmax(axis=1)
+        best[rivals] = values[rivals].max(axis=1)
+    return favourites
+
+
 class GreedyPolicy(_Greedy):
     """Greedy on the matrix shown.
 
@@ -212,7 +251,7 @@ class PosteriorGreedyPolicy(_Greedy):
     ) -> tuple[list[tuple[int, Cell]], Floats]:
         """See `_targets`; and the success in the cells on the way, shape (N, N)."""
         success = memory.success
-        return self._targets(cells, _worthwhile(success, WORTHWHILE)), success
+        return self._targets(cells, worthwhile(success, WORTHWHILE)), success
 
 
 class ForecastGreedyPolicy(PosteriorGreedyPolicy):
@@ -245,7 +284,7 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
             to_cells = distances[drones]
             success = outlook.success[np.minimum(to_cells, steps), self._rows, self._columns]
             success[to_cells > steps] = 0.0
-            return _worthwhile(success, WORTHWHILE_ON_ARRIVAL)
+            return worthwhile(success, WORTHWHILE_ON_ARRIVAL)
 
         def claim(drone: int, target: Cell, others: Ints) -> Floats:
             arrival = int(distances[drone, target[1], target[0]])
@@ -255,17 +294,6 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
 
         values = on_arrival(np.arange(len(cells)))
         return self._targets(cells, values, claim), next_success
-
-
-def _worthwhile(success: Floats, share: float) -> Floats:
-    """The values of cells as targets, given the success there, both of shape (..., N, N).
-
-    Args:
-        success: see above.
-        share: the fraction of the best cell's success that a target needs.
-    """
-    best = success.max(axis=(-2, -1), keepdims=True)
-    return np.where(success < share * best, SLIGHT * success, success)
 
 
 def _moves(

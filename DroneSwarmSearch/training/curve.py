@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ Row = dict[str, float]
 
 COLUMNS = ("steps", "seconds", "reward", "found")
 """The first columns of every curve; a trainer's own values follow."""
+
+HELD_OUT = "held-out "
+"""Begins the names of columns with success rates outside the training."""
 
 
 class Curve:
@@ -84,7 +88,8 @@ class Curve:
     def draw(self, path: Path, title: str) -> None:
         """Plot the success rate and the return over environment steps as a PNG.
 
-        The thin line shows the rows, the bold line their moving mean.
+        The thin line shows the rows, the bold line their moving mean. A third plot shows success
+        outside the training, if it is known.
 
         Raises:
             ImportError: matplotlib is not installed.
@@ -101,8 +106,10 @@ class Curve:
                 name=error.name,
             ) from error
         with style.context("default"):
-            figure = Figure(figsize=(6.4, 5.0), layout="constrained")
-            above, below = figure.subplots(2, 1, sharex=True)
+            held_out = [name for name in self.names if name.startswith(HELD_OUT)]
+            count = 3 if held_out else 2
+            figure = Figure(figsize=(6.4, 2.5 * count), layout="constrained")
+            above, *outside, below = figure.subplots(count, 1, sharex=True)
             steps = self.column("steps")
             marker = "." if len(steps) < 10 else ""
             for axes, name in ((above, "found"), (below, "reward")):
@@ -110,6 +117,9 @@ class Curve:
                 axes.plot(steps, values, "C0", alpha=0.25, linewidth=0.8)
                 axes.plot(steps, moving_mean(values), "C0", marker=marker)
                 axes.grid(alpha=0.4)
+            for axes in outside:
+                self._draw_held_out(axes, held_out)
+                axes.yaxis.set_major_formatter(PercentFormatter(1.0))
             above.set(title=title, ylabel="success rate", ylim=(-0.02, 1.02))
             above.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
             below.set(ylabel="return of a drone", xlabel="environment steps")
@@ -120,6 +130,18 @@ class Curve:
             pixels = io.BytesIO()
             figure.savefig(pixels, format="png", dpi=150)
         write_bytes(path, pixels.getvalue())
+
+    def _draw_held_out(self, axes: Any, names: list[str]) -> None:
+        """Plot success outside the training: of the policy in training, then of baselines."""
+        for name in names:
+            values = self.column(name)
+            known = ~np.isnan(values)
+            line = {"marker": "."} if name == names[0] else {"linestyle": "--"}
+            label = name.removeprefix(HELD_OUT)
+            axes.plot(self.column("steps")[known], values[known], label=label, **line)
+        axes.set(ylabel="success rate, held out")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(names), fontsize="small")
+        axes.grid(alpha=0.4)
 
     def _read(self) -> None:
         text = self._path.read_text("utf-8")

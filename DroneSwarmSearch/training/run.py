@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,7 @@ from types import TracebackType
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch._internal.progress import Progress
-from DroneSwarmSearch.training.curve import COLUMNS, Curve
+from DroneSwarmSearch.training.curve import COLUMNS, HELD_OUT, Curve
 
 __all__ = ["Run"]
 
@@ -164,6 +164,7 @@ class Run:
         steps: int,
         reward: float | None = None,
         found: float | None = None,
+        held_out: Mapping[str, float] | None = None,
         **values: float,
     ) -> None:
         """Add a row to the learning curve, and show the progress.
@@ -175,6 +176,8 @@ class Run:
                 row, in unscaled points; None or NaN if none ended.
             found: fraction of these episodes in which all persons were found; None or NaN if none
                 ended.
+            held_out: success rates on episodes or searches outside the training, by the name of
+                the policy: that in training, and baselines. The plot shows them.
             values: further values, such as losses; one column each.
 
         Raises:
@@ -191,6 +194,7 @@ class Run:
                 "seconds": round(self._seconds_before + time.monotonic() - self._started, 2),
                 "reward": math.nan if reward is None else float(reward),
                 "found": math.nan if found is None else float(found),
+                **{HELD_OUT + name: float(each) for name, each in (held_out or {}).items()},
                 **values,
             }
         )
