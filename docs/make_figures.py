@@ -42,7 +42,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator, PercentFormatter
+from matplotlib.ticker import EngFormatter, MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Scenario
@@ -921,14 +921,16 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
                 axes.axhline(level, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
         for path in sorted(TRAINING.glob(f"{example}-*.csv")):
             curve = Curve(path)
-            minutes, found = curve.column("seconds") / 60, moving_mean(curve.column("found"))
-            axes.plot(minutes, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
+            steps, found = curve.column("steps"), moving_mean(curve.column("found"))
+            axes.plot(steps, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
         axes.set_xlim(0)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.grid()
     panels[0, 0].set_ylim(0, 1)
     panels[0, 0].yaxis.set_major_formatter(PercentFormatter(1.0))
     for axes in panels[1]:
-        axes.set_xlabel("minutes of training")
+        axes.set_xlabel("environment steps")
     lines = [Line2D([], [], color=theme.series[0], label="three seeds")]
     lines += [
         Line2D([], [], color=colour, linestyle=(0, (4, 2)), linewidth=1.2, label=name)
