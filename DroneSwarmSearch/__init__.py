@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import Any
 
+import gymnasium
+
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.scale import Scale
@@ -36,10 +38,19 @@ _SUBMODULES = (
     "policies",
     "priors",
     "rendering",
+    "single_drone_env",
     "training",
     "vector",
     "wrappers",
 )
+
+
+if "DroneSwarmSearch-v0" not in gymnasium.registry:  # it is there after a reload
+    gymnasium.register(
+        "DroneSwarmSearch-v0",
+        entry_point=f"{__name__}.single_drone_env:SingleDroneEnv",
+        vector_entry_point=f"{__name__}.vector.drone_vector_env:make_drones",
+    )
 
 
 def __getattr__(name: str) -> Any:

@@ -29,6 +29,7 @@ ADAPTERS = {"DroneSwarmSearch.adapters.sb3": "stable_baselines3"}
 PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
+    "DroneSwarmSearch.single_drone_env",
     "DroneSwarmSearch.drift",
     "DroneSwarmSearch.leeway",
     "DroneSwarmSearch.priors",

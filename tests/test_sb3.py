@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from helpers import plain
@@ -14,11 +15,14 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Sce
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
+from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
 
 pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import (
@@ -424,6 +428,79 @@ def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
     assert results[0].episodes.data == results[1].episodes.data
     with pytest.raises(TypeError, match="deterministic must be True or False, got 1"):
         TrainedPolicy(model, 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_gymnasium_id_is_taken_as_it_is() -> None:
+    contrib = pytest.importorskip("sb3_contrib")
+    for arguments in ({}, {"observation": "top-cells"}, {"action_mask": "observation"}):
+        check_env(gymnasium.make("DroneSwarmSearch-v0", **arguments))
+    settings = {"n_steps": 16, "batch_size": 16, "n_epochs": 1, "seed": 1, "device": "cpu"}
+    PPO("MlpPolicy", "DroneSwarmSearch-v0", **settings).learn(32)
+    masked = contrib.MaskablePPO("MlpPolicy", "DroneSwarmSearch-v0", **settings)
+    masked.learn(64)
+    assert masked.ep_success_buffer is not None
+    envs = make_vec_env("DroneSwarmSearch-v0", 2, env_kwargs={"observation": "dict"})
+    model = PPO("MultiInputPolicy", envs, **settings)
+    model.learn(64)
+    assert model.num_timesteps == 64
+
+
+@pytest.mark.filterwarnings("ignore:The `render_mode` attribute")
+def test_supersuit_steps_single_environments_through_the_same_episodes() -> None:
+    supersuit = pytest.importorskip("supersuit")
+    single = FlatObservation(ScaledRewards(DroneSwarmSearch(**training.TRAINING_TASK)))
+    drones = supersuit.pettingzoo_env_to_vec_env_v1(single)
+    other = supersuit.concat_vec_envs_v1(drones, 3, base_class="stable_baselines3")
+    other.venv.reset(seed=7)  # a different seed for each copy; SuperSuit starts them at once
+    how = {"observation": "flat", "autoreset_mode": "SameStep", "reward_scale": 2.0**-17}
+    batch = SB3VecEnv(DroneVectorEnv(3, **how, **training.TRAINING_TASK))
+    batch.seed(7)
+    batch.reset()
+    assert (batch.reset() == other.reset()).all()
+    assert batch.observation_space == other.observation_space
+    assert batch.action_space == other.action_space
+    rng, ended = np.random.default_rng(0), 0
+    for _ in range(200):
+        actions = rng.choice(len(Action), 6, p=[0.05, 0.15, 0.05, 0.15, 0.4, 0.2])
+        *step, infos = batch.step(actions)
+        *their_step, their_infos = other.step(actions)
+        assert all((a == b).all() for a, b in zip(step, their_step, strict=True))
+        for i in step[-1].nonzero()[0]:
+            last = infos[i]["terminal_observation"]
+            assert (last == their_infos[i]["terminal_observation"]).all()
+            ended += 1
+    assert ended > 20
+
+
+@pytest.mark.parametrize("mission", ["rescue", "coverage"])
+def test_a_row_of_the_curve_counts_every_episode(mission: str, tmp_path: Path) -> None:
+    class Count(BaseCallback):
+        def __init__(self) -> None:
+            super().__init__()
+            self.outcomes: list[float] = []
+
+        def _on_step(self) -> bool:
+            [batch] = self.training_env.get_attr("batch", [0])
+            for index in np.flatnonzero(self.locals["dones"]):
+                found = batch.endings[index // 2] == Ending.FOUND
+                shown = self.locals["infos"][index].get("probability_of_success")
+                self.outcomes.append(shown if mission == "coverage" else found)
+            return True
+
+    task = {**EASY, "mission": mission, "grid_size": 3}
+    env = DroneVectorEnv(16, observation="flat", autoreset_mode="SameStep", **task)
+    model = PPO("MlpPolicy", VecMonitor(SB3VecEnv(env)), n_steps=40, batch_size=1280, seed=0)
+    options = training.arguments("", steps=640, short=1).parse_args(["--out", str(tmp_path)])
+    count = Count()
+    with training.Run(options, "PPO", "model.zip") as record:
+        model.learn(2 * 640, [count, RunCallback(record)])
+    [row] = rows_of(tmp_path / "curve.csv")
+    assert 0 < np.mean(count.outcomes) < 1
+    assert float(row["found"]) == pytest.approx(np.mean(count.outcomes), rel=1e-5)
+    assert row["steps"] == "640"
+    returns = [episode["r"] for episode in model.ep_info_buffer or ()]
+    assert min(returns) - 1 <= float(row["reward"]) <= max(returns) + 1
 
 
 def test_other_environments_are_refused() -> None:

@@ -165,8 +165,9 @@ class SB3VecEnv(VecEnv):
 class RunCallback(BaseCallback):
     """Adds a row to a run's learning curve after each rollout, and saves the model.
 
-    The model's environment is ``VecMonitor(SB3VecEnv(...))``. The row holds the mean return
-    and the success rate of the episodes that ended, in environment steps and unscaled points.
+    The model's environment is ``VecMonitor(SB3VecEnv(...))``. The row holds the mean return, in
+    unscaled points, and the success rate of the episodes that ended; in the coverage mission,
+    their mean probability of success. Steps are environment steps.
 
     Args:
         run: the run; its checkpoint is the file of the model.
@@ -176,18 +177,20 @@ class RunCallback(BaseCallback):
         super().__init__()
         self._run = run
         self._returns: list[float] = []
-        self._successes: list[bool] = []
+        self._successes: list[float] = []
 
     def _on_training_start(self) -> None:
         [env] = self.training_env.get_attr("unwrapped", [0])
         self._drones = env.num_envs // env.batch.num_rows  # sub-environments in a swarm
         self._scale = env.reward_scale
+        is_coverage = env.batch.scenario_of(0).mission == "coverage"
+        self._success = "probability_of_success" if is_coverage else "is_success"
 
     def _on_step(self) -> bool:
         for index in self.locals["dones"].nonzero()[0]:
             info = self.locals["infos"][index]
             self._returns.append(info["episode"]["r"] / self._scale)
-            self._successes.append(info["is_success"])
+            self._successes.append(info[self._success])
         return True
 
     def _on_rollout_end(self) -> None:

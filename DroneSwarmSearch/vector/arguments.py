@@ -13,7 +13,17 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints
 from DroneSwarmSearch.vector.parameters import ROW_PARAMETERS
 
-__all__ = ["Buffers", "check_buffers", "parse_options", "parse_seeds", "shows_keywords_of"]
+__all__ = [
+    "MASKS_IN",
+    "Buffers",
+    "check_buffers",
+    "parse_options",
+    "parse_seeds",
+    "shows_keywords_of",
+]
+
+MASKS_IN = (None, "observation", "info")
+"""Where action masks may be."""
 
 Arrays = Any  # an array, or for observations a dict of arrays
 Class = TypeVar("Class", bound=type)
@@ -26,7 +36,7 @@ def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
 
     Args:
         source: the class whose constructor receives the keywords.
-        without: keywords that are not listed.
+        without: parameters that are not listed.
     """
 
     def decorate(made: Class) -> Class:
@@ -34,8 +44,9 @@ def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
         shown = [each for each in own if each.kind is not each.VAR_KEYWORD]
         names = {each.name for each in shown}.union(without)
         for each in inspect.signature(source).parameters.values():
-            if each.kind is each.KEYWORD_ONLY and each.name not in names:
-                shown.append(each)
+            by_name = each.kind in (each.KEYWORD_ONLY, each.POSITIONAL_OR_KEYWORD)
+            if by_name and each.name not in names:
+                shown.append(each.replace(kind=each.KEYWORD_ONLY))
         plain = [each.replace(annotation=each.empty) for each in shown]
         made.__signature__ = inspect.Signature(plain)  # type: ignore[attr-defined]
         return made

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.arguments import shows_keywords_of
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
-__all__ = ["DroneVectorEnv"]
+__all__ = ["DroneVectorEnv", "make_drones"]
 
 
 @shows_keywords_of(SearchVectorEnv)
@@ -73,3 +75,45 @@ class DroneVectorEnv(SearchVectorEnv):
 
     def _rewards(self) -> NDArray[np.float64]:
         return self._scaled_rewards().reshape(-1).copy()
+
+
+def make_drones(
+    num_envs: int = 1,
+    *,
+    observation: str = "flat",
+    action_mask: str | None = "info",
+    separate_flags: bool = True,
+    **keywords: Any,
+) -> DroneVectorEnv:
+    """The batch that ``gymnasium.make_vec("DroneSwarmSearch-v0")`` makes.
+
+    It has the defaults of `SingleDroneEnv`.
+
+    Args:
+        num_envs: the number of sub-environments, which are drones; a multiple of `n_drones`.
+        observation: as for `DroneVectorEnv`.
+        action_mask: as for `DroneVectorEnv`.
+        separate_flags: as for `DroneVectorEnv`.
+        keywords: the other arguments of `DroneVectorEnv`.
+
+    Raises:
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
+        ValueError: an argument is out of its limits.
+    """
+    scenario = keywords.get("scenario")
+    drones = keywords.get("n_drones", Scenario.n_drones)
+    if isinstance(scenario, Scenario):
+        drones = scenario.n_drones
+    drones = checks.integer("n_drones", drones, 1)
+    if checks.integer("num_envs", num_envs, 1) % drones:
+        raise ValueError(
+            f"num_envs must be a multiple of n_drones, {drones}, because each sub-environment is "
+            f"a drone, got {num_envs}"
+        )
+    return DroneVectorEnv(
+        num_envs // drones,
+        observation=observation,
+        action_mask=action_mask,
+        separate_flags=separate_flags,
+        **keywords,
+    )

@@ -24,6 +24,7 @@ from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.arguments import (
+    MASKS_IN,
     Buffers,
     check_buffers,
     parse_options,
@@ -39,14 +40,11 @@ __all__ = ["SearchVectorEnv"]
 
 Infos = dict[str, Any]
 
-MASKS_IN = (None, "observation", "info")
-"""Where action masks may be."""
-
 _BYTES_PER_NUMBER = 14
 """The memory of each number of an observation: itself, and its limits in the batched space."""
 
 
-@shows_keywords_of(SearchBatch, "wants_table", "rows_name")
+@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "rows_name")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both vector environments share; `SwarmVectorEnv` describes the arguments.
 

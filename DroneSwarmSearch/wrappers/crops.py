@@ -55,7 +55,8 @@ class CropsLayout(Layout):
         # [scale, probabilities or drones, box]: the windows within an observation.
         self._windows = (len(SCALES), 2, WINDOW**2)
         high = np.ones(LENGTH, np.float32)
-        high[:-2].reshape(self._windows)[:, 1] = n_drones - 1
+        # At least 1, because Gymnasium's checker warns of equal limits.
+        high[:-2].reshape(self._windows)[:, 1] = max(n_drones - 1, 1)
         low = np.zeros(LENGTH, np.float32)
         low[-1] = -1.0
         self.space = spaces.Box(low, high, dtype=np.float32)

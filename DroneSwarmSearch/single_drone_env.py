@@ -1,0 +1,172 @@
+"""One drone as a Gymnasium environment: `gymnasium.make("DroneSwarmSearch-v0")`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.mappings import Infos
+from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.vector.arguments import MASKS_IN, shows_keywords_of
+from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards, SeparateFlags
+from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+
+__all__ = ["SingleDroneEnv"]
+
+
+@shows_keywords_of(DroneSwarmSearch)
+class SingleDroneEnv(gymnasium.Env[Any, int]):
+    """`DroneSwarmSearch` with one drone, as a Gymnasium environment.
+
+    `import DroneSwarmSearch` registers it::
+
+        env = gymnasium.make("DroneSwarmSearch-v0", grid_size=10, bayesian_update=True)
+
+    Given the same seed and actions, it reproduces `DroneSwarmSearch` bit for bit.
+    ``gymnasium.make_vec("DroneSwarmSearch-v0", num_envs=1024)`` makes a `DroneVectorEnv` whose
+    sub-environments return the same observations, rewards, flags and infos.
+
+    Args:
+        observation: the layout: "flat", "dict", "planes", "top-cells" or "crops"; see
+            `DroneVectorEnv`.
+        top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
+        action_mask: "info" puts the mask of valid actions into the infos: int8, (6,), 0 for
+            moves that leave the grid. "observation" also makes every observation
+            {"observation": the layout's, "action_mask": the mask}. None omits the masks.
+        separate_flags: True sets only truncation at the time limit and only termination at
+            other endings, as Gymnasium defines them. False sets both at every ending. Pass
+            False if the rewards depend on the time limit, as by default: a learner that
+            bootstraps values counts the loss at the limit repeatedly.
+        reward_scale: a factor above 0 for the rewards; a power of two is exact.
+        render_mode: None, "human", "ansi" or "rgb_array", as for `DroneSwarmSearch`.
+        parameters: the other arguments of `DroneSwarmSearch`, such as `grid_size`, `vector`,
+            `persons` or `scenario`.
+
+    Attributes:
+        search: the `DroneSwarmSearch`, which has `scenario`, `frame` and `state`.
+
+    Raises:
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
+        ValueError: an argument is out of its limits, or there is more than one drone.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc] # an instance variable there
+        "render_modes": DroneSwarmSearch.metadata["render_modes"],
+        "render_fps": DroneSwarmSearch.metadata["render_fps"],
+    }
+
+    def __init__(
+        self,
+        *,
+        observation: str = "flat",
+        top_cells: int = 8,
+        action_mask: str | None = "info",
+        separate_flags: bool = True,
+        reward_scale: float = 1.0,
+        render_mode: str | None = None,
+        **parameters: Any,
+    ) -> None:
+        known = inspect.signature(type(self)).parameters
+        for name in parameters:
+            if name not in known:
+                raise TypeError(
+                    f"{type(self).__name__} has no parameter {name!r}; it takes {', '.join(known)}"
+                )
+        checks.choice("observation", observation, tuple(LAYOUTS))
+        checks.integer("top_cells", top_cells, 1)
+        checks.choice("action_mask", action_mask, MASKS_IN)
+        self.search = DroneSwarmSearch(render_mode=render_mode, **parameters)
+        if self.search.n_drones != 1:
+            raise ValueError(
+                f"n_drones must be 1 in a SingleDroneEnv, got {self.search.n_drones}; for several "
+                "drones, use DroneSwarmSearch, or gymnasium.make_vec with "
+                "vectorization_mode='vector_entry_point'"
+            )
+        self.render_mode = render_mode
+        env: Any = self.search
+        if checks.boolean("separate_flags", separate_flags):
+            env = SeparateFlags(env)
+        if checks.positive("reward_scale", reward_scale) != 1.0:
+            env = ScaledRewards(env, reward_scale)
+        if observation == "flat":
+            env = FlatObservation(env)
+        else:
+            options = {"k": top_cells} if observation == "top-cells" else {}
+            env = LayoutObservation(env, LAYOUTS[observation], **options)
+        self._masks = ActionMask(env, in_observation=action_mask == "observation")
+        self._env: Any = env if action_mask is None else self._masks
+        [self._drone] = self.search.possible_agents
+        self.observation_space = self._env.observation_space(self._drone)
+        self.action_space = self._env.action_space(self._drone)
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: as for `DroneSwarmSearch.reset`; it also seeds `np_random`, which the
+                environment does not use.
+            options: as for `DroneSwarmSearch.reset`.
+
+        Returns:
+            The observation and the info.
+
+        Raises:
+            TypeError: an argument is of the wrong type.
+            ValueError: an argument is out of its limits.
+        """
+        observations, infos = self._env.reset(seed=seed, options=options)
+        super().reset(seed=None if seed is None else int(seed))
+        return observations[self._drone], self._info(infos)
+
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Let the drone act once.
+
+        Args:
+            action: an integer from 0 to 5, see `rules.Action`.
+
+        Returns:
+            Observation, reward, termination, truncation and info.
+
+        Raises:
+            ResetNeeded: before the first `reset`, and after the end of an episode.
+            TypeError: the action is not an integer.
+            ValueError: the action is out of range.
+        """
+        name = self._drone
+        observations, rewards, terminations, truncations, infos = self._env.step({name: action})
+        info = self._info(infos)
+        return observations[name], rewards[name], terminations[name], truncations[name], info
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """The valid actions, as sb3-contrib expects them: bool, (6,), True where allowed.
+
+        Raises:
+            ResetNeeded: before the first `reset`.
+        """
+        masks = self._masks.action_masks()
+        return masks[self._drone].astype(np.bool_)
+
+    def render(self) -> Any:
+        """Render the present state as `render_mode` says, see `DroneSwarmSearch.render`."""
+        return self.search.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one; may be called repeatedly."""
+        self.search.close()
+
+    def _info(self, infos: Infos) -> dict[str, Any]:
+        return {
+            **infos[self._drone],
+            "persons_found": np.array(infos["persons_found"]),
+            "ending": int(infos["ending"] or 0),
+            "step": infos["step"],
+        }

@@ -1,0 +1,328 @@
+"""The id "DroneSwarmSearch-v0" of Gymnasium: one drone, and batches of drones."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+import pickle
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import RecordEpisodeStatistics
+from helpers import plain
+
+import DroneSwarmSearch as package
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
+from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.single_drone_env import SingleDroneEnv
+from DroneSwarmSearch.vector import DroneVectorEnv
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+
+ID = "DroneSwarmSearch-v0"
+
+SMALL: dict[str, Any] = {
+    "grid_size": 4,
+    "vector": (0.3, -0.2),
+    "person_initial_position": (2, 1),
+    "timestep_limit": 9,
+    "bayesian_update": True,
+}
+
+CHANCES = [0.04, 0.16, 0.04, 0.16, 0.4, 0.2]
+
+
+def made(**arguments: Any) -> gymnasium.Env[Any, Any]:
+    return gymnasium.make(ID, **{**SMALL, **arguments})
+
+
+def episodes(env: Any, seed: int, count: int = 3) -> Iterator[Any]:
+    """Everything that some episodes with random actions return."""
+    rng = np.random.default_rng(seed)
+    for episode in range(count):
+        yield plain(env.reset(seed=seed if episode == 0 else None))
+        done = False
+        while not done:
+            step = env.step(rng.choice(len(Action), p=CHANCES))
+            done = step[2] or step[3]
+            yield plain(step)
+
+
+ARGUMENTS: dict[str, dict[str, Any]] = {
+    **{layout: {"observation": layout} for layout in LAYOUTS},
+    "masks in observations": {"action_mask": "observation"},
+    "masks in dict observations": {"observation": "dict", "action_mask": "observation"},
+    "without masks": {"action_mask": None},
+    "both flags": {"separate_flags": False},
+    "scaled rewards": {"reward_scale": 2.0**-17},
+    "several persons": {"person_initial_position": [(2, 1), (1, 1)]},
+    "coverage": {"mission": "coverage"},
+}
+all_arguments = pytest.mark.parametrize("arguments", ARGUMENTS.values(), ids=ARGUMENTS)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "arguments",
+    [{}, *({"observation": layout} for layout in LAYOUTS), {"action_mask": "observation"}, SMALL],
+    ids=str,
+)
+def test_gymnasiums_checker_passes(
+    arguments: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # it opens a window
+    env = gymnasium.make(ID, **arguments)
+    check_env(env.unwrapped)
+    assert isinstance(env.unwrapped, SingleDroneEnv)
+    assert env.spec is not None and env.spec.id == ID
+
+
+@pytest.mark.parametrize("layout", [*LAYOUTS])
+@pytest.mark.parametrize("separate", [False, True])
+def test_it_steps_as_the_parallel_environment(layout: str, separate: bool) -> None:
+    env = made(observation=layout, separate_flags=separate, reward_scale=2.0**-17)
+    single = DroneSwarmSearch(**SMALL)
+    size, rng, met = SMALL["grid_size"], np.random.default_rng(0), set()
+    for episode in range(25):
+        seed = 7 if episode == 0 else None
+        seen, info = env.reset(seed=seed)
+        observations, infos = single.reset(seed=seed)
+        done = False
+        while True:
+            (x, y), matrix = observations["drone0"]["observation"]
+            assert seen in env.observation_space
+            if layout == "dict":
+                assert seen["position"].tolist() == [x, y]
+                assert plain(seen["probability_matrix"]) == plain(matrix)
+            elif layout == "flat":
+                assert seen[:2].tolist() == pytest.approx([x / (size - 1), y / (size - 1)])
+                assert seen[3:].argmax() == matrix.argmax()
+            elif layout == "planes":
+                assert plain(seen[0]) == plain(matrix / matrix.max())
+            allowed = [x > 0, x < size - 1, y > 0, y < size - 1, True, True]
+            assert info["action_mask"].tolist() == allowed
+            assert env.get_wrapper_attr("action_masks")().tolist() == allowed
+            for name in ("Found", "is_success", "step", "probability_of_success"):
+                assert info[name] == infos[name]
+            assert info["ending"] == (infos["ending"] or 0)
+            assert tuple(info["persons_found"]) == infos["persons_found"]
+            if done:
+                break
+            action = rng.choice(len(Action), p=CHANCES)
+            observations, rewards, dones, _, infos = single.step({"drone0": action})
+            seen, reward, terminated, truncated, info = env.step(action)
+            done = dones["drone0"]
+            assert reward == rewards["drone0"] * 2.0**-17
+            limit = infos["ending"] is Ending.TIME_LIMIT
+            assert terminated is (done and not (separate and limit))
+            assert truncated is (done and (limit or not separate))
+        met.add(infos["ending"])
+    assert met == {Ending.FOUND, Ending.LEFT_GRID, Ending.TIME_LIMIT}
+
+
+@all_arguments
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_batch_equals_gymnasiums_vector_of_single_drones(
+    arguments: dict[str, Any], mode: AutoresetMode
+) -> None:
+    """Observations, rewards, flags and infos, with their names."""
+    how = {**SMALL, **arguments}
+    in_observations = arguments.get("action_mask") == "observation"
+    batch = gymnasium.make_vec(ID, num_envs=4, autoreset_mode=mode, **how)
+    assert isinstance(batch, DroneVectorEnv)
+    vector = gymnasium.make_vec(
+        ID, 4, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **how
+    )
+    assert isinstance(vector, SyncVectorEnv)
+    assert batch.single_observation_space == vector.single_observation_space
+    assert batch.single_action_space == vector.single_action_space
+    assert batch.observation_space == vector.observation_space
+    seen, infos = batch.reset(seed=3)
+    wanted, their_infos = vector.reset(seed=3)
+    rng, ended = np.random.default_rng(1), 0
+    for _ in range(30):
+        assert plain(seen) == plain(wanted)
+        if in_observations:  # single drones have them in the infos, too
+            masks = their_infos.pop("action_mask"), their_infos.pop("_action_mask")
+            assert masks[0].tolist() == wanted["action_mask"].tolist() and masks[1].all()
+        check_infos(infos, their_infos)
+        actions = rng.choice(len(Action), 4, p=CHANCES)
+        seen, *results, infos = batch.step(actions)
+        wanted, *their_results, their_infos = vector.step(actions)
+        assert plain(results) == plain(their_results)
+        if "final_info" in their_infos:
+            if in_observations:
+                del their_infos["final_info"]["action_mask"]
+                del their_infos["final_info"]["_action_mask"]
+            check_infos(infos["final_info"], their_infos["final_info"])
+            # The batch's ending and success are those of the step, here and there.
+            for name in ("ending", "is_success"):
+                dones = their_infos["_final_info"]
+                their_infos[name][dones] = their_infos["final_info"][name][dones]
+            for last, theirs in zip(infos["final_obs"], their_infos["final_obs"], strict=True):
+                assert plain(last) == plain(theirs)
+        ended += int((results[1] | results[2]).sum())
+    assert ended > 3
+
+
+def check_infos(infos: dict[str, Any], wanted: dict[str, Any]) -> None:
+    assert {*infos} == {*wanted}
+    for name in wanted:
+        if not name.startswith(("_", "final")):
+            meant = wanted[f"_{name}"]
+            assert infos[f"_{name}"].tolist() == meant.tolist()
+            assert infos[name][meant].tolist() == wanted[name][meant].tolist(), name
+
+
+def test_async_vectors_step_alike() -> None:
+    vectors = [
+        gymnasium.make_vec(ID, 2, vectorization_mode=mode, **SMALL)
+        for mode in ("vector_entry_point", "async")
+    ]
+    assert isinstance(vectors[1], AsyncVectorEnv)
+    results = [vector.reset(seed=1)[0] for vector in vectors]
+    for action in (Action.RIGHT, Action.SEARCH, Action.DOWN):
+        assert plain(results[0]) == plain(results[1])
+        steps = [vector.step(np.full(2, action)) for vector in vectors]
+        assert plain(steps[0][:4]) == plain(steps[1][:4])
+        results = [step[0] for step in steps]
+    for vector in vectors:
+        vector.close()
+
+
+def test_num_envs_counts_drones() -> None:
+    envs = gymnasium.make_vec(ID, num_envs=12, n_drones=3, right_of_way=True)
+    assert isinstance(envs, DroneVectorEnv)
+    assert (envs.num_envs, envs.batch.num_rows, envs.right_of_way) == (12, 4, True)
+    assert envs.reset(seed=1)[1]["action_mask"].shape == (12, 6)
+    assert envs.spec is not None and envs.spec.id == ID
+    scenario = Scenario(n_drones=2)
+    assert gymnasium.make_vec(ID, num_envs=6, scenario=scenario).unwrapped.batch.num_rows == 3
+    assert gymnasium.make_vec(ID, num_envs=1024).num_envs == 1024
+    for wrong, error, words in (
+        ({"num_envs": 7, "n_drones": 3}, ValueError, "num_envs must be a multiple of n_drones, 3,"),
+        ({"num_envs": 3, "scenario": scenario}, ValueError, "num_envs must be a multiple of n_dr"),
+        ({"num_envs": 0}, ValueError, "num_envs must be an integer of at least 1, got 0"),
+        ({"num_envs": 2, "n_drones": 0}, ValueError, "n_drones must be an integer .* got 0"),
+        ({"num_envs": 2, "n_drones": "2"}, TypeError, "n_drones must be an integer .* got '2'"),
+        ({"num_envs": 2, "speed": 1}, TypeError, "DroneVectorEnv has no parameter 'speed'"),
+    ):
+        with pytest.raises(error, match=words):
+            gymnasium.make_vec(ID, **wrong)
+
+
+@all_arguments
+def test_copies_go_on_identically(arguments: dict[str, Any]) -> None:
+    env = SingleDroneEnv(**{**SMALL, **arguments})
+    env.reset(seed=4)
+    env.step(Action.SEARCH)
+    for copied in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        assert plain(copied.step(Action.RIGHT)) == plain(copy.deepcopy(env).step(Action.RIGHT))
+        assert [*episodes(copied, 5)] == [*episodes(copy.deepcopy(env), 5)]
+    assert copied.observation_space == env.observation_space
+
+
+def test_a_seed_determines_the_episodes_and_np_random() -> None:
+    env, other = made(), made()
+    assert [*episodes(env, 6)] == [*episodes(other, 6)] == [*episodes(env, 6)]
+    assert [*episodes(env, 7)] != [*episodes(other, 6)]
+    env.reset(seed=np.int64(3))
+    drawn = env.unwrapped.np_random.random()
+    env.reset(seed=3)
+    assert env.unwrapped.np_random.random() == drawn
+
+
+def test_options_and_parameters_are_those_of_the_environment() -> None:
+    env = gymnasium.make(ID, scenario=Scenario(grid_size=6, timestep_limit=3), observation="dict")
+    seen, _ = env.reset(seed=0, options={"drones_positions": [(4, 2)], "vector": (1, 0)})
+    assert seen["position"].tolist() == [4, 2]
+    search = env.unwrapped.search
+    assert (search.grid_size, search.vector) == (6, (1.0, 0.0))
+    persons = [Person(Drift((2, 2), start_sd=1.0))]
+    uncertain = gymnasium.make(ID, persons=persons, grid_size=5)
+    uncertain.reset(seed=0)
+    assert uncertain.unwrapped.search.scenario.persons == tuple(persons)
+    with pytest.raises(ValueError, match=r"drones_positions\[0\]"):
+        env.reset(options={"drones_positions": [(9, 9)]})
+
+
+def test_it_renders_in_every_mode(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    text, picture, window = (made(render_mode=mode) for mode in ("ansi", "rgb_array", "human"))
+    for env in (text, picture, window):
+        env.reset(seed=0)
+        assert env.render_mode == env.unwrapped.search.render_mode
+    assert isinstance(text.render(), str)
+    assert picture.render().dtype == np.uint8
+    assert window.render() is None
+    for env in (text, picture, window):
+        env.close()
+        env.close()
+    assert made().render_mode is None
+
+
+def test_success_and_statistics_are_reported() -> None:
+    how = {"person_initial_position": (0, 0), "disperse_constant": 0, "vector": (0, 0)}
+    env = RecordEpisodeStatistics(made(**how))
+    env.reset(seed=0)
+    assert env.step(Action.IDLE)[4]["is_success"] is False
+    info = env.step(Action.SEARCH)[4]
+    assert info["is_success"] is True and info["episode"]["l"] == 2
+    with pytest.raises(ResetNeeded):
+        env.step(Action.IDLE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"n_drones": 2}, ValueError, "n_drones must be 1 in a SingleDroneEnv, got 2; for several"),
+        ({"scenario": Scenario(n_drones=3)}, ValueError, "n_drones must be 1 in .*, got 3"),
+        ({"n_drones": 0}, ValueError, "n_drones must be an integer"),
+        ({"observation": "pixels"}, ValueError, "observation must be one of 'dict', 'flat'"),
+        ({"observation": None}, ValueError, "observation must be one of"),
+        ({"top_cells": 0}, ValueError, "top_cells must be an integer of at least 1, got 0"),
+        ({"action_mask": True}, TypeError, "action_mask must be one of None, 'observation', 'inf"),
+        ({"separate_flags": 1}, TypeError, "separate_flags must be True or False, got 1"),
+        ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
+        ({"render_mode": "film"}, ValueError, "render_mode must be one of"),
+        ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
+        ({"speed": 1}, TypeError, "SingleDroneEnv has no parameter 'speed'; it takes observation"),
+    ],
+)
+def test_wrong_arguments_are_refused(
+    arguments: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        SingleDroneEnv(**arguments)
+
+
+def test_the_signature_shows_every_keyword() -> None:
+    shown = inspect.signature(SingleDroneEnv).parameters
+    for name, parameter in inspect.signature(DroneSwarmSearch).parameters.items():
+        assert name in shown
+        if name != "render_mode":
+            assert shown[name].default == parameter.default
+    defaults = {name: parameter.default for name, parameter in shown.items()}
+    assert [*episodes(SingleDroneEnv(**defaults), 2)] == [*episodes(SingleDroneEnv(), 2)]
+
+
+def test_reloading_the_package_does_not_warn() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        before = gymnasium.registry[ID]
+        program = "import DroneSwarmSearch, importlib; importlib.reload(DroneSwarmSearch)"
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        assert gymnasium.registry[ID] is before
+    assert importlib.import_module("DroneSwarmSearch.single_drone_env").SingleDroneEnv
+    assert package.single_drone_env.SingleDroneEnv is SingleDroneEnv
