@@ -1,4 +1,4 @@
-"""PPO in one file of plain PyTorch, on random searches that run as one batch.
+"""PPO in one file of plain PyTorch, on a batch of random searches.
 
     python examples/train_own_loop.py --out runs/first
 
@@ -95,6 +95,27 @@ def mlp(outputs: int) -> nn.Sequential:
     return nn.Sequential(*hidden, last)
 
 
+def rollout(
+    envs: DroneVectorEnv, agent: Agent, observations: Any
+) -> tuple[dict[str, torch.Tensor], Any, list[float]]:
+    """Step all searches.
+
+    Returns the transitions, the next observations, and the probabilities of success of the episodes
+    that ended.
+    """
+    steps, ended = [], []
+    for _ in range(NUM_STEPS):
+        step = agent.act(observations)
+        observations, rewards, dones, _, infos = envs.step(step["actions"].numpy())
+        step["rewards"], step["dones"] = torch.from_numpy(rewards).float(), torch.from_numpy(dones)
+        steps.append(step)
+        if dones.any():
+            ended += infos["final_info"]["probability_of_success"][dones].tolist()
+    data = {key: torch.stack([each[key] for each in steps]) for key in steps[0]}
+    add_advantages(data, agent.act(observations)["values"])
+    return data, observations, ended
+
+
 def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> None:
     """Add advantages and returns. Every end is terminal: the drones observe the remaining time."""
     advantages, last = torch.zeros_like(data["values"]), torch.zeros_like(next_values)
@@ -147,19 +168,7 @@ def train(run: training.Run, agent: Agent, seed: int) -> None:
     envs = make_envs()
     observations, _ = envs.reset(seed=seed + run.steps_done)  # a resumed run plays new searches
     while run.steps_done < run.total_steps:
-        steps, ended = [], []
-        for _ in range(NUM_STEPS):
-            step = agent.act(observations)
-            observations, rewards, dones, _, infos = envs.step(step["actions"].numpy())
-            step["rewards"], step["dones"] = (
-                torch.from_numpy(rewards).float(),
-                torch.from_numpy(dones),
-            )
-            steps.append(step)
-            if dones.any():
-                ended += infos["final_info"]["probability_of_success"][dones].tolist()
-        data = {key: torch.stack([each[key] for each in steps]) for key in steps[0]}
-        add_advantages(data, agent.act(observations)["values"])
+        data, observations, ended = rollout(envs, agent, observations)
         entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
         save(run.steps_done + NUM_STEPS * SWARMS)
         found = float(np.mean(ended)) if ended else None
