@@ -88,8 +88,8 @@ def test_updates_make_rewarded_actions_more_likely(example: ModuleType) -> None:
 
     def logprobs() -> torch.Tensor:
         with torch.no_grad():
-            all_logprobs, _ = agent(data["obs"], data["masks"])
-        return all_logprobs.gather(2, data["actions"][..., None])[..., 0]
+            all_logprobs, _ = agent(data["obs"].flatten(0, 1), data["masks"].flatten(0, 1))
+        return all_logprobs.gather(1, data["actions"].reshape(-1, 1)).reshape(shape)
 
     before = logprobs()
     for _ in range(5):
