@@ -10,7 +10,9 @@ of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements writ
     python examples/compare_with_opendrift.py --tracks 100000 --csv docs/figures/opendrift.csv
     python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
 
-All other figures are computed here, within seconds.
+`learning` plots the curves of the training examples, `docs/training/<example>-<seed>.csv`, with the
+baselines of `own_loop.csv`, see tests/benchmarks/own_loop.py. All other figures are computed here,
+within seconds.
 
 To add a figure, write a function that takes a `Theme` and a `Sampling`, returns a matplotlib
 `Figure`, and is decorated with the figure's name. Figures are 576 pixels wide, so that their
@@ -38,8 +40,9 @@ from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator, PercentFormatter
+from matplotlib.ticker import EngFormatter, MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Scenario
@@ -47,11 +50,15 @@ from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
+from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.policies import GreedyPolicy
 from DroneSwarmSearch.policies.planner import PlannerPolicy
+from DroneSwarmSearch.training import TRAINING_TASK
+from DroneSwarmSearch.training.curve import Curve, moving_mean
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
+TRAINING = Path(__file__).parent / "training"
 
 Floats = NDArray[np.float64]
 
@@ -872,6 +879,64 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     success.set_title("forecast (lines), found (dots)")
     for axes in (spread, success):
         axes.grid(axis="x" if axes is success else "both")
+    return chart
+
+
+EXAMPLES = {
+    "sb3": "Stable-Baselines3",
+    "rllib": "RLlib",
+    "torchrl": "TorchRL",
+    "benchmarl": "BenchMARL",
+    "tianshou": "Tianshou",
+    "own_loop": "own loop, random searches",
+}
+"""The training examples and their names in the figure."""
+
+YARDSTICKS = "greedy-posterior", "greedy-matrix", "random"
+
+
+@cache
+def yardsticks(example: str) -> dict[str, float]:
+    """The success of baselines on the searches of a training example."""
+    if example == "own_loop":  # on random searches, see tests/benchmarks/own_loop.py
+        with (TRAINING / "own_loop.csv").open(encoding="utf-8", newline="") as file:
+            return {row["policy"]: float(row["success"]) for row in csv.DictReader(file)}
+    task = Scenario(**TRAINING_TASK)
+    return {
+        name: evaluate(name, task, episodes=200, progress=False).success.value
+        for name in YARDSTICKS
+    }
+
+
+@figure("learning")
+def learning(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the learning curves of the training examples, three seeds each, and baselines."""
+    chart = Figure(figsize=(WIDTH, 4.4), layout="constrained")
+    panels = chart.subplots(2, 3, sharey=True)
+    colours = dict(zip(YARDSTICKS, (theme.series[2], theme.series[1], theme.grey), strict=True))
+    for axes, (example, title) in zip(panels.flat, EXAMPLES.items(), strict=True):
+        axes.set_title(title)
+        for name, colour in colours.items():
+            if (level := yardsticks(example).get(name)) is not None:
+                axes.axhline(level, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
+        for path in sorted(TRAINING.glob(f"{example}-*.csv")):
+            curve = Curve(path)
+            steps, found = curve.column("steps"), moving_mean(curve.column("found"))
+            axes.plot(steps, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
+        axes.set_xlim(0)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.grid()
+    panels[0, 0].set_ylim(0, 1)
+    panels[0, 0].yaxis.set_major_formatter(PercentFormatter(1.0))
+    for axes in panels[1]:
+        axes.set_xlabel("environment steps")
+    lines = [Line2D([], [], color=theme.series[0], label="three seeds")]
+    lines += [
+        Line2D([], [], color=colour, linestyle=(0, (4, 2)), linewidth=1.2, label=name)
+        for name, colour in colours.items()
+    ]
+    chart.legend(handles=lines, loc="outside lower center", ncols=4)
     return chart
 
 

@@ -23,7 +23,7 @@ from benchmarl.models.mlp import MlpConfig
 from tensordict import TensorDictBase
 from torch import nn
 
-from DroneSwarmSearch import RewardScheme, training
+from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters.benchmarl import ResumableExperiment, RunCallback, SearchTask
 from DroneSwarmSearch.adapters.torchrl import TrainedPolicy
 from DroneSwarmSearch.training import TRAINING_TASK
@@ -33,8 +33,9 @@ BATCH = NUM_SWARMS * NUM_STEPS
 ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
 CHECKPOINTS = "*/checkpoints/checkpoint_*.pt"
 
-# A search pays the swarm the probability that it finds the person: less noise than a find.
-REWARDS = {"reward_scheme": RewardScheme.expected(), "shared_reward": True}
+# In the coverage mission nobody is found: a search pays the swarm the probability of success that
+# it adds, which is less noisy than a find.
+MISSION = {"mission": "coverage", "shared_reward": True}
 LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # both fall to 0
 
 # What the policy is shown, in training and evaluation.
@@ -70,7 +71,7 @@ def make_config(folder: Path, steps: int, checkpoint: Path | None) -> Experiment
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=1_000_000, short=2 * BATCH)
+    parser = training.arguments(__doc__, steps=400_000, short=2 * BATCH)
     parser.add_argument(
         "--algorithm",
         choices=list(ALGORITHMS),
@@ -85,7 +86,7 @@ def main() -> None:
     with training.Run(options, f"BenchMARL, {options.algorithm.upper()}", CHECKPOINTS) as run:
         checkpoint = run.checkpoint if run.resuming else None
         experiment = ResumableExperiment(
-            task=SearchTask.SEARCH.get_task({**TRAINING_TASK, **SHOWN, **REWARDS}),
+            task=SearchTask.SEARCH.get_task({**TRAINING_TASK, **SHOWN, **MISSION}),
             algorithm_config=algorithm,
             model_config=MlpConfig(**layers),
             critic_model_config=of_state if options.algorithm == "mappo" else None,

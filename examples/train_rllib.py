@@ -21,7 +21,7 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
-from DroneSwarmSearch import RewardScheme, training
+from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import rllib
 from DroneSwarmSearch.training import TRAINING_TASK
 
@@ -31,8 +31,7 @@ ENV_CONFIG = {
     **TRAINING_TASK,
     "observation": LAYOUT,
     "right_of_way": True,
-    "shared_rewards": True,  # so that drones cooperate
-    "reward_scheme": RewardScheme.expected(),  # pays the probability of success that is added
+    "shared_reward": True,  # so that drones cooperate
     "mission": "coverage",  # episodes go on after a find
 }
 

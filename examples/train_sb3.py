@@ -45,6 +45,7 @@ def make_env() -> VecMonitor:
         right_of_way=True,
         autoreset_mode="SameStep",
         mission="coverage",
+        shared_reward=True,  # so that drones cooperate
         **TRAINING_TASK,
     )
     return VecMonitor(SB3VecEnv(drones))

@@ -19,7 +19,7 @@ from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
 
-from DroneSwarmSearch import RewardScheme, training
+from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import tianshou
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
@@ -42,11 +42,10 @@ def make_envs(searches: int) -> tianshou.DroneVenv:
             action_mask="observation",
             right_of_way=True,
             autoreset_mode="Disabled",  # Tianshou resets
-            reward_scheme=RewardScheme.expected(),
             mission="coverage",  # episodes go on after a find
+            shared_reward=True,  # so that drones cooperate
             **TRAINING_TASK,
-        ),
-        shared_rewards=True,  # so that drones cooperate
+        )
     )
 
 

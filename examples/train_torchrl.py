@@ -20,11 +20,12 @@ from torchrl.envs import RewardSum, TransformedEnv
 from torchrl.modules import MLP
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from DroneSwarmSearch import Action, RewardScheme, training
+from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.adapters.torchrl import (
     LOGITS,
     OBSERVATION,
     PPO_KEYS,
+    PROBABILITY,
     STATE,
     VALUE,
     SearchEnv,
@@ -42,22 +43,23 @@ BATCH = NUM_SWARMS * NUM_STEPS
 EPOCHS, MINIBATCH_SIZE, LEARNING_RATE, ENTROPY = 4, 1000, 1.5e-3, 0.02  # both fall to 0
 LAYERS = {"num_cells": [128, 128], "activation_class": nn.Tanh}
 
-# A search pays the swarm the probability that it finds the person: less noise than a find.
-REWARDS = {"reward_scheme": RewardScheme.expected(), "shared_reward": True}
+# In the coverage mission nobody is found: a search pays the swarm the probability of success that
+# it adds, which is less noisy than a find.
+MISSION = {"mission": "coverage", "shared_reward": True}
 
 # What the policy is shown, in training and evaluation.
 SHOWN = {"observation": "crops", "right_of_way": True}
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=1_000_000, short=2 * BATCH)
+    parser = training.arguments(__doc__, steps=400_000, short=2 * BATCH)
     sees = "sees the drone's observation, or also the state (local)"
     parser.add_argument("--critic", choices=["local", "central"], default="local", help=sees)
     options = parser.parse_args()
     with training.Run(options, f"TorchRL, PPO with a {options.critic} critic") as run:
         central = options.critic == "central"
         torch.manual_seed(options.seed)
-        env = SearchEnv(NUM_SWARMS, state=central, **REWARDS, **SHOWN, **TRAINING_TASK)
+        env = SearchEnv(NUM_SWARMS, state=central, **MISSION, **SHOWN, **TRAINING_TASK)
         network = TensorDictModule(MLP(out_features=len(Action), **LAYERS), [OBSERVATION], [LOGITS])
         policy = masked_policy(network)
         seen = [OBSERVATION, STATE] if central else [OBSERVATION]
@@ -104,7 +106,7 @@ def main() -> None:
                     nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
                     optimiser.step()
             save(run.steps_done + BATCH)
-            run.log(run.steps_done + BATCH, **episode_metrics(batch))
+            run.log(run.steps_done + BATCH, **episode_metrics(batch, success=PROBABILITY))
         collector.shutdown()
     training.compare_with_baselines(
         TrainedPolicy(policy, TRAINING_TASK["n_drones"]),

@@ -109,9 +109,9 @@ def test_env_runners_play_different_episodes(rllib: Any, name: str) -> None:
     assert persons[0][1:] != persons[1][:-1]  # equal if the seeds were consecutive
 
 
-def test_shared_rewards(rllib: Any) -> None:
-    batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "shared_rewards": True})
-    env = rllib.SwarmEnv({**CONFIG, "shared_rewards": True})
+def test_a_shared_reward(rllib: Any) -> None:
+    batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "shared_reward": True})
+    env = rllib.SwarmEnv({**CONFIG, "shared_reward": True})
     envs = DroneVectorEnv(1, **CONFIG)
     batch.reset(seed=0)
     env.reset(seed=0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.rules import Action, Ending
+from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
 if importlib.util.find_spec("tianshou") is None:  # the import is slow
@@ -111,18 +111,6 @@ def test_a_collector_plays_the_episodes_of_the_vector_environment() -> None:
     assert sum(stats.successes) == successes
     assert len(stats.successes) == len(stats.probabilities) == stats.n_collected_episodes
     assert 0 < np.mean(stats.probabilities) < 1
-
-
-def test_shared_rewards() -> None:
-    own, shared = DroneVenv(vector_env()), DroneVenv(vector_env(), shared_rewards=True)
-    for envs in (own, shared):
-        envs.reset(seed=0)
-    actions = np.tile([Action.SEARCH, Action.IDLE], 4)
-    for _ in range(3):
-        rewards = own.step(actions)[1].reshape(4, 2)
-        means = shared.step(actions)[1].reshape(4, 2)
-        assert (means == rewards.mean(axis=1, keepdims=True)).all()
-        assert (rewards[:, 0] != rewards[:, 1]).all()
 
 
 @pytest.mark.parametrize("episodes", [4, 8, 12])

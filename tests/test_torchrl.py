@@ -301,7 +301,7 @@ def test_success_is_the_end_with_a_find() -> None:
     assert not shown[SUCCESS].any()
 
 
-def test_shared_rewards_are_means() -> None:
+def test_a_shared_reward_is_the_mean() -> None:
     own, shared = (SearchEnv(3, shared_reward=value, seed=1, **SMALL) for value in (False, True))
     actions = [[SEARCH, IDLE], [LEFT, SEARCH], [IDLE, IDLE]]
     rewards = act(own, own.reset(), actions)[REWARD].double()

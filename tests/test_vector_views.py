@@ -1263,6 +1263,19 @@ def test_buffers_may_lie_in_memory_as_they_like(
         wanted = plainly.step(actions)[0]
 
 
+def test_a_shared_reward_is_the_mean_over_the_swarm() -> None:
+    own = DroneVectorEnv(4, grid_size=5, n_drones=3, reward_scale=0.5)
+    shared = DroneVectorEnv(4, grid_size=5, n_drones=3, reward_scale=0.5, shared_reward=True)
+    for env in (own, shared):
+        env.reset(seed=0)
+    actions = np.tile([Action.SEARCH, Action.IDLE, Action.IDLE], 4)
+    rewards, means = (env.step(actions)[1].reshape(4, 3) for env in (own, shared))
+    assert (rewards[:, 0] != rewards[:, 1]).all()
+    assert (means == rewards.mean(axis=1, keepdims=True)).all()
+    with pytest.raises(TypeError, match="shared_reward must be True or False, got 1"):
+        DroneVectorEnv(4, shared_reward=1)
+
+
 @both_views
 @pytest.mark.parametrize(
     ("dtype", "arguments"),
@@ -1490,6 +1503,7 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
     shown = inspect.signature(view).parameters
     own = "observation top_cells write_matrices action_mask right_of_way autoreset_mode "
     assert list(shown)[1:] == [
+        *["shared_reward"] * (view is DroneVectorEnv),
         *f"{own}separate_flags reward_scale copy render_mode".split(),
         *(field.name for field in dataclasses.fields(Scenario)),
         *("scenario", "situations", "situation", "drones_positions", "sampler"),

@@ -18,7 +18,14 @@ from tensordict import TensorDictBase
 from torchrl.data import Composite
 from torchrl.envs import EnvBase
 
-from DroneSwarmSearch.adapters.torchrl import GROUP, STATE, SearchEnv, episode_metrics
+from DroneSwarmSearch.adapters.torchrl import (
+    GROUP,
+    PROBABILITY,
+    STATE,
+    SUCCESS,
+    SearchEnv,
+    episode_metrics,
+)
 from DroneSwarmSearch.training import Run
 
 __all__ = ["ResumableExperiment", "RunCallback", "SearchClass", "SearchTask"]
@@ -155,8 +162,9 @@ class RunCallback(Callback):
         self._run = run
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
-        scale = self.experiment.task.config.get("reward_scale", 1.0)
-        metrics = episode_metrics(batch, scale)
+        config = self.experiment.task.config
+        success = PROBABILITY if config.get("mission") == "coverage" else SUCCESS
+        metrics = episode_metrics(batch, config.get("reward_scale", 1.0), success)
         steps = self.experiment.total_frames
         self._run.log(steps, metrics.get("reward"), metrics.get("found"))
 

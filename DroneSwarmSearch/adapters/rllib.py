@@ -63,9 +63,7 @@ class DroneBatch(VectorWrapper):
 
     Args:
         config: RLlib's `env_config`: keywords of `DroneVectorEnv`, with masks in the
-            observations (``action_mask="observation"``) by default; and "shared_rewards", whether
-            every drone is paid the mean reward of its swarm, so that drones cooperate (False).
-            RLlib adds "num_envs".
+            observations (``action_mask="observation"``) by default. RLlib adds "num_envs".
 
     Raises:
         TypeError: a keyword is unknown or has the wrong type.
@@ -84,8 +82,7 @@ class DroneBatch(VectorWrapper):
         mode = keywords.setdefault("autoreset_mode", AutoresetMode.NEXT_STEP)
         if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.NEXT_STEP.value):
             raise ValueError(f"autoreset_mode must be 'NextStep' for RLlib, got {mode!r}")
-        self._shares = checks.boolean("shared_rewards", keywords.pop("shared_rewards", False))
-        self._drones = drones = DroneVectorEnv(1, **keywords).batch.scenario_of(0).n_drones
+        drones = DroneVectorEnv(1, **keywords).batch.scenario_of(0).n_drones
         if num_envs % drones:
             raise ValueError(
                 f"num_envs_per_env_runner must be a multiple of n_drones={drones}, got {num_envs}"
@@ -104,20 +101,13 @@ class DroneBatch(VectorWrapper):
         """
         return self.env.reset(seed=None if seed is None else seed * SEED_STRIDE, options=options)
 
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Let every drone act once."""
-        observations, rewards, *others = self.env.step(actions)
-        if self._shares:
-            rewards = rewards.reshape(-1, self._drones).mean(axis=1).repeat(self._drones)
-        return observations, rewards, *others
-
 
 class SwarmEnv(ParallelPettingZooEnv):
     """One search as a multi-agent environment of RLlib; agents "drone0", "drone1", ...
 
     Args:
         config: RLlib's `env_config`: parameters of `DroneSwarmSearch`, and "observation",
-            "action_mask", "right_of_way", "reward_scale" and "shared_rewards" with the meanings
+            "action_mask", "right_of_way", "reward_scale" and "shared_reward" with the meanings
             and defaults of `DroneBatch`. RLlib's ``EnvContext`` also has the number of the env
             runner, which keeps the seeds of runners apart.
 
@@ -135,7 +125,7 @@ class SwarmEnv(ParallelPettingZooEnv):
         )
         right_of_way = checks.boolean("right_of_way", parameters.pop("right_of_way", False))
         scale = parameters.pop("reward_scale", 1.0)
-        self._shares = checks.boolean("shared_rewards", parameters.pop("shared_rewards", False))
+        self._shares = checks.boolean("shared_reward", parameters.pop("shared_reward", False))
         env = ScaledRewards(DroneSwarmSearch(**parameters), scale)
         env = LayoutObservation(env, LAYOUTS[layout])
         if masks is not None:

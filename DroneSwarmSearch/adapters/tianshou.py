@@ -34,7 +34,6 @@ from tianshou.env import BaseVectorEnv
 from tianshou.utils.net.common import ModuleWithVectorOutput
 from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 
@@ -55,14 +54,13 @@ class DroneVenv(BaseVectorEnv):
 
     Args:
         env: with autoreset_mode="Disabled", and masks in the observations or none.
-        shared_rewards: pay every drone the mean reward of its swarm, so that drones cooperate.
 
     Raises:
-        TypeError: `env` is not a `DroneVectorEnv`, or `shared_rewards` is not a bool.
+        TypeError: `env` is not a `DroneVectorEnv`.
         ValueError: it has another autoreset mode.
     """
 
-    def __init__(self, env: DroneVectorEnv, shared_rewards: bool = False) -> None:
+    def __init__(self, env: DroneVectorEnv) -> None:
         # The base class's constructor would make a worker for each sub-environment.
         if not isinstance(env, DroneVectorEnv):
             raise TypeError(f"env must be a DroneVectorEnv, got {env!r}")
@@ -72,7 +70,6 @@ class DroneVenv(BaseVectorEnv):
         self.env = env
         self.env_num = self.wait_num = env.num_envs
         self.is_async = self.is_closed = False
-        self._shares = checks.boolean("shared_rewards", shared_rewards)
         self._drones = env.batch.scenario_of(0).n_drones
         self._seed: int | None = None
         self._stale = np.ones(env.num_envs, np.bool_)  # left out of a step: reset before the next
@@ -136,8 +133,6 @@ class DroneVenv(BaseVectorEnv):
         actions = np.zeros(self.env_num, np.int64)
         actions[chosen] = action
         observations, rewards, *flags, infos = self.env.step(actions)
-        if self._shares:
-            rewards = rewards.reshape(-1, self._drones).mean(axis=1).repeat(self._drones)
         terminated, truncated = (flag[chosen] for flag in flags)
         shown = _rows(observations, chosen)
         return shown, rewards[chosen], terminated, truncated, _listed(infos, chosen)

@@ -43,6 +43,7 @@ __all__ = [
     "LOGITS",
     "OBSERVATION",
     "PPO_KEYS",
+    "PROBABILITY",
     "RETURN",
     "REWARD",
     "STATE",
@@ -66,6 +67,7 @@ ACTION: Key = (GROUP, "action")
 REWARD: Key = (GROUP, "reward")
 STATE: Key = "state"
 SUCCESS: Key = ("info", "is_success")
+PROBABILITY: Key = ("info", "probability_of_success")
 """What `SearchEnv` reads and writes."""
 
 LOGITS: Key = (GROUP, "logits")
@@ -111,14 +113,13 @@ class SearchEnv(EnvBase):
     TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
     swarm i with s + i when it is reset next, and its later episodes follow from that.
 
-    The keywords `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and those from
-    `grid_size` on are the ones of `SwarmVectorEnv`.
+    The keywords `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and
+    those from `grid_size` on are the ones of `DroneVectorEnv`.
 
     Args:
         num_swarms: the number of swarms.
         observation: the layout: "flat", or "dict", "planes", "top-cells" or "crops".
         state: whether to write "state".
-        shared_reward: reward every drone with the mean over its swarm, in place of its own reward.
         seed: as for `set_seed`.
         device: of the tensors. The searches themselves run on the CPU.
 
@@ -138,7 +139,6 @@ class SearchEnv(EnvBase):
         *,
         observation: str = "flat",
         state: bool = False,
-        shared_reward: bool = False,
         seed: int | None = None,
         device: torch.device | str = "cpu",
         **keywords: Any,
@@ -148,7 +148,6 @@ class SearchEnv(EnvBase):
             if name not in known:
                 raise TypeError(f"SearchEnv has no parameter {name!r}; it takes {', '.join(known)}")
         shows_state = checks.boolean("state", state)
-        shares_reward = checks.boolean("shared_reward", shared_reward)
         env = DroneVectorEnv(
             num_swarms,
             observation=observation,
@@ -166,7 +165,7 @@ class SearchEnv(EnvBase):
         scenario = env.batch.scenario_of(0)
         self.n_drones = scenario.n_drones
         self.group_map = {GROUP: [f"drone{i}" for i in range(self.n_drones)]}
-        self._shows_state, self._shares_reward = shows_state, shares_reward
+        self._shows_state = shows_state
         self._set_seed(seed)
         self._make_specs()
 
@@ -234,8 +233,6 @@ class SearchEnv(EnvBase):
         written = self._written(observations)
         drones = written[GROUP]
         by_drone = rewards.reshape(-1, self.n_drones)
-        if self._shares_reward:
-            by_drone = by_drone.mean(axis=1, keepdims=True).repeat(self.n_drones, axis=1)
         drones["reward"] = torch.from_numpy(by_drone.astype(np.float32)).unsqueeze(-1)
         values = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         for name, flags in values.items():
@@ -325,23 +322,27 @@ class WithState(nn.Module):
         return output
 
 
-def episode_metrics(batch: TensorDictBase, reward_scale: float = 1.0) -> dict[str, float]:
+def episode_metrics(
+    batch: TensorDictBase, reward_scale: float = 1.0, success: Key = SUCCESS
+) -> dict[str, float]:
     """The means over the episodes that end in a batch, for `training.Run.log`.
 
     Args:
         batch: from a collector, with the returns that the transform ``RewardSum`` writes.
         reward_scale: that of the environment.
+        success: what "found" is the mean of: whether the search succeeded, or in the coverage
+            mission `PROBABILITY`.
 
     Returns:
-        "reward", the mean return of a drone in unscaled points, and "found", the success rate;
-        nothing if no episode ends.
+        "reward", the mean return of a drone in unscaled points, and "found"; nothing if no episode
+        ends.
     """
     ended = batch["next"][batch["next", "done"].squeeze(-1)]
     if not len(ended):
         return {}
     return {
         "reward": float(ended[RETURN].mean()) / reward_scale,
-        "found": float(ended[SUCCESS].float().mean()),
+        "found": float(ended[success].float().mean()),
     }
 
 

@@ -38,7 +38,7 @@ class DroneVectorEnv(SearchVectorEnv):
     - "crops": the matrix and the other drones in windows around the drone, fine and coarse:
       float32, (202,) for every search, see `layouts.crops`.
 
-    Rewards: the drone's own.
+    Rewards: the drone's own, or with `shared_reward` the mean over its swarm.
 
     Infos, equal for all drones of a swarm, each with a mask of the same name after an
     underscore: `Found`, `is_success`, `persons_found`, `ending`, `step` and
@@ -57,6 +57,8 @@ class DroneVectorEnv(SearchVectorEnv):
 
     Args:
         num_swarms: the number of swarms.
+        shared_reward: reward every drone with the mean over its swarm, in place of its own reward,
+            so that drones cooperate.
 
     Attributes:
         num_envs: the number of sub-environments.
@@ -70,11 +72,17 @@ class DroneVectorEnv(SearchVectorEnv):
     _count_name = "num_swarms"
     _joint = False
 
-    def __init__(self, num_swarms: int = 1, **keywords: Any) -> None:
+    def __init__(
+        self, num_swarms: int = 1, *, shared_reward: bool = False, **keywords: Any
+    ) -> None:
+        self._shares_reward = checks.boolean("shared_reward", shared_reward)
         super().__init__(num_swarms, **keywords)
 
     def _rewards(self) -> NDArray[np.float64]:
-        return self._scaled_rewards().reshape(-1).copy()
+        rewards = self._scaled_rewards()
+        if self._shares_reward:
+            rewards = np.repeat(rewards.mean(axis=1), self._drones)
+        return rewards.reshape(-1).copy()
 
 
 def make_drones(

@@ -1,13 +1,14 @@
-"""Measure the training speed of Stable-Baselines3 on single environments and on the batch.
+"""Measure the training speed of PPO on single environments and on the batch.
 
     pip install torch stable-baselines3 supersuit
     python tests/benchmarks/bench_training.py
 
-All cases share the search, the observations (crops), the network and the settings of PPO. They
+All cases share the grid, the observations (crops), the network and the settings of PPO. They
 take turns within one process; rates are environment steps per second, updates included:
 
 - SB3: Stable-Baselines3's PPO on a single environment, through SuperSuit;
 - SB3, batched: the same on a batch, through `SB3VecEnv`;
+- own loop: examples/train_own_loop.py on a batch, with a new search in each episode, and masks;
 - network: only the network's forward passes and updates, an upper limit for any trainer.
 """
 
@@ -15,6 +16,8 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
+from pathlib import Path
 from typing import Any
 
 import supersuit
@@ -28,13 +31,17 @@ from DroneSwarmSearch.adapters.sb3 import SB3VecEnv
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
 
-HIDDEN = 128  # units in each of the two hidden layers
-NUM_STEPS = 32  # steps of each environment between updates
-UPDATE_EPOCHS = 3
-MINIBATCH_SIZE = 2048
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
+import train_own_loop as example
+
+GRID_SIZE = 20
+HIDDEN = example.HIDDEN  # units in each of the two hidden layers
+NUM_STEPS = example.NUM_STEPS  # of each environment between updates
+UPDATE_EPOCHS = example.UPDATE_EPOCHS
+MINIBATCH_SIZE = example.MINIBATCH_SIZE
 
 SEARCH: dict[str, Any] = {
-    "grid_size": 20,
+    "grid_size": GRID_SIZE,
     "vector": (0.1, 0.1),
     "person_initial_position": (10, 10),
     "timestep_limit": 100,
@@ -68,6 +75,21 @@ def network_only(num_swarms: int, n_drones: int) -> Run:
                 optimizer.step()
 
     return repeated(forward_and_update, NUM_STEPS * num_swarms)
+
+
+def own_loop(num_swarms: int, n_drones: int) -> Run:
+    """The example's loop."""
+    example.GRID_SIZE, example.DRONES, example.SWARMS = GRID_SIZE, n_drones, num_swarms
+    agent, envs = example.Agent(), example.make_envs()
+    optimizer = torch.optim.Adam(agent.parameters(), fused=True)
+    observations, _ = envs.reset(seed=0)
+
+    def collect_and_update() -> None:
+        nonlocal observations
+        data, observations, _ = example.rollout(envs, agent, observations)
+        example.update(agent, optimizer, data, 1.0)
+
+    return repeated(collect_and_update, NUM_STEPS * num_swarms)
 
 
 def repeated(function: Any, steps_per_call: int) -> Run:
@@ -132,6 +154,7 @@ def measure(n_drones: int, options: argparse.Namespace) -> None:
     runs: dict[str, Run] = {
         "SB3": sb3(single_env(n_drones), n_drones, MINIBATCH_SIZE),
         "SB3, batched": sb3(batched_env(num_swarms, n_drones), n_drones, transitions),
+        "own loop": own_loop(num_swarms, n_drones),
         "network": network_only(num_swarms, n_drones),
     }
     rates = take_turns(

@@ -1,0 +1,197 @@
+"""PPO in one file of plain PyTorch, on a batch of random searches.
+
+    python examples/train_own_loop.py --out runs/first
+
+Every episode is a new search: drift, dispersion, the person's start and the drones' start cells are
+drawn at random. One network controls all drones; its observations, the layout "crops", have one
+length for any grid and swarm. Names follow CleanRL (S. Huang et al., JMLR 23, 2022).
+
+In the coverage mission, nobody is found, and each search pays the probability
+of success that it adds: the mean of a reward for finding, without its variance. Needs
+pip install "DroneSwarmSearchEnvironment[ppo]".
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from DroneSwarmSearch import Action, training
+from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.vector import DroneVectorEnv
+
+INPUTS, GRID_SIZE, DRONES, SWARMS = 202, 25, 4, 256
+NUM_STEPS, UPDATE_EPOCHS, MINIBATCH_SIZE, HIDDEN = 32, 3, 4096, 64
+LEARNING_RATE, ENT_COEF = 1e-3, 0.003  # at the start; annealed
+GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 10.0, 0.5
+TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
+
+
+def sampler(rng: Any) -> dict[str, Any]:
+    """Draw new searches; each drone starts in its own band of rows."""
+    bands = np.linspace(0, GRID_SIZE, DRONES + 1).astype(int)
+    x, y = rng.integers(0, GRID_SIZE, DRONES), rng.integers(bands[:-1], bands[1:], DRONES)
+    return {
+        "vector": rng.uniform(-0.5, 0.5, 2),
+        "person_initial_position": rng.integers(0, GRID_SIZE, (1, 2)),
+        "disperse_constant": np.exp(rng.uniform(0.0, np.log(15.0))),
+        "drones_positions": np.stack([x, y], axis=-1),
+    }
+
+
+def make_envs() -> DroneVectorEnv:
+    return DroneVectorEnv(
+        SWARMS,
+        observation="crops",
+        action_mask="observation",
+        right_of_way=True,
+        autoreset_mode="SameStep",
+        grid_size=GRID_SIZE,
+        n_drones=DRONES,
+        timestep_limit=80,
+        bayesian_update=True,
+        mission="coverage",
+        sampler=sampler,
+    )
+
+
+class Agent(nn.Module):
+    """Actor and critic, which all drones share."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.actor, self.critic = mlp(len(Action)), mlp(1)
+
+    def forward(self, obs: torch.Tensor, masks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The log-probability of each action, shape (n, 6), and the values, shape (n,)."""
+        logits = self.actor(obs).masked_fill(masks == 0, -1e9)
+        return logits.log_softmax(dim=1), self.critic(obs)[:, 0]
+
+    @torch.no_grad()
+    def act(self, observations: dict[str, NDArray[Any]]) -> dict[str, torch.Tensor]:
+        """Sample an action for each drone."""
+        obs, masks = (torch.from_numpy(observations[key]) for key in ("observation", "action_mask"))
+        logprobs, values = self(obs, masks)
+        actions = (logprobs.exp() / torch.empty_like(logprobs).exponential_()).argmax(dim=1)
+        chosen = logprobs.gather(1, actions[:, None])[:, 0]
+        step = {"obs": obs, "masks": masks, "actions": actions}
+        return {**step, "logprobs": chosen, "values": values}
+
+    def policy(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
+        """The same, for `evaluate`."""
+        actions: NDArray[np.int64] = self.act(observations)["actions"].numpy()
+        return actions
+
+
+def mlp(outputs: int) -> nn.Sequential:
+    last = nn.Linear(HIDDEN, outputs)
+    nn.init.orthogonal_(last.weight, 0.01)
+    hidden = nn.Linear(INPUTS, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU()
+    return nn.Sequential(*hidden, last)
+
+
+def rollout(
+    envs: DroneVectorEnv, agent: Agent, observations: Any
+) -> tuple[dict[str, torch.Tensor], Any, list[float]]:
+    """Step all searches.
+
+    Returns the transitions, the next observations, and the probabilities of success of the episodes
+    that ended.
+    """
+    steps, ended = [], []
+    for _ in range(NUM_STEPS):
+        step = agent.act(observations)
+        observations, rewards, dones, _, infos = envs.step(step["actions"].numpy())
+        step["rewards"], step["dones"] = torch.from_numpy(rewards).float(), torch.from_numpy(dones)
+        steps.append(step)
+        if dones.any():
+            ended += infos["final_info"]["probability_of_success"][dones].tolist()
+    data = {key: torch.stack([each[key] for each in steps]) for key in steps[0]}
+    add_advantages(data, agent.act(observations)["values"])
+    return data, observations, ended
+
+
+def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> None:
+    """Add advantages and returns. Every end is terminal: the drones observe the remaining time."""
+    advantages, last = torch.zeros_like(data["values"]), torch.zeros_like(next_values)
+    for t in reversed(range(NUM_STEPS)):
+        going_on = ~data["dones"][t]
+        delta = data["rewards"][t] + GAMMA * going_on * next_values - data["values"][t]
+        last = delta + GAMMA * GAE_LAMBDA * going_on * last
+        advantages[t], next_values = last, data["values"][t]
+    data["returns"] = advantages + data["values"]
+    data["advantages"] = advantages / (advantages.square().mean().sqrt() + 1e-8)
+
+
+def update(
+    agent: Agent, optimizer: torch.optim.Optimizer, data: dict[str, torch.Tensor], frac: float
+) -> float:
+    """Update the agent, with the fraction of the training that remains; returns the entropy."""
+    optimizer.param_groups[0]["lr"] = LEARNING_RATE * max(frac, 0.05)
+    data = {key: values.flatten(0, 1) for key, values in data.items()}
+    for _ in range(UPDATE_EPOCHS):
+        for indices in torch.randperm(NUM_STEPS * SWARMS * DRONES).split(MINIBATCH_SIZE):
+            mb = {key: values[indices] for key, values in data.items()}
+            logprobs, values = agent(mb["obs"], mb["masks"])
+            ratio = (logprobs.gather(1, mb["actions"][:, None])[:, 0] - mb["logprobs"]).exp()
+            clipped = ratio.clamp(1 - CLIP_COEF, 1 + CLIP_COEF)
+            pg_loss = -torch.min(ratio * mb["advantages"], clipped * mb["advantages"]).mean()
+            entropy = -(logprobs.exp() * logprobs).sum(dim=1).mean()
+            v_loss = (values - mb["returns"]).square().mean()
+            loss = pg_loss - ENT_COEF * frac * entropy + VF_COEF * v_loss
+            optimizer.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(agent.parameters(), MAX_GRAD_NORM)
+            optimizer.step()
+    return entropy.item()
+
+
+def train(run: training.Run, agent: Agent, seed: int) -> None:
+    optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
+    if run.resuming:
+        checkpoint = torch.load(run.checkpoint, weights_only=True)
+        agent.load_state_dict(checkpoint["agent"])
+        optimizer.load_state_dict(checkpoint["optimizer"])
+        run.resume_from(checkpoint["steps"])
+
+    def save(steps: int) -> None:
+        state = {"agent": agent.state_dict(), "optimizer": optimizer.state_dict(), "steps": steps}
+        with run.saving("checkpoint.pt") as path:
+            torch.save(state, path)
+
+    save(run.steps_done)
+    envs = make_envs()
+    observations, _ = envs.reset(seed=seed + run.steps_done)  # a resumed run plays new searches
+    while run.steps_done < run.total_steps:
+        data, observations, ended = rollout(envs, agent, observations)
+        entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
+        save(run.steps_done + NUM_STEPS * SWARMS)
+        found = float(np.mean(ended)) if ended else None
+        run.log(run.steps_done + NUM_STEPS * SWARMS, found=found, entropy=entropy)
+
+
+def main() -> None:
+    options = training.arguments(__doc__, steps=8_000_000, short=20_000).parse_args()
+    torch.manual_seed(options.seed)
+    agent = Agent()
+    with training.Run(options, "PPO in one file") as run:
+        train(run, agent, options.seed)
+    print(f'On the search "{TEST_SEARCH}", which is not part of the training:')
+    training.compare_with_baselines(
+        agent.policy,
+        search(TEST_SEARCH).with_posterior(True).parameters,
+        observation="crops",
+        action_mask=True,
+        right_of_way=True,
+        episodes=options.episodes,
+        name="ppo",
+        folder=options.out,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Compare networks of examples/train_own_loop.py with greedy policies on new random searches.
+
+    pip install "DroneSwarmSearchEnvironment[ppo]"
+    python tests/benchmarks/own_loop.py runs/first/checkpoint.pt --csv docs/training/own-loop.csv
+
+The searches are drawn like those of the training, with other seeds. Greedy policies are exact; a
+network samples its actions, as in training.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from DroneSwarmSearch import Scenario
+from DroneSwarmSearch.evaluation import NamedSearch, evaluate
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
+import train_own_loop as example
+
+SEED = 10_000_000  # training starts from small seeds
+BASELINES = "greedy-matrix", "greedy-posterior", "greedy-forecast"
+
+
+def random_searches(count: int) -> list[NamedSearch]:
+    """Searches drawn by the sampler of the training."""
+    envs = example.make_envs()
+    envs.reset(seed=SEED)
+    drawn, searches = envs.batch.parameters, []
+    for row in range(count):
+        scenario = Scenario(
+            grid_size=example.GRID_SIZE,
+            n_drones=example.DRONES,
+            vector=drawn["vector"][row],
+            person_initial_position=drawn["person_initial_position"][row],
+            disperse_constant=drawn["disperse_constant"][row],
+            timestep_limit=envs.batch.scenario_of(row).timestep_limit,
+        )
+        drones = tuple((int(x), int(y)) for x, y in drawn["drones_positions"][row])
+        searches.append(NamedSearch(f"random-{row}", "A random search.", scenario, drones))
+    return searches
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("checkpoints", nargs="*", type=Path, help="checkpoint.pt of runs")
+    parser.add_argument("--searches", type=int, default=100, help="number of searches (100)")
+    parser.add_argument("--episodes", type=int, default=20, help="of each network per search (20)")
+    parser.add_argument("--csv", type=Path, help="write the success of each policy here")
+    options = parser.parse_args()
+    searches = random_searches(options.searches)
+    rows = []
+
+    def report(name: str, found: list[float]) -> None:
+        rows.append({"policy": name, "success": round(float(np.mean(found)), 4)})
+        print(f"{name:<40} {100 * np.mean(found):5.1f}%", flush=True)
+
+    for name in BASELINES:
+        results = [evaluate(name, each, episodes=1, progress=False) for each in searches]
+        report(name, [each.success.value for each in results])
+    for path in options.checkpoints:
+        agent = example.Agent()
+        agent.load_state_dict(torch.load(path, weights_only=True)["agent"])
+        torch.manual_seed(0)
+        results = [
+            evaluate(
+                agent.policy,
+                each.with_posterior(True),
+                episodes=options.episodes,
+                view="drone",
+                observation="crops",
+                action_mask=True,
+                right_of_way=True,
+                progress=False,
+            )
+            for each in searches
+        ]
+        report(str(path), [each.success.value for each in results])
+    if options.csv:
+        with options.csv.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, ["policy", "success"], lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()

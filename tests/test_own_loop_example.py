@@ -1,0 +1,98 @@
+"""The training loop in one file: its parts, and short runs as users run it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from trainer_examples import check_folder, check_table, interrupt, module, run
+
+from DroneSwarmSearch import Action
+
+torch = pytest.importorskip("torch")
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    made = module("train_own_loop")
+    made.SWARMS = 6
+    return made
+
+
+@pytest.mark.slow
+def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
+    options = ("--short", "--out", tmp_path, "--episodes", 20)
+    check_table(run("train_own_loop", *options), "ppo", 20)
+    steps = check_folder(tmp_path, "checkpoint.pt", "ppo")
+    first = (tmp_path / "checkpoint.pt").read_bytes()
+    run("train_own_loop", *options, "--resume", "--steps", steps[-1] + 1)
+    assert check_folder(tmp_path, "checkpoint.pt", "ppo")[:-1] == steps
+    assert (tmp_path / "checkpoint.pt").read_bytes() != first
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
+@pytest.mark.parametrize("moment", ["", ".checkpoint.*", "curve.csv"])
+def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
+    folder = tmp_path / "run"
+    interrupt("train_own_loop", folder, moment, "--steps", 40_000, "--episodes", 5)
+    assert (folder / "evaluation.csv").exists()
+
+
+def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) -> None:
+    torch.manual_seed(0)
+    envs, agent, ended = example.make_envs(), example.Agent(), []
+    observations, _ = envs.reset(seed=0)
+    total = 0.0
+    for _ in range(3):  # an episode has 80 steps
+        data, observations, some = example.rollout(envs, agent, observations)
+        ended += some
+        assert data["masks"].gather(2, data["actions"][..., None]).all()
+        assert (data["rewards"][data["actions"] != Action.SEARCH] == 0).all()
+        total += float(data["rewards"].sum())
+    assert len(ended) == example.SWARMS * example.DRONES
+    first = sum(ended) / example.DRONES  # success of the first episodes; others have begun
+    assert 0 < first <= total < first + example.SWARMS
+
+
+def test_returns_are_sums_of_rewards_until_the_end(
+    example: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a discount, and whatever the critic says."""
+    monkeypatch.setattr(example, "GAMMA", 1.0)
+    monkeypatch.setattr(example, "GAE_LAMBDA", 1.0)
+    rewards, dones = torch.rand(example.NUM_STEPS, 2), torch.zeros(example.NUM_STEPS, 2).bool()
+    dones[4, 0] = True
+    data = {"rewards": rewards, "dones": dones, "values": torch.rand(example.NUM_STEPS, 2)}
+    example.add_advantages(data, torch.tensor([5.0, 7.0]))
+    expected = rewards.flip(0).cumsum(0).flip(0) + torch.tensor([5.0, 7.0])
+    expected[:5, 0] = rewards[:5, 0].flip(0).cumsum(0).flip(0)
+    assert torch.allclose(data["returns"], expected, atol=1e-5)
+    assert float(data["advantages"].square().mean()) == pytest.approx(1.0, rel=1e-4)
+
+
+def test_updates_make_rewarded_actions_more_likely(example: ModuleType) -> None:
+    torch.manual_seed(4)
+    agent = example.Agent()
+    optimizer = torch.optim.Adam(agent.parameters())
+    shape = example.NUM_STEPS, example.SWARMS * example.DRONES
+    data = {
+        "obs": torch.rand(*shape, example.INPUTS),
+        "masks": torch.ones(*shape, len(Action), dtype=torch.int8),
+        "actions": torch.randint(len(Action), shape),
+        "returns": torch.zeros(shape),
+    }
+    data["advantages"] = (data["actions"] == Action.SEARCH).float()
+
+    def logprobs() -> torch.Tensor:
+        with torch.no_grad():
+            all_logprobs, _ = agent(data["obs"].flatten(0, 1), data["masks"].flatten(0, 1))
+        return all_logprobs.gather(1, data["actions"].reshape(-1, 1)).reshape(shape)
+
+    before = logprobs()
+    for _ in range(5):
+        example.update(agent, optimizer, {**data, "logprobs": logprobs()}, 1.0)
+    change, searching = logprobs() - before, data["actions"] == Action.SEARCH
+    assert change[searching].mean() > 0 > change[~searching].mean()
