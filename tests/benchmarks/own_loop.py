@@ -1,7 +1,7 @@
 """Compare networks of examples/train_own_loop.py with greedy policies on new random searches.
 
     pip install "DroneSwarmSearchEnvironment[ppo]"
-    python tests/benchmarks/own_loop.py runs/first/checkpoint.pt --csv docs/training/own-loop.csv
+    python tests/benchmarks/own_loop.py runs/first/checkpoint.pt --csv docs/training/own_loop.csv
 
 The searches are drawn like those of the training, with other seeds. Greedy policies are exact; a
 network samples its actions, as in training.
