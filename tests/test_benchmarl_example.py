@@ -91,8 +91,12 @@ batch = TransformedEnv(make(), task.get_reward_sum_transform(env)).rollout(
 )
 ended = batch["next", "done"].squeeze(-1)
 assert ended.sum() >= 3
-rate = batch["next", "info", "is_success"][ended].double().mean().item()
-assert task.log_info(batch) == {"collection/success_rate": rate}
+logged = {f"collection/{name}": batch["next", "info", key][ended].double().mean().item()
+          for name, key in (("success_rate", "is_success"),
+                            ("probability_of_success", "probability_of_success"))}
+assert task.log_info(batch).keys() == logged.keys()
+assert all(abs(task.log_info(batch)[name] - mean) < 1e-6 for name, mean in logged.items())
+assert 0 < logged["collection/probability_of_success"] < 1
 assert task.log_info(batch[:, :0]) == {}
 print("passed")
 """

@@ -1,7 +1,7 @@
 """AgileRL (extra ``agilerl``): names by which its multi-agent algorithms share one network.
 
-AgileRL's single-agent algorithms take a `DroneVectorEnv` directly, and share one network between
-all drones in that way.
+AgileRL's single-agent algorithms take a `DroneVectorEnv` directly: each sub-environment is a drone,
+so all drones share one network.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Value = TypeVar("Value")
 
 
 class SharedNames(SearchWrapper):
-    """Renames the drones to "drone_0", "drone_1", ...; the outermost wrapper.
+    """Renames the drones to "drone_0", "drone_1", ...; apply it last, as the outermost wrapper.
 
     AgileRL's multi-agent algorithms share networks between agents whose names are equal up to
     the last underscore.
 
     Args:
-        env: the environment.
+        env: a `DroneSwarmSearch` or a wrapper of one.
 
     Raises:
         TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.

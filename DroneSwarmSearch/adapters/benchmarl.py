@@ -1,8 +1,14 @@
-"""The searches as a BenchMARL task, on the batched environment `torchrl.SearchEnv`.
+"""BenchMARL (extra ``benchmarl``): a task on `torchrl.SearchEnv`, and experiments that resume.
 
-task = SearchTask.SEARCH.get_task({**TRAINING_TASK, "right_of_way": True})
-experiment = Experiment(task=task, algorithm_config=MappoConfig.get_from_yaml(), ...)
-experiment.run()
+For example::
+
+    task = SearchTask.SEARCH.get_task({**TRAINING_TASK, "right_of_way": True})
+    experiment = ResumableExperiment(
+        task=task, algorithm_config=MappoConfig.get_from_yaml(), ...
+    )
+    experiment.run()
+
+`torchrl.TrainedPolicy` lets `evaluate` use ``experiment.policy``.
 """
 
 from __future__ import annotations
@@ -32,15 +38,16 @@ __all__ = ["ResumableExperiment", "RunCallback", "SearchClass", "SearchTask"]
 
 
 class SearchClass(TaskClass):
-    """Searches with parameters of one's own; ``SearchTask.SEARCH.get_task(config)`` makes one.
+    """A task with your own parameters; ``SearchTask.SEARCH.get_task(config)`` makes one.
 
     MAPPO's critic and QMIX's mixer see the state, which shows the persons; the policies do not.
-    The logs contain "collection/success_rate", over the episodes that end in a batch.
+    The logs contain "collection/success_rate", over the episodes that end in a batch, and
+    "collection/probability_of_success", their mean probability of success, if the infos hold it.
 
     Args:
         name: the name of the task.
-        config: keywords of `SearchEnv`, except `num_swarms`, `seed` and `device`. With
-            "state": False, critics see the drones' observations.
+        config: keywords of `SearchEnv`, except `num_swarms`, `seed` and `device`. `state` is True
+            by default; with False, critics see the drones' observations.
     """
 
     def get_env_fun(
@@ -92,8 +99,11 @@ class SearchClass(TaskClass):
 
     @staticmethod
     def log_info(batch: TensorDictBase) -> dict[str, float]:
-        metrics = episode_metrics(batch)
-        return {"collection/success_rate": metrics["found"]} if metrics else {}
+        keys = {"success_rate": SUCCESS}
+        if PROBABILITY in batch["next"].keys(True):
+            keys["probability_of_success"] = PROBABILITY
+        metrics = {name: episode_metrics(batch, success=key) for name, key in keys.items()}
+        return {f"collection/{name}": each["found"] for name, each in metrics.items() if each}
 
 
 def _of_drones(env: EnvBase, name: str) -> Composite:
@@ -103,7 +113,7 @@ def _of_drones(env: EnvBase, name: str) -> Composite:
 
 
 class SearchTask(Task):
-    """The task for BenchMARL; pass ``SEARCH.get_task`` the keywords of `SearchEnv`."""
+    """The task; ``SearchTask.SEARCH.get_task(config)`` takes the `config` of `SearchClass`."""
 
     SEARCH = None
 
@@ -115,9 +125,9 @@ class SearchTask(Task):
 class ResumableExperiment(Experiment):
     """An experiment that can be interrupted and resumed at any time.
 
-    Its checkpoints also hold the optimisers. There is one before the first batch, and one that
-    is interrupted while it is written is deleted. The arguments are those of BenchMARL's
-    ``Experiment``, whose ``config.restore_file`` resumes.
+    Its checkpoints also hold the optimisers. The first one is written before the first batch. A
+    checkpoint whose writing is interrupted is deleted. The arguments are those of BenchMARL's
+    ``Experiment``; ``config.restore_file`` resumes.
     """
 
     def run(self) -> None:
@@ -151,10 +161,13 @@ class ResumableExperiment(Experiment):
 
 
 class RunCallback(Callback):
-    """Adds a row to the learning curve of a run after each batch.
+    """Adds a row to a run's learning curve after each batch.
+
+    The row holds the mean return, in unscaled points, and the success rate of the episodes that
+    ended; in the coverage mission, their mean probability of success. Steps are environment steps.
 
     Args:
-        run: the run. The pattern of its checkpoints is "*/checkpoints/checkpoint_*.pt".
+        run: the run; its `checkpoint` is "*/checkpoints/checkpoint_*.pt".
     """
 
     def __init__(self, run: Run) -> None:

@@ -198,12 +198,12 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
     """Log the success of episodes: ``AlgorithmConfig.callbacks(on_episode_end=log_success)``.
 
     ``results["env_runners"]["success_rate"]`` is the fraction of the episodes since the last
-    results in which the search ended well; "probability_of_success", if the infos hold it, the
-    mean at the episodes' ends. With several env runners, both are means of theirs.
+    results that ended with success. If the infos hold it, "probability_of_success" is the mean at
+    the episodes' ends. With several env runners, both are means over the runners.
 
     Args:
         episode: an episode of one drone, or of all drones of a swarm.
-        metrics_logger: RLlib's.
+        metrics_logger: RLlib's logger.
     """
     infos = episode.get_infos(-1)
     if "is_success" not in infos:  # a dict with the infos of every drone
@@ -216,11 +216,13 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 class TrainedPolicy:
     """A masked network from a checkpoint, for `evaluate(..., view="drone", action_mask=True)`.
 
+    Pass `evaluate` the same `observation` and `right_of_way` as in training.
+
     Args:
         checkpoint: the folder that ``Algorithm.save_to_path`` has written.
-        module_id: the name of the RLModule; the one of single-agent training by default.
-        deterministic: take the likeliest actions. By default, actions are sampled, as PPO does
-            while it learns.
+        module_id: the name of the RLModule; by default, that of the single-agent path.
+        deterministic: whether to take the most likely actions. By default, actions are sampled,
+            as PPO does while it learns.
     """
 
     def __init__(
@@ -235,7 +237,12 @@ class TrainedPolicy:
         self.reset(seed=0)
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed the sampling of actions; `evaluate` calls this before it plays episodes."""
+        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
+
+        Args:
+            seed: one seed, or one for each episode.
+            rows: ignored.
+        """
         self._generator = np.random.default_rng(seed)
 
     def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:

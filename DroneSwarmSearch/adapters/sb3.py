@@ -1,12 +1,17 @@
-"""Batches of searches for Stable-Baselines3 and sb3-contrib; this module imports the former.
+"""Stable-Baselines3 and sb3-contrib (extra ``sb3``): a vector environment, runs, and evaluation.
 
-drones = DroneVectorEnv(64, observation="flat", right_of_way=True, autoreset_mode="SameStep",
-**TRAINING_TASK)
-with training.Run(options, "MaskablePPO", "model.zip") as run:
-model = MaskablePPO("MlpPolicy", VecMonitor(SB3VecEnv(drones)))
-model.learn(200_000, RunCallback(run))
-evaluate(TrainedPolicy(model), search, view="drone", observation="flat", action_mask=True,
-right_of_way=True)
+Every drone is a sub-environment, and all drones share one policy::
+
+    masks = {"right_of_way": True}
+    drones = DroneVectorEnv(
+        64, observation="flat", autoreset_mode="SameStep", **masks, **TRAINING_TASK
+    )
+    with training.Run(options, "MaskablePPO", "model.zip") as run:
+        model = MaskablePPO("MlpPolicy", VecMonitor(SB3VecEnv(drones)))
+        model.learn(200_000, RunCallback(run))
+    evaluate(
+        TrainedPolicy(model), search, view="drone", observation="flat", action_mask=True, **masks
+    )
 """
 
 from __future__ import annotations
@@ -220,9 +225,9 @@ class TrainedPolicy:
     model gets what it was trained with.
 
     Args:
-        model: of Stable-Baselines3 or sb3-contrib.
-        deterministic: take the likeliest actions. By default, actions are sampled, as PPO does
-            while it learns.
+        model: a model of Stable-Baselines3 or sb3-contrib.
+        deterministic: whether to take the most likely actions. By default, actions are sampled,
+            as PPO does while it learns.
     """
 
     def __init__(self, model: BaseAlgorithm, deterministic: bool = False) -> None:
@@ -233,11 +238,20 @@ class TrainedPolicy:
         self._sees_masks = isinstance(space, spaces.Dict) and "action_mask" in space.spaces
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed PyTorch, which samples the actions; `evaluate` calls this before episodes."""
+        """Seed PyTorch, which samples the actions; `evaluate` calls this before it plays episodes.
+
+        Args:
+            seed: one seed, or one for each episode.
+            rows: ignored.
+        """
         torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
 
     def __call__(self, observations: Any) -> NDArray[np.int64]:
-        """Actions for the observations of `evaluate`."""
+        """Actions of M drones, int64, shape (M,); of M swarms, shape (M, n_drones).
+
+        Args:
+            observations: those of `evaluate`, of all drones or swarms.
+        """
         shown, masks = observations, {}
         if isinstance(observations, dict) and "action_mask" in observations:
             given = observations["action_mask"]

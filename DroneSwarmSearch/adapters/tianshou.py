@@ -49,11 +49,11 @@ class DroneVenv(BaseVectorEnv):
     Observations with masks become ``Batch(obs=..., mask=...)``, as Tianshou's policies expect.
     The infos hold "is_success" and, if the environment's do, "probability_of_success".
 
-    All drones of a swarm act in the same step. Collect steps, or a multiple of the number of
-    drones of episodes.
+    All drones of a swarm act in the same step, so collect steps, or a number of episodes that is
+    a multiple of the number of drones.
 
     Args:
-        env: with autoreset_mode="Disabled", and masks in the observations or none.
+        env: an environment with autoreset_mode="Disabled", and masks in the observations or none.
 
     Raises:
         TypeError: `env` is not a `DroneVectorEnv`.
@@ -208,9 +208,9 @@ class SuccessStats(CollectStats):
     """Statistics of a collection, with success; a ``collect_stats_class`` for collectors.
 
     Attributes:
-        successes: whether the search ended well, for every collected episode of a drone.
-        probabilities: the probability of success (POS) of the searches made until the episode's
-            end, if the infos hold it.
+        successes: whether the episode ended with success, for every collected episode of a drone.
+        probabilities: the probability of success (POS) of the searches until the episode's end,
+            if the infos hold it.
     """
 
     successes: list[bool] = field(default_factory=list)
@@ -228,7 +228,7 @@ class SuccessStats(CollectStats):
 
 
 class MaskedActor(DiscreteActor):
-    """A network for the logits of allowed actions, for ``DiscreteActorPolicy``.
+    """A network with masked logits, for ``DiscreteActorPolicy``.
 
     Args:
         preprocess_net: the network before the last layers; it gets observations without masks.
@@ -253,7 +253,7 @@ class MaskedActor(DiscreteActor):
     def forward(
         self, obs: Any, state: Any = None, info: dict[str, Any] | None = None
     ) -> tuple[torch.Tensor, Any]:
-        """The logits, shape (M, actions), and the hidden state."""
+        """The masked logits, shape (M, actions), and the hidden state."""
         logits, hidden = super().forward(obs.obs, state, info)
         mask = torch.as_tensor(obs.mask, device=logits.device)
         return logits.masked_fill(mask == 0, _LEAST_LOGIT), hidden
@@ -270,21 +270,26 @@ class MaskedCritic(DiscreteCritic):
 
 
 class TrainedPolicy:
-    """A policy for `evaluate(..., view="drone", action_mask=True)`.
+    """A trained policy for `evaluate(..., view="drone", action_mask=True)`.
 
-    It chooses actions as the policy does outside training: Q-learning policies take the best
-    action (``eps_inference=0``); actor-critic policies sample, unless they were made with
-    ``deterministic_eval=True``.
+    Pass `evaluate` the same `observation` and `right_of_way` as in training. Actions are chosen as
+    outside training: Q-learning policies take the best action (``eps_inference=0``); actor-critic
+    policies sample, unless they were made with ``deterministic_eval=True``.
 
     Args:
-        policy: Tianshou's, trained with masks in the observations.
+        policy: a policy of Tianshou, trained with masks in the observations.
     """
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy.eval()
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed PyTorch, which samples the actions."""
+        """Seed PyTorch, which samples the actions; `evaluate` calls this before it plays episodes.
+
+        Args:
+            seed: one seed, or one for each episode.
+            rows: ignored.
+        """
         torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
 
     def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:

@@ -1,16 +1,19 @@
-"""Many searches as one batched TorchRL environment; this module imports TorchRL.
+"""TorchRL (extra ``torchrl``): many searches as one batched environment, and masked policies.
 
-    env = SearchEnv(64, reward_scale=2.0**-17, **TRAINING_TASK)
+The drones form the group "drones", with the names and shapes of TorchRL's multi-agent
+environments::
+
+    env = SearchEnv(64, right_of_way=True, reward_scale=2.0**-17, **TRAINING_TASK)
     env = TransformedEnv(env, RewardSum())
     network = MLP(env.observation_spec[OBSERVATION].shape[-1], len(Action))
     policy = masked_policy(TensorDictModule(network, [OBSERVATION], [LOGITS]))
     for batch in Collector(env, policy, frames_per_batch=4096, total_frames=200_000):
         ...
-            run.log(steps, **episode_metrics(batch, reward_scale=2.0**-17))
-    evaluate(TrainedPolicy(policy, n_drones=2), search, view="drone", observation="flat",
-             action_mask=True, right_of_way=True)
-
-All drones are in the group "drones", as `PettingZooWrapper` and VMAS name and shape them.
+        run.log(steps, **episode_metrics(batch, reward_scale=2.0**-17))
+    trained = TrainedPolicy(policy, n_drones=2)
+    evaluate(
+        trained, search, view="drone", observation="flat", action_mask=True, right_of_way=True
+    )
 """
 
 from __future__ import annotations
@@ -99,8 +102,8 @@ class SearchEnv(EnvBase):
     drones in each swarm:
 
     - ("drones", "observation"): each drone's observation in the layout, (num_swarms, n, ...).
-    - ("drones", "action_mask"): the valid actions, see `masks.action_masks`: bool,
-      (num_swarms, n, 6). `masked_policy` and TorchRL's transform `ActionMask` respect it.
+    - ("drones", "action_mask"): the valid actions, see `wrappers.action_masks`: bool,
+      (num_swarms, n, 6). `masked_policy` and TorchRL's transform `ActionMask` obey it.
     - ("drones", "action"): see `rules.Action`: int64, (num_swarms, n).
     - ("drones", "reward"): float32, (num_swarms, n, 1).
     - "done", "terminated", "truncated": bool, (num_swarms, 1); and the same for each drone,
@@ -299,7 +302,7 @@ class WithState(nn.Module):
     keys are `OBSERVATION` (IPPO), or `OBSERVATION` and `STATE` (MAPPO).
 
     Args:
-        network: takes features (..., n_drones, f), a drone's observation and then the state.
+        network: takes features (..., n_drones, f): a drone's observation, then the flat state.
     """
 
     def __init__(self, network: nn.Module) -> None:
@@ -330,8 +333,8 @@ def episode_metrics(
     Args:
         batch: from a collector, with the returns that the transform ``RewardSum`` writes.
         reward_scale: that of the environment.
-        success: what "found" is the mean of: whether the search succeeded, or in the coverage
-            mission `PROBABILITY`.
+        success: the key of the entry whose mean is "found": `SUCCESS`, or in the coverage mission
+            `PROBABILITY`.
 
     Returns:
         "reward", the mean return of a drone in unscaled points, and "found"; nothing if no episode
@@ -349,14 +352,15 @@ def episode_metrics(
 class TrainedPolicy:
     """A policy of TorchRL or BenchMARL for `evaluate`.
 
-    Pass it on with view="drone", action_mask=True, and the layout and the `right_of_way` that
-    the policy was trained with. Its samples follow from the seeds of the episodes, and do not
-    change PyTorch's random state.
+    Pass `evaluate` view="drone", action_mask=True, and the same `observation` and `right_of_way`
+    as in training. The samples follow from the seeds of the episodes, and do not change PyTorch's
+    random state.
 
     Args:
-        policy: reads `OBSERVATION` and `ACTION_MASK` and writes `ACTION`.
-        n_drones: the drones in each swarm.
-        deterministic: False samples actions, as in training; True takes the likeliest ones.
+        policy: a module that reads `OBSERVATION` and `ACTION_MASK`, and writes `ACTION`.
+        n_drones: the number of drones in each swarm.
+        deterministic: whether to take the most likely actions. By default, actions are sampled,
+            as PPO does while it learns.
     """
 
     def __init__(
@@ -369,12 +373,22 @@ class TrainedPolicy:
         self.reset()
 
     def reset(self, seed: int | Sequence[int] = 0, rows: None = None) -> None:
-        """Seed the samples; `evaluate` calls this before episodes."""
+        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
+
+        Args:
+            seed: one seed, or one for each episode.
+            rows: ignored.
+        """
         number = int(np.random.SeedSequence(seed).generate_state(1)[0])
         self._random_state = torch.Generator().manual_seed(number).get_state()
 
     def __call__(self, shown: Mapping[str, Any]) -> NDArray[np.int64]:
-        """Actions, shape (swarms * n_drones,), for what `evaluate` shows."""
+        """Actions of M drones, int64, shape (M,).
+
+        Args:
+            shown: {"observation": (M, ...), "action_mask": (M, 6)}, the drones of each swarm
+                together.
+        """
         swarms = len(shown["action_mask"]) // self._n
         drones = TensorDict(
             {name: _tensors(values) for name, values in shown.items()},
