@@ -1,11 +1,11 @@
-"""Train drones with BenchMARL on a batch of searches, with IPPO or MAPPO.
+"""Train drones with BenchMARL's IPPO or MAPPO, on a batch of searches.
 
+    pip install "DroneSwarmSearchEnvironment[benchmarl]"
     python examples/train_benchmarl.py --out runs/ippo
     python examples/train_benchmarl.py --out runs/mappo --algorithm mappo
 
-MAPPO's critic sees the state, which contains the person; the policy does not. Other algorithms
-and models of BenchMARL take the same task. Needs
-pip install "DroneSwarmSearchEnvironment[benchmarl,evaluation]".
+All drones share one policy. Masks prevent crashes. MAPPO's critic sees the state, which shows the
+person; the policy does not. Other algorithms and models of BenchMARL take the same task.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def main() -> None:
             run.resume_from(experiment.total_frames)
         experiment.run()
     training.compare_with_baselines(
-        TrainedPolicy(experiment.policy, TRAINING_TASK["n_drones"]),
+        TrainedPolicy(experiment.policy, TRAINING_TASK["n_drones"]),  # samples, as in training
         TRAINING_TASK,
         action_mask=True,
         **SHOWN,

@@ -1,14 +1,15 @@
-"""PPO in one file of plain PyTorch, on a batch of random searches.
+"""Train drones with PPO in one file of plain PyTorch, on a batch of random searches.
 
+    pip install "DroneSwarmSearchEnvironment[ppo]"
     python examples/train_own_loop.py --out runs/first
 
 Every episode is a new search: drift, dispersion, the person's start and the drones' start cells are
 drawn at random. One network controls all drones; its observations, the layout "crops", have one
-length for any grid and swarm. Names follow CleanRL (S. Huang et al., JMLR 23, 2022).
+length for any grid and swarm. Masks prevent crashes. Names follow CleanRL (S. Huang et al., JMLR
+23, 2022).
 
-In the coverage mission, nobody is found, and a search pays the swarm the probability of success that
-it adds: the mean of a reward for finding, without its variance. Needs
-pip install "DroneSwarmSearchEnvironment[ppo]".
+The drones train in the coverage mission: nobody is found, and a search pays the swarm the
+probability of success that it adds. This is the mean of a reward for finding, without its variance.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class Agent(nn.Module):
         return {**step, "logprobs": chosen, "values": values}
 
     def policy(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
-        """The same, for `evaluate`."""
+        """Only the actions, for `evaluate`."""
         actions: NDArray[np.int64] = self.act(observations)["actions"].numpy()
         return actions
 
@@ -120,9 +121,9 @@ def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> 
     """Add advantages and returns. Every end is terminal: the drones observe the remaining time."""
     advantages, last = torch.zeros_like(data["values"]), torch.zeros_like(next_values)
     for t in reversed(range(NUM_STEPS)):
-        going_on = ~data["dones"][t]
-        delta = data["rewards"][t] + GAMMA * going_on * next_values - data["values"][t]
-        last = delta + GAMMA * GAE_LAMBDA * going_on * last
+        nextnonterminal = ~data["dones"][t]
+        delta = data["rewards"][t] + GAMMA * nextnonterminal * next_values - data["values"][t]
+        last = delta + GAMMA * GAE_LAMBDA * nextnonterminal * last
         advantages[t], next_values = last, data["values"][t]
     data["returns"] = advantages + data["values"]
     data["advantages"] = advantages / (advantages.square().mean().sqrt() + 1e-8)

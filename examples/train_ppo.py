@@ -1,8 +1,9 @@
-"""PPO in one file of plain PyTorch: one network for all drones, trained on random searches.
+"""Train the policy "ppo" in plain PyTorch: one network for all drones, on random searches.
 
+    pip install "DroneSwarmSearchEnvironment[ppo]"
     python examples/train_ppo.py --out runs/ppo
 
-This script trained the package's policy "ppo". Every search is different: the grid, the number of
+This script trained the weights of the package. Every search is different: the grid, the number of
 drones, the persons and their drift, the probability of detection and the time limit are drawn at
 random. The inputs (`policies.arrivals`) have one length for all of them, so one network serves
 any search. The weights are saved as policy.npz, which the package runs without PyTorch:
@@ -315,10 +316,10 @@ def save(run: Run, agent: Agent, optimizer: Any, steps: int, updates: int) -> No
 
 
 def main() -> None:
-    description = "Train one network for all drones with PPO, on random searches."
+    description = 'Train the policy "ppo": one network for all drones, on random searches.'
     parser = arguments(description, steps=180_000, short=10_000)
     options = parser.parse_args()
-    with Run(options, "PPO in one file") as run:
+    with Run(options, 'The policy "ppo"') as run:
         train(run, options.seed)
     test = search(TEST_SEARCH)
     policy = PPOPolicy(test.scenario, run.folder / "policy.npz")

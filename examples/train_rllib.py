@@ -1,12 +1,14 @@
-"""Train drones with Ray RLlib's PPO: one policy for all drones, on one machine or a cluster.
+"""Train drones with Ray RLlib's PPO, on one machine or a cluster.
 
+    pip install "DroneSwarmSearchEnvironment[rllib]"
     python examples/train_rllib.py --out runs/rllib
     python examples/train_rllib.py --out runs/rllib2 --num-env-runners 2
     python examples/train_rllib.py --out runs/rllib3 --num-env-runners 32 --address auto
 
+Every drone of every search is a sub-environment, and all share one network. Masks prevent crashes.
 By default, everything runs in this process. With env runners, each runs in its own process on any
 CPU of the cluster, where this package must be installed; this process trains the network and keeps
-the folder. Each sub-environment of the batch is a drone. Masks prevent crashes.
+the folder.
 """
 
 from __future__ import annotations
@@ -31,8 +33,8 @@ ENV_CONFIG = {
     **TRAINING_TASK,
     "observation": LAYOUT,
     "right_of_way": True,
+    "mission": "coverage",  # nobody is found: a search pays the probability of success it adds
     "shared_reward": True,  # so that drones cooperate
-    "mission": "coverage",  # episodes go on after a find
 }
 
 DRONES = TRAINING_TASK["n_drones"]

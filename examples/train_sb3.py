@@ -1,10 +1,10 @@
-"""Train drones with MaskablePPO of sb3-contrib, and compare them with the baselines.
+"""Train drones with MaskablePPO of sb3-contrib, on a batch of searches.
 
     pip install "DroneSwarmSearchEnvironment[sb3]"
     python examples/train_sb3.py --out runs/sb3
 
 Every drone of every search is a sub-environment, and all share one network. Masks prevent crashes.
-The drones train in the coverage mission, in which nobody is found and every search pays the
+The drones train in the coverage mission: nobody is found, and a search pays the swarm the
 probability of success that it adds, so that chance finds add no noise. They are then evaluated in
 searches for a person.
 """

@@ -1,9 +1,9 @@
-"""Train drones with Tianshou's PPO, and compare them with the baselines.
+"""Train drones with Tianshou's PPO.
 
+    pip install "DroneSwarmSearchEnvironment[tianshou]"
     python examples/train_tianshou.py --out runs/tianshou
 
-Each sub-environment of the batch is a drone, and all drones share one policy. Masks prevent
-crashes.
+Every drone of every search is a sub-environment, and all share one network. Masks prevent crashes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ROLLOUT = 64  # steps of each drone between updates
 
 
 def make_envs(searches: int) -> tianshou.DroneVenv:
-    """A batch of searches in expectation: they pay the probability of success that they add."""
+    """A batch of searches for Tianshou; each sub-environment is one drone."""
     return tianshou.DroneVenv(
         DroneVectorEnv(
             searches,
@@ -42,7 +42,7 @@ def make_envs(searches: int) -> tianshou.DroneVenv:
             action_mask="observation",
             right_of_way=True,
             autoreset_mode="Disabled",  # Tianshou resets
-            mission="coverage",  # episodes go on after a find
+            mission="coverage",  # nobody is found: a search pays the probability of success
             shared_reward=True,  # so that drones cooperate
             **TRAINING_TASK,
         )

@@ -1,11 +1,11 @@
-"""Train drones with TorchRL's PPO on a batch of searches; all drones share one policy.
+"""Train drones with TorchRL's PPO, on a batch of searches.
 
+    pip install "DroneSwarmSearchEnvironment[torchrl]"
     python examples/train_torchrl.py --out runs/ippo
     python examples/train_torchrl.py --out runs/mappo --critic central
 
-The critic sees the drone's observation (IPPO), or also the state, which contains the person
-(MAPPO). The state is used in training only. Needs
-pip install "DroneSwarmSearchEnvironment[torchrl,evaluation]".
+All drones share one policy. Masks prevent crashes. The critic sees the drone's observation (IPPO),
+or also the state, which shows the person (MAPPO). The state is used in training only.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def main() -> None:
             run.log(run.steps_done + BATCH, **episode_metrics(batch, success=PROBABILITY))
         collector.shutdown()
     training.compare_with_baselines(
-        TrainedPolicy(policy, TRAINING_TASK["n_drones"]),
+        TrainedPolicy(policy, TRAINING_TASK["n_drones"]),  # samples actions, as in training
         TRAINING_TASK,
         action_mask=True,
         **SHOWN,

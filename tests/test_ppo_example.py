@@ -1,4 +1,4 @@
-"""The one-file PPO example: its parts, and a short run as users run it."""
+"""The example that trains the policy "ppo": its parts, and a short run as users run it."""
 
 from __future__ import annotations
 
