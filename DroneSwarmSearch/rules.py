@@ -496,7 +496,7 @@ def endings(
 
 
 def is_success(ending: Ending | None) -> bool:
-    """Whether an episode ends well: all persons are found, or the coverage mission is complete.
+    """Whether an episode ends with success: all persons found, or the coverage mission complete.
 
     Args:
         ending: why it ended, or None if it continues.

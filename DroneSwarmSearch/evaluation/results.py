@@ -85,9 +85,9 @@ class Evaluation:
         bound: the upper bound for this search, or None.
         exact: the probability of success within t steps, t = 0..L, without sampling error:
             float64, (L + 1,); None if it is not known. Success, curve and time follow from it.
-        conditional: the same given the path of each episode if it went on without the last find:
-            float64, (n, L + 1); None if it is not known. Without exact values, success, curve and
-            time are means of it, and not of what was found.
+        conditional: the same for each episode, given the path that the drones fly if the last
+            find is left out: float64, (n, L + 1); None if it is not known. Without exact values,
+            success, curve and time are means of it, and not of what was found.
     """
 
     policy: str
@@ -132,7 +132,7 @@ class Evaluation:
     def curves(self) -> Floats | None:
         """The probability of success of each episode after each step: float64, (n, L + 1).
 
-        That given the path, or in the coverage mission the POS; None if only finds are known.
+        It is `conditional`, or in the coverage mission the POS; None if only finds are known.
         """
         return self.conditional if self.coverage is None else self.coverage.probability_of_success
 

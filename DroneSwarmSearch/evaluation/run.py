@@ -103,7 +103,8 @@ def evaluate(
             or "crops".
         action_mask: whether the policy gets masks of valid actions: {"observation": as above,
             "action_mask": int8}, shape (E, n_drones, 6) for "swarm", (E * n_drones, 6) for
-            "drone"; for "parallel", each drone does, (6,). See `wrappers.action_masks`.
+            "drone"; for "parallel", each drone's mask has the shape (6,). See
+            `wrappers.action_masks`.
         right_of_way: whether these masks prevent all collisions.
         deterministic: whether the actions depend on nothing but what the policy has observed
             since the episode began. None: they do for subclasses of `SwarmPolicy`, which must
@@ -241,17 +242,15 @@ class EvaluationTask:
         if self._store is not None and not self.spec.is_known:
             made = self._make_and_identify(self._store)
         missing = [portion for portion in self._portions if not self._load(portion)]
-        unconditional = [
-            portion for portion in self._portions if not self._load_conditional(portion)
-        ]
-        self.weight = sum(map(len, (*missing, *unconditional)))
+        unestimated = [portion for portion in self._portions if not self._load_conditional(portion)]
+        self.weight = sum(map(len, (*missing, *unestimated)))
         if self._needs_exact and not self._load_exact():
             self.weight += self._exact_weight
         if not self.weight:
             return []
         if made is not None:
-            return list(self._portion_jobs(missing, unconditional, made))
-        then = partial(self._portion_jobs, missing, unconditional)
+            return list(self._portion_jobs(missing, unestimated, made))
+        then = partial(self._portion_jobs, missing, unestimated)
         return [Job(self._making, _make, (self.spec, self.search), then=then)]
 
     def _make_and_identify(self, store: Store) -> Made:
@@ -322,7 +321,7 @@ class EvaluationTask:
         )
 
     def _portion_jobs(
-        self, portions: list[range], unconditional: list[range], policy: Made
+        self, portions: list[range], unestimated: list[range], policy: Made
     ) -> Iterator[Job]:
         shared = policy, self.search
         shown = self._view, self._observation, self._masks, self.spec.is_reusable
@@ -339,7 +338,7 @@ class EvaluationTask:
                 weight=len(portion),
                 then=partial(self._finish, portion),
             )
-        for portion in unconditional:
+        for portion in unestimated:
             yield Job(
                 f"the conditional success of episodes {portion.start} to {portion.stop - 1} of "
                 f"{self.spec.name} on {self.search.name}",

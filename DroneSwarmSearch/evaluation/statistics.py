@@ -45,7 +45,7 @@ RESAMPLES = 2000
 """Bootstrap samples. Efron and Tibshirani recommend at least 1,000 for percentiles."""
 
 _SYMMETRIC = 1e-6
-"""Skewness below this is none: its effect is lost in rounding."""
+"""Skewness below this counts as none, since its effect is lost in rounding."""
 
 _KEY = 0x5EA0F57A71571C5
 _AT_ONCE = 2**20
@@ -241,8 +241,8 @@ def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Es
 
     Args:
         sample: real numbers, shape (n,), n >= 1.
-        least: the least value that is possible.
-        most: the greatest.
+        least: the least possible value.
+        most: the greatest possible value.
 
     Raises:
         ValueError: the sample has another shape, or is out of bounds.
@@ -257,13 +257,14 @@ def bounded_means(samples: ArrayLike, least: float = 0.0, most: float = 1.0) -> 
     removal of skewness by transformation, Journal of the Royal Statistical Society B 54, 1992.
     The percentile bootstrap too often misses the mean of small, skewed probabilities.
 
-    If all values of a quantity are equal, they say nothing about its variance. The interval then
-    allows any other values in a share of trials: the upper limit of Wilson's interval for 0 of n.
+    If all values of a quantity are equal, the sample does not show its variance. The interval then
+    allows for other values in a share of all trials: the upper limit of Wilson's interval for 0
+    of n.
 
     Args:
         samples: the quantities of each trial: real numbers, shape (n, k), n >= 1.
-        least: the least value that is possible.
-        most: the greatest.
+        least: the least possible value.
+        most: the greatest possible value.
 
     Raises:
         ValueError: the samples have another shape, or are out of bounds.
@@ -298,8 +299,8 @@ def _student(normal: float, skewness: Floats, n: int) -> Floats:
     The transformation of w is w + g w²/3 + g² w³/27 + g/(6n), with the skewness g.
 
     Args:
-        normal: its value.
-        skewness: of each quantity.
+        normal: the value of the transformed statistic, over the root of n.
+        skewness: the skewness of each quantity.
         n: the number of trials.
     """
     without_shift = normal - skewness / (6 * n)

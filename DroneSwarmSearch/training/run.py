@@ -174,10 +174,10 @@ class Run:
                 the previous row.
             reward: mean return of a drone over the episodes that ended since the previous
                 row, in unscaled points; None or NaN if none ended.
-            found: fraction of these episodes in which all persons were found; None or NaN if none
-                ended.
-            held_out: success rates on episodes or searches outside the training, by the name of
-                the policy: that in training, and baselines. The plot shows them.
+            found: fraction of these episodes in which all persons were found, or in the coverage
+                mission their mean probability of success; None or NaN if none ended.
+            held_out: success rates on searches outside the training, by the policy's name: the
+                policy in training first, then baselines. The plot shows them.
             values: further values, such as losses; one column each.
 
         Raises:

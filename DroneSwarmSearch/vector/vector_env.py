@@ -174,7 +174,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """The rewards of the last step: (num_envs,), a new array."""
 
     def _infos(self) -> Infos:
-        """The infos of all sub-environments, without the flags that tell whose are set."""
+        """The infos of all sub-environments, without Gymnasium's masks such as "_Found"."""
         batch, each = self.batch, self._each
         endings = batch.endings
         infos: Infos = {
