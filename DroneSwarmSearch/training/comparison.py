@@ -92,7 +92,7 @@ def compare_with_baselines(
     print(
         f"\n{episodes:,} episodes, the same for all policies; 95% intervals in parentheses; "
         "success and time without one are exact.\n"
-        "Success: all persons found within the time limit. Time: until all are found, or the limit.\n"
+        "Success: all persons found within the limit. Time: until all are found, or the limit.\n"
         "Crashes: episodes that end with a collision or with a drone off the grid.\n"
         f"Lead: how far {name} is ahead of each baseline, in percentage points and in steps."
     )
