@@ -6,8 +6,8 @@ Every episode is a new search: drift, dispersion, the person's start and the dro
 drawn at random. One network controls all drones; its observations, the layout "crops", have one
 length for any grid and swarm. Names follow CleanRL (S. Huang et al., JMLR 23, 2022).
 
-In the coverage mission, nobody is found, and a search pays the swarm the probability of success that
-it adds: the mean of a reward for finding, without its variance. Needs
+In the coverage mission, nobody is found, and a search pays the probability of success that it
+adds: the mean of a reward for finding, without its variance. Needs
 pip install "DroneSwarmSearchEnvironment[ppo]".
 """
 
@@ -55,7 +55,6 @@ def make_envs() -> DroneVectorEnv:
         timestep_limit=80,
         bayesian_update=True,
         mission="coverage",
-        shared_reward=True,
         sampler=sampler,
     )
 
