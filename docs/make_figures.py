@@ -888,11 +888,11 @@ EXAMPLES = {
     "torchrl": "TorchRL",
     "benchmarl": "BenchMARL",
     "tianshou": "Tianshou",
-    "own_loop": "own loop, random searches",
+    "own_loop": "your own loop",
 }
 """The training examples and their names in the figure."""
 
-YARDSTICKS = "greedy-posterior", "greedy-matrix", "random"
+YARDSTICKS = "greedy-forecast", "greedy-posterior", "greedy-matrix", "random"
 
 
 @cache
@@ -913,7 +913,7 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the learning curves of the training examples, three seeds each, and baselines."""
     chart = Figure(figsize=(WIDTH, 4.4), layout="constrained")
     panels = chart.subplots(2, 3, sharey=True)
-    colours = dict(zip(YARDSTICKS, (theme.series[2], theme.series[1], theme.grey), strict=True))
+    colours = dict(zip(YARDSTICKS, (*theme.series[3:0:-1], theme.grey), strict=True))
     for axes, (example, title) in zip(panels.flat, EXAMPLES.items(), strict=True):
         axes.set_title(title)
         for name, colour in colours.items():
@@ -927,7 +927,7 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.grid()
-    panels[0, 0].set_ylim(0, 1)
+    panels[0, 0].set_ylim(0, 0.9)
     panels[0, 0].yaxis.set_major_formatter(PercentFormatter(1.0))
     for axes in panels[1]:
         axes.set_xlabel("environment steps")
@@ -936,7 +936,9 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
         Line2D([], [], color=colour, linestyle=(0, (4, 2)), linewidth=1.2, label=name)
         for name, colour in colours.items()
     ]
-    chart.legend(handles=lines, loc="outside lower center", ncols=4)
+    chart.legend(
+        handles=lines, loc="outside lower center", ncols=5, columnspacing=0.9, handlelength=1.5
+    )
     return chart
 
 

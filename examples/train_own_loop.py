@@ -8,7 +8,7 @@ drawn at random. One network controls all drones; its observations, the layout "
 length for any grid and swarm. Masks prevent crashes. Names follow CleanRL (S. Huang et al., JMLR
 23, 2022).
 
-The drones train in the coverage mission: nobody is found, and a search pays the swarm the
+The drones train in the coverage mission: nobody is found, and a search pays the drone the
 probability of success that it adds. This is the mean of a reward for finding, without its variance.
 """
 
@@ -56,7 +56,6 @@ def make_envs() -> DroneVectorEnv:
         timestep_limit=80,
         bayesian_update=True,
         mission="coverage",
-        shared_reward=True,
         sampler=sampler,
     )
 

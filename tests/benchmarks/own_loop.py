@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import train_own_loop as example
 
 SEED = 10_000_000  # training starts from small seeds
-BASELINES = "greedy-matrix", "greedy-posterior", "greedy-forecast"
+BASELINES = "random", "greedy-matrix", "greedy-posterior", "greedy-forecast"
 
 
 def random_searches(count: int) -> list[NamedSearch]:
