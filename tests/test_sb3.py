@@ -512,6 +512,11 @@ def test_other_environments_are_refused() -> None:
             SB3VecEnv(DroneVectorEnv(2, autoreset_mode=mode))
 
 
+def test_only_models_become_policies() -> None:
+    with pytest.raises(TypeError, match="model must be one of Stable-Baselines3, got 3"):
+        TrainedPolicy(3)  # type: ignore[arg-type]
+
+
 def test_rewards_that_float32_cannot_hold_are_refused() -> None:
     scheme = RewardScheme(find=1e300)
     how: dict[str, Any] = {"autoreset_mode": "SameStep", "reward_scheme": scheme}

@@ -223,9 +223,14 @@ class TrainedPolicy:
         model: of Stable-Baselines3 or sb3-contrib.
         deterministic: take the likeliest actions. By default, actions are sampled, as PPO does
             while it learns.
+
+    Raises:
+        TypeError: `model` is not such a model, or `deterministic` is not a bool.
     """
 
     def __init__(self, model: BaseAlgorithm, deterministic: bool = False) -> None:
+        if not isinstance(model, BaseAlgorithm):
+            raise TypeError(f"model must be one of Stable-Baselines3, got {model!r}")
         self._policy = model.policy
         self._deterministic = checks.boolean("deterministic", deterministic)
         self._takes_masks = "action_masks" in inspect.signature(self._policy.predict).parameters
