@@ -235,21 +235,32 @@ class TrainedPolicy:
         self._deterministic = checks.boolean("deterministic", deterministic)
         self._takes_masks = "action_masks" in inspect.signature(self._policy.predict).parameters
         space = model.observation_space
-        self._sees_masks = isinstance(space, spaces.Dict) and "action_mask" in space.spaces
+        self._entries = [*space.spaces] if isinstance(space, spaces.Dict) else []
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
         """Seed PyTorch, which samples the actions; `evaluate` calls this before episodes."""
         torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
 
     def __call__(self, observations: Any) -> NDArray[np.int64]:
-        """Actions for the observations of `evaluate`."""
+        """Actions for the observations of `evaluate`.
+
+        Raises:
+            ValueError: the observations lack entries that the model was trained with.
+        """
         shown, masks = observations, {}
         if isinstance(observations, dict) and "action_mask" in observations:
             given = observations["action_mask"]
             if self._takes_masks:
                 masks["action_masks"] = given.reshape(len(given), -1)
-            if not self._sees_masks:
+            if "action_mask" not in self._entries:
                 shown = observations["observation"]
+        if self._entries:  # `evaluate` adds "row" to a swarm's dict
+            if not isinstance(shown, dict) or not {*self._entries} <= {*shown}:
+                raise ValueError(
+                    f"observations must have the entries {self._entries}; pass `evaluate` the "
+                    "view, observation and action_mask that the model was trained with"
+                )
+            shown = {name: shown[name] for name in self._entries}
         actions: NDArray[np.int64]
         actions, _ = self._policy.predict(shown, deterministic=self._deterministic, **masks)
         return actions
