@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.arguments import MASKS_IN, shows_keywords_of
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards, SeparateFlags
 from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
@@ -98,7 +99,9 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         if observation == "flat":
             env = FlatObservation(env)
         else:
-            options = {"k": top_cells} if observation == "top-cells" else {}
+            options: dict[str, Any] = {}
+            if observation == "top-cells":
+                options = {"k": top_cells, "name": "top_cells"}
             env = LayoutObservation(env, LAYOUTS[observation], **options)
         self._masks = ActionMask(env, in_observation=action_mask == "observation")
         self._env: Any = env if action_mask is None else self._masks
@@ -142,6 +145,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
             ValueError: the action is out of range.
         """
         name = self._drone
+        action = checks.integer("action", action, 0, len(Action) - 1)
         observations, rewards, terminations, truncations, infos = self._env.step({name: action})
         info = self._info(infos)
         return observations[name], rewards[name], terminations[name], truncations[name], info

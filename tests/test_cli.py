@@ -285,6 +285,7 @@ def test_view_and_observation_are_options(capsys, tmp_path):
         answer(capsys, "evaluate", f"{path}:act", "harbour", "--episodes", 2, "--json", *view).out
     )
     assert (output["view"], output["observation"]) == ("drone", "flat")
+    assert output["action_mask"] and output["right_of_way"]
     assert output["endings"]["time_limit"] == 2
 
 

@@ -840,7 +840,9 @@ def test_other_arguments_have_other_entries(played, tmp_path, changes):
 def test_other_masks_have_other_entries(played, tmp_path):
     usual = {"search": named(), "episodes": 5, "store": tmp_path, "name": "x"}
     for masks in ({"action_mask": True}, {"action_mask": True, "right_of_way": True}, {}) * 2:
-        evaluate(idle_whatever_is_shown, **usual, **masks)
+        got = evaluate(idle_whatever_is_shown, **usual, **masks).data
+        for name in ("action_mask", "right_of_way"):
+            assert got[name] is masks.get(name, False)
     assert len(played) == 3
 
 

@@ -289,6 +289,11 @@ def test_success_and_statistics_are_reported() -> None:
         ({"observation": "pixels"}, ValueError, "observation must be one of 'dict', 'flat'"),
         ({"observation": None}, ValueError, "observation must be one of"),
         ({"top_cells": 0}, ValueError, "top_cells must be an integer of at least 1, got 0"),
+        (
+            {"observation": "top-cells", "top_cells": 17, "grid_size": 4},
+            ValueError,
+            "top_cells must be an integer from 1 to 16, got 17",
+        ),
         ({"action_mask": True}, TypeError, "action_mask must be one of None, 'observation', 'inf"),
         ({"separate_flags": 1}, TypeError, "separate_flags must be True or False, got 1"),
         ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
@@ -302,6 +307,18 @@ def test_wrong_arguments_are_refused(
 ) -> None:
     with pytest.raises(error, match=words):
         SingleDroneEnv(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("action", "error"),
+    [(6, ValueError), (-1, ValueError), (2.0, TypeError), (True, TypeError), (None, TypeError)],
+)
+def test_wrong_actions_are_refused(action: Any, error: type[Exception]) -> None:
+    env = SingleDroneEnv(**SMALL)
+    env.reset(seed=0)
+    with pytest.raises(error, match=rf"^action must be an integer from 0 to 5, got {action}$"):
+        env.step(action)
+    assert env.step(np.array(Action.IDLE))[4]["step"] == 1
 
 
 def test_the_signature_shows_every_keyword() -> None:

@@ -73,7 +73,16 @@ def test_swarms_may_have_any_leading_axes() -> None:
     assert (together.dtype, together.shape) == (np.bool_, (2, 3, 4, 6))
     for index in np.ndindex(2, 3):
         assert plain(together[index]) == plain(action_masks(cells[index], 5, True))
-    assert action_masks(np.empty((0, 4), np.int64), 5).shape == (0, 4, 6)
+    for shape in ((0, 4), (3, 0), (0,), (2, 0, 3)):
+        assert action_masks(np.empty(shape, np.int64), 5).shape == (*shape, 6)
+
+
+@pytest.mark.parametrize("dtype", ["i1", "u1", "u4", "u8"])
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_cells_may_be_integers_of_any_type(dtype: str, right_of_way: bool) -> None:
+    cells = np.array([[0, 24, 7], [12, 13, 11]])
+    wanted = action_masks(cells, 5, right_of_way)
+    assert plain(action_masks(cells.astype(dtype), 5, right_of_way)) == plain(wanted)
 
 
 @pytest.mark.parametrize("right_of_way", [False, True])

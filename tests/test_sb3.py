@@ -417,6 +417,18 @@ def test_a_masked_model_is_evaluated_as_trained(
     assert other.episodes.data != first.episodes.data
 
 
+@both_views
+@pytest.mark.parametrize("masked", [False, True])
+def test_a_model_of_dicts_is_evaluated(view: type[SearchVectorEnv], masked: bool) -> None:
+    """A swarm's dict also names its row, which the model has not seen."""
+    env = made(view, 4, observation="dict")
+    policy = TrainedPolicy(PPO("MultiInputPolicy", env, n_steps=8, batch_size=16, device="cpu"))
+    how = {"view": "swarm" if view is SwarmVectorEnv else "drone", "episodes": 5}
+    assert len(evaluate(policy, Scenario(**SMALL), **how, action_mask=masked).episodes) == 5
+    with pytest.raises(ValueError, match=r"observations must have the entries \['pos.*action_mask"):
+        evaluate(policy, Scenario(**SMALL), **how, observation="flat", action_mask=masked)
+
+
 def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
     env = made(DroneVectorEnv, 4, observation="flat")
     model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, seed=1, device="cpu")
@@ -510,6 +522,11 @@ def test_other_environments_are_refused() -> None:
         words = rf"env must have autoreset_mode='SameStep', got '{mode}'"
         with pytest.raises(ValueError, match=words):
             SB3VecEnv(DroneVectorEnv(2, autoreset_mode=mode))
+
+
+def test_only_models_become_policies() -> None:
+    with pytest.raises(TypeError, match="model must be one of Stable-Baselines3, got 3"):
+        TrainedPolicy(3)  # type: ignore[arg-type]
 
 
 def test_rewards_that_float32_cannot_hold_are_refused() -> None:

@@ -228,14 +228,19 @@ class TrainedPolicy:
         model: a model of Stable-Baselines3 or sb3-contrib.
         deterministic: whether to take the most likely actions. By default, actions are sampled,
             as PPO does while it learns.
+
+    Raises:
+        TypeError: `model` is not such a model, or `deterministic` is not a bool.
     """
 
     def __init__(self, model: BaseAlgorithm, deterministic: bool = False) -> None:
+        if not isinstance(model, BaseAlgorithm):
+            raise TypeError(f"model must be one of Stable-Baselines3, got {model!r}")
         self._policy = model.policy
         self._deterministic = checks.boolean("deterministic", deterministic)
         self._takes_masks = "action_masks" in inspect.signature(self._policy.predict).parameters
         space = model.observation_space
-        self._sees_masks = isinstance(space, spaces.Dict) and "action_mask" in space.spaces
+        self._entries = [*space.spaces] if isinstance(space, spaces.Dict) else []
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
         """Seed PyTorch, which samples the actions; `evaluate` calls this before it plays episodes.
@@ -251,14 +256,24 @@ class TrainedPolicy:
 
         Args:
             observations: those of `evaluate`, of all drones or swarms.
+
+        Raises:
+            ValueError: the observations lack entries that the model was trained with.
         """
         shown, masks = observations, {}
         if isinstance(observations, dict) and "action_mask" in observations:
             given = observations["action_mask"]
             if self._takes_masks:
                 masks["action_masks"] = given.reshape(len(given), -1)
-            if not self._sees_masks:
+            if "action_mask" not in self._entries:
                 shown = observations["observation"]
+        if self._entries:  # `evaluate` adds "row" to a swarm's dict
+            if not isinstance(shown, dict) or not {*self._entries} <= {*shown}:
+                raise ValueError(
+                    f"observations must have the entries {self._entries}; pass `evaluate` the "
+                    "view, observation and action_mask that the model was trained with"
+                )
+            shown = {name: shown[name] for name in self._entries}
         actions: NDArray[np.int64]
         actions, _ = self._policy.predict(shown, deterministic=self._deterministic, **masks)
         return actions

@@ -88,6 +88,8 @@ class Evaluation:
         conditional: the same for each episode, given the path that the drones fly if the last
             find is left out: float64, (n, L + 1); None if it is not known. Without exact values,
             success, curve and time are means of it, and not of what was found.
+        action_mask: whether the policy got masks of valid actions.
+        right_of_way: whether these masks prevented all collisions.
     """
 
     policy: str
@@ -99,6 +101,8 @@ class Evaluation:
     bound: SuccessBound | None = None
     exact: Floats | None = None
     conditional: Floats | None = None
+    action_mask: bool = False
+    right_of_way: bool = False
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
@@ -286,6 +290,8 @@ class Evaluation:
             "parameters": self.search.data,
             "view": self.view,
             "observation": self.observation,
+            "action_mask": self.action_mask,
+            "right_of_way": self.right_of_way,
             "episodes": len(self.episodes),
             "seed": self.seed,
             "confidence": statistics.CONFIDENCE,

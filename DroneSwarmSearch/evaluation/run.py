@@ -318,6 +318,8 @@ class EvaluationTask:
             episodes,
             exact=exact,
             conditional=conditional,
+            action_mask=self._masks is not None,
+            right_of_way=self._masks is True,
         )
 
     def _portion_jobs(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from itertools import product
 
@@ -49,7 +50,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     places = _checked_cells(cells, grid_size)
     right_of_way = checks.boolean("right_of_way", right_of_way)
     n, cells_each = places.shape[-1], grid_size**2 + 1
-    by_swarm = places.reshape(-1, n)
+    by_swarm = places.reshape(math.prod(places.shape[:-1]), n)
     first_cells = np.arange(0, len(by_swarm) * cells_each, cells_each)[:, None]
     here = first_cells + by_swarm
     ahead = first_cells[..., None] + _targets(grid_size)[:, :4].take(by_swarm, axis=0)
@@ -140,8 +141,8 @@ def choose_in_turn(
     return actions, masks
 
 
-def _checked_cells(cells: ArrayLike, grid_size: int) -> NDArray[np.integer]:
-    """The drones' cells as an array of integers, shape (..., n)."""
+def _checked_cells(cells: ArrayLike, grid_size: int) -> NDArray[np.int64]:
+    """The drones' cells: int64, shape (..., n)."""
     size = checks.integer("grid_size", grid_size, 2)
     what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
     places = checks.array("cells", cells, what)
@@ -152,7 +153,7 @@ def _checked_cells(cells: ArrayLike, grid_size: int) -> NDArray[np.integer]:
     wrong = places[(places < 0) | (places >= size**2)]
     if wrong.size:
         raise ValueError(f"cells must be {what}, got {wrong[0]}")
-    return places
+    return places.astype(np.int64, copy=False)
 
 
 def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:
