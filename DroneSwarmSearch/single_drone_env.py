@@ -76,9 +76,10 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
     ) -> None:
         known = inspect.signature(type(self)).parameters
         for name in parameters:
-            if name not in known:
+            if name not in known:  # Python's words, from which TorchRL's GymEnv learns this
                 raise TypeError(
-                    f"{type(self).__name__} has no parameter {name!r}; it takes {', '.join(known)}"
+                    f"{type(self).__name__} got an unexpected keyword argument {name!r}; "
+                    f"it takes {', '.join(known)}"
                 )
         checks.choice("observation", observation, tuple(LAYOUTS))
         checks.integer("top_cells", top_cells, 1)

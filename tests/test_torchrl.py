@@ -40,6 +40,7 @@ from torchrl.envs import (
     ActionMask,
     Compose,
     EnvBase,
+    GymEnv,
     GymWrapper,
     InitTracker,
     ParallelEnv,
@@ -334,9 +335,17 @@ def test_parallel_env_takes_it() -> None:
         ({"seed": -1}, ValueError, "seed must be"),
         ({"seed": "a"}, TypeError, "seed must be"),
         ({"reward_scale": 1e300}, ValueError, "reward_scale must leave rewards that float32"),
-        ({"grid": 5}, TypeError, "SearchEnv has no parameter 'grid'; it takes num_swarms, "),
-        ({"autoreset_mode": "SameStep"}, TypeError, "SearchEnv has no parameter 'autoreset_mode'"),
-        ({"copy": False}, TypeError, "SearchEnv has no parameter 'copy'"),
+        (
+            {"grid": 5},
+            TypeError,
+            "SearchEnv got an unexpected keyword argument 'grid'; it takes num_swarms, ",
+        ),
+        (
+            {"autoreset_mode": "SameStep"},
+            TypeError,
+            "SearchEnv got an unexpected keyword argument 'autoreset_mode'",
+        ),
+        ({"copy": False}, TypeError, "SearchEnv got an unexpected keyword argument 'copy'"),
         ({"n_drones": 0}, ValueError, "n_drones must be"),
     ],
 )
@@ -496,7 +505,13 @@ def test_only_central_critics_see_the_state() -> None:
         assert torch.equal(*values) != (STATE in keys)
 
 
-# TorchRL's GymWrapper.
+# TorchRL's GymEnv and GymWrapper.
+
+
+def test_gym_env_makes_the_id() -> None:
+    """TorchRL first passes a keyword that the environment does not have."""
+    env = GymEnv("DroneSwarmSearch-v0", observation="flat", **{**SMALL, "n_drones": 1})
+    check_env_specs(env)
 
 
 def same(tensors: Any, arrays: Any) -> None:

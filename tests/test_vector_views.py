@@ -1494,7 +1494,10 @@ def test_each_view_has_a_name_for_the_number_of_swarms(
         with pytest.raises((TypeError, ValueError), match=f"^{count} must be an integer of at lea"):
             view(**{count: wrong})
     for given in ({other: 4}, {count: 4, other: 4}):
-        with pytest.raises(TypeError, match=f"{view.__name__} has no parameter '{other}'.*{count}"):
+        with pytest.raises(
+            TypeError,
+            match=f"{view.__name__} got an unexpected keyword argument '{other}'.*{count}",
+        ):
             view(**given)
 
 
@@ -1521,7 +1524,10 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
 def test_an_unknown_parameter_is_refused_by_the_view(
     view: type[SearchVectorEnv], name: str
 ) -> None:
-    words = rf"^{view.__name__} has no parameter '{name}'; it takes .*observation, .*grid_size, "
+    words = (
+        rf"^{view.__name__} got an unexpected keyword argument '{name}'; "
+        "it takes .*observation, .*grid_size, "
+    )
     with pytest.raises(TypeError, match=words):
         view(2, **{name: 3})
 

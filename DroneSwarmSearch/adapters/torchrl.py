@@ -149,7 +149,10 @@ class SearchEnv(EnvBase):
         known = inspect.signature(SearchEnv).parameters
         for name in keywords:
             if name not in known:
-                raise TypeError(f"SearchEnv has no parameter {name!r}; it takes {', '.join(known)}")
+                raise TypeError(
+                    f"SearchEnv got an unexpected keyword argument {name!r}; "
+                    f"it takes {', '.join(known)}"
+                )
         shows_state = checks.boolean("state", state)
         env = DroneVectorEnv(
             num_swarms,

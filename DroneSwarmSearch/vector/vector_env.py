@@ -87,7 +87,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         for name in parameters:
             if name not in known:
                 raise TypeError(
-                    f"{type(self).__name__} has no parameter {name!r}; it takes {', '.join(known)}"
+                    f"{type(self).__name__} got an unexpected keyword argument {name!r}; "
+                    f"it takes {', '.join(known)}"
                 )
         self.observation = str(checks.choice("observation", observation, tuple(LAYOUTS)))
         if observation != "top-cells":  # that layout checks it
