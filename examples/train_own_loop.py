@@ -133,10 +133,11 @@ def update(
 ) -> float:
     """Update the agent, with the fraction of the training that remains; returns the entropy."""
     optimizer.param_groups[0]["lr"] = LEARNING_RATE * max(frac, 0.05)
-    data = {key: values.flatten(0, 1) for key, values in data.items()}
+    used = "obs", "masks", "actions", "logprobs", "advantages", "returns"
+    data = {key: data[key].flatten(0, 1) for key in used}
     for _ in range(UPDATE_EPOCHS):
         for indices in torch.randperm(NUM_STEPS * SWARMS * DRONES).split(MINIBATCH_SIZE):
-            mb = {key: values[indices] for key, values in data.items()}
+            mb = {key: values.index_select(0, indices) for key, values in data.items()}
             logprobs, values = agent(mb["obs"], mb["masks"])
             ratio = (logprobs.gather(1, mb["actions"][:, None])[:, 0] - mb["logprobs"]).exp()
             clipped = ratio.clamp(1 - CLIP_COEF, 1 + CLIP_COEF)
