@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import importlib.util
+import warnings
 from typing import Any
 
 import numpy as np
 import pytest
 from pettingzoo import ParallelEnv
-from pettingzoo.test import parallel_api_test
 
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.adapters.agilerl import SharedNames
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards, SeparateFlags
+
+with warnings.catch_warnings():
+    # PettingZoo's tests import one of its environments in a deprecated way.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from pettingzoo.test import parallel_api_test
 
 pytestmark = pytest.mark.filterwarnings("default")  # from AgileRL
 

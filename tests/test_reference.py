@@ -23,7 +23,13 @@ PAGES = sorted((DOCS / "api").glob("*.rst"))
 ENVIRONMENT = (DOCS / "environment.md").read_text("utf-8")
 README = (DOCS.parent / "README.md").read_text("utf-8")
 
-ADAPTERS = {"DroneSwarmSearch.adapters.sb3": "stable_baselines3"}
+ADAPTERS = {
+    "DroneSwarmSearch.adapters.sb3": "stable_baselines3",
+    "DroneSwarmSearch.adapters.rllib": "ray.rllib",
+    "DroneSwarmSearch.adapters.torchrl": "torchrl",
+    "DroneSwarmSearch.adapters.benchmarl": "benchmarl",
+    "DroneSwarmSearch.adapters.tianshou": "tianshou",
+}
 """Modules that are only importable where a library is installed."""
 
 PUBLIC_MODULES = (
@@ -36,6 +42,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.detection",
     "DroneSwarmSearch.vector",
     *ADAPTERS,
+    "DroneSwarmSearch.adapters.agilerl",
     "DroneSwarmSearch.wrappers",
     "DroneSwarmSearch.policies",
     "DroneSwarmSearch.planning",
