@@ -931,7 +931,7 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     panels[0, 0].yaxis.set_major_formatter(PercentFormatter(1.0))
     for axes in panels[1]:
         axes.set_xlabel("environment steps")
-    lines = [Line2D([], [], color=theme.series[0], label="three seeds")]
+    lines = [Line2D([], [], color=theme.series[0], label="each seed")]
     lines += [
         Line2D([], [], color=colour, linestyle=(0, (4, 2)), linewidth=1.2, label=name)
         for name, colour in colours.items()

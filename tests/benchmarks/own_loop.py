@@ -53,18 +53,20 @@ def main() -> None:
     parser.add_argument("checkpoints", nargs="*", type=Path, help="checkpoint.pt of runs")
     parser.add_argument("--searches", type=int, default=100, help="number of searches (100)")
     parser.add_argument("--episodes", type=int, default=20, help="of each network per search (20)")
-    parser.add_argument("--csv", type=Path, help="write the success of each policy here")
+    parser.add_argument("--csv", type=Path, help="write the success of the package's policies here")
     options = parser.parse_args()
     searches = random_searches(options.searches)
     rows = []
 
-    def report(name: str, found: list[float]) -> None:
-        rows.append({"policy": name, "success": round(float(np.mean(found)), 4)})
-        print(f"{name:<40} {100 * np.mean(found):5.1f}%", flush=True)
+    def report(name: str, found: list[float]) -> float:
+        mean = float(np.mean(found))
+        print(f"{name:<40} {100 * mean:5.1f}%", flush=True)
+        return round(mean, 4)
 
     for name in BASELINES:
         results = [evaluate(name, each, episodes=1, progress=False) for each in searches]
-        report(name, [each.success.value for each in results])
+        success = report(name, [each.success.value for each in results])
+        rows.append({"policy": name, "success": success})
     for path in options.checkpoints:
         agent = example.Agent()
         agent.load_state_dict(torch.load(path, weights_only=True)["agent"])
