@@ -172,8 +172,9 @@ def train(run: training.Run, agent: Agent, seed: int) -> None:
         data, observations, ended = rollout(envs, agent, observations)
         entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
         save(run.steps_done + NUM_STEPS * SWARMS)
-        found = float(np.mean(ended)) if ended else None
-        run.log(run.steps_done + NUM_STEPS * SWARMS, found=found, entropy=entropy)
+        found = float(np.mean(ended)) if ended else float("nan")
+        mean_return = found / DRONES  # what a swarm is paid is its probability of success
+        run.log(run.steps_done + NUM_STEPS * SWARMS, mean_return, found, entropy=entropy)
 
 
 def main() -> None:

@@ -24,8 +24,8 @@ NAME, CHECKPOINT = "rllib-ppo", "checkpoint_*/algorithm_state.pkl"
 
 def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    arguments = (EXAMPLE, "--short", "--out", folder, "--batch", 400)
-    check_table(python(*arguments), NAME, 50)
+    arguments = (EXAMPLE, "--short", "--out", folder, "--batch", 400, *FEW)
+    check_table(python(*arguments, "--steps", 1_000), NAME, 50)
     assert check_folder(folder, CHECKPOINT, NAME)[-1] >= 1_000
     first = rows(folder / "curve.csv")
     assert len(first) == 3
