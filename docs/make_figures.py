@@ -52,6 +52,7 @@ from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
+from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.training.curve import Curve, moving_mean
@@ -928,6 +929,30 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     success.set_title("forecast (lines), found (dots)")
     for axes in (spread, success):
         axes.grid(axis="x" if axes is success else "both")
+    return chart
+
+
+PATTERNS = "parallel-sweep", "creeping-line", "expanding-square", "sector-search"
+
+
+@figure("patterns")
+def patterns(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the tracks of every search pattern around a datum, for one drone and for two."""
+    datum = Datum(mean=(12.0, 8.0), deviation=(4.5, 2.5), effort=1000.0)
+    chart = Figure(figsize=(WIDTH, 7.9), layout="constrained")
+    panels = chart.subplots(len(PATTERNS), 2)
+    for name, row in zip(PATTERNS, panels, strict=True):
+        for drones, axes in zip((1, 2), row, strict=True):
+            policy = POLICIES[name](Scenario(grid_size=25, n_drones=drones))
+            for (route, *_), colour in zip(policy.routes(datum, 0), theme.series, strict=False):
+                track = np.array(route)
+                axes.plot(*track.T, color=colour, linewidth=1.3)
+                axes.plot(*track[0], "o", color=colour, markersize=7)
+            axes.plot(*datum.mean, "+", color=theme.ink, markersize=11, markeredgewidth=2)
+            axes.set(xlim=(-0.5, 24.5), ylim=(16.5, -0.5), aspect="equal")
+            axes.set(xticks=(), yticks=())
+            axes.spines[["top", "right"]].set_visible(True)
+            axes.set_title(name.replace("-", " ") if drones == 1 else "two drones", fontsize=11)
     return chart
 
 
