@@ -25,7 +25,7 @@ from DroneSwarmSearch.rendering import palette
 
 EPISODES = Path(__file__).parent / "static" / "episodes"
 
-SEARCHES = ("man-overboard", "gale", "two-positions", "wreck", "classic", "harbour")
+SEARCHES = ("man-overboard", "gale", "two-positions", "wreck", "fleet", "classic", "harbour")
 
 POLICIES = {
     "planner": "Planner",

@@ -13,7 +13,7 @@ const MOVES = [[-1, 0], [1, 0], [0, -1], [0, 1], [0, 0], [0, 0]], SEARCH = 4;
 const SPEEDS = [2, 4, 8, 16, 32];  // steps per second
 const GLIDE = 9;  // steps per second of a single step
 const TRAIL = 22, FADE = 45;  // steps for which trails and marks of searches last
-const STRIP = 30;  // CSS pixels of the legend below a map
+const STRIP = 30, GAP = 14;  // CSS pixels: the legend below a map, the space between maps
 const VIEWS = {prior: "Prior", posterior: "Posterior", both: "Both"};
 
 const stillness = matchMedia("(prefers-reduced-motion: reduce)");
@@ -182,7 +182,6 @@ function choose(changes) {
   find("[data-pick=seed]").value = seed;
   find(`input[name=policy][value="${CSS.escape(policy)}"]`).checked = true;
   if (INDEX.searches[find(".searches").value]) history.replaceState(null, "", `#${search.name}/${policy}/${seed}`);
-  layout.classList.toggle("both", shown.view === "both");
   root.dataset.ready = "yes";
   redraw();
 }
@@ -248,11 +247,14 @@ function colours() {
     return stops[low].map((channel, number) => Math.round(mix(channel, stops[low + 1][number], at - low)));
   });
   return {
-    dark, ramp, font: style.fontFamily, ink: read("--color-foreground-primary"), grey: read("--color-foreground-muted"),
+    ramp, words: ramp.map(([r, g, b]) => (255 << 24 | b << 16 | g << 8 | r) >>> 0), font: style.fontFamily, ink: read("--color-foreground-primary"), grey: read("--color-foreground-muted"),
     line: read("--line"), ground: read("--color-background-primary"), found: read("--found"),
     series: number => read(`--series-${number % 5}`),
   };
 }
+
+const viewed = () => shown.view === "both" ? ["prior", "posterior"] : [shown.view];
+const sideOf = (width, gap) => (width - gap * (viewed().length - 1)) / viewed().length;
 
 function prepare(canvas) {
   const box = canvas.getBoundingClientRect(), scale = window.devicePixelRatio || 1;
@@ -273,18 +275,17 @@ function draw() {
 
 function drawAt(at) {
   const now = Math.floor(at), {context, width, height, scale} = prepare(mapCanvas);
-  const views = shown.view === "both" ? ["prior", "posterior"] : [shown.view], gap = 14 * scale;
-  const room = (width - gap * (views.length - 1)) / views.length;
-  const cell = Math.floor(Math.min(room, height - STRIP * scale)) / search.crop.side;
+  const views = viewed(), side = Math.floor(Math.min(sideOf(width, GAP * scale), height - STRIP * scale));
   views.forEach((view, number) => {
-    drawMap(context, view, at, Math.round(number * (room + gap)), cell, scale);
+    const left = number * (width - side) / Math.max(views.length - 1, 1);
+    drawMap(context, view, at, Math.round(left), side / search.crop.side, scale);
   });
   drawCurves(at);
   report(at, now);
 }
 
 const sheet = document.createElement("canvas"), image = sheet.getContext("2d");
-let pixels = null;
+let pixels = null, words = null;
 
 function drawMap(context, view, at, left, cell, scale) {
   const now = Math.floor(at), next = Math.min(now + 1, episode.steps), part = at - now, {size, crop} = search;
@@ -293,11 +294,10 @@ function drawMap(context, view, at, left, cell, scale) {
   if (sheet.width !== size || !pixels) {
     sheet.width = sheet.height = size;
     pixels = image.createImageData(size, size);
-    pixels.data.fill(255);
+    words = new Uint32Array(pixels.data.buffer);
   }
   for (let number = 0; number < one.length; number++) {
-    const shade = theme.ramp[Math.round(mix(one[number], other[number], part) * 2.55)];
-    pixels.data.set(shade, number * 4);
+    words[number] = theme.words[Math.round(mix(one[number], other[number], part) * 2.55)];
   }
   image.putImageData(pixels, 0, 0);
   context.save();
@@ -362,7 +362,6 @@ function position(path, at) {
 function drawTrail(context, path, at, centre, drone, cell, scale) {
   const now = Math.floor(at), from = Math.max(now - TRAIL, 0);
   context.lineWidth = Math.max(0.13 * cell, 1.6 * scale);
-  context.lineCap = "round";
   for (let place = from; place <= now; place++) {
     const end = place === now ? position(path, at) : path[place + 1];
     context.strokeStyle = rgb(INDEX.colours.drones[drone % INDEX.colours.drones.length], clamp(1 - (at - place) / TRAIL, 0, 1) * 0.8);
@@ -374,7 +373,7 @@ function drawTrail(context, path, at, centre, drone, cell, scale) {
 }
 
 function drawDrone(context, path, at, centre, drone, cell, scale) {
-  const colour = INDEX.colours.drones[drone % INDEX.colours.drones.length], radius = Math.max(0.62 * cell, 8.5 * scale);
+  const colour = INDEX.colours.drones[drone % INDEX.colours.drones.length], radius = Math.max(0.62 * cell, 7 * scale);
   const action = Number(episode.actions[drone][Math.floor(at)]), part = at - Math.floor(at);
   context.save();
   context.translate(...centre(position(path, at)));
@@ -413,7 +412,7 @@ function drawDrone(context, path, at, centre, drone, cell, scale) {
 function drawPerson(context, person, at, centre, cell, scale) {
   const isNow = person.found_by !== null && at >= person.path.length - 1;
   if (!shown.person && !isNow && at < episode.steps) return;
-  const radius = Math.max(0.5 * cell, 8 * scale);
+  const radius = Math.max(0.5 * cell, 7.5 * scale);
   context.save();
   context.translate(...centre(position(person.path, at)));
   if (isNow) {
@@ -557,7 +556,13 @@ function show(changes) {
   find(`input[name=view][value=${shown.view}]`).checked = true;
   find("[data-pick=person]").checked = shown.person;
   find("[data-pick=speed]").value = shown.speed;
+  arrange();
+}
+
+// The canvas is as high as its maps and the legend.
+function arrange() {
   layout.classList.toggle("both", shown.view === "both");
+  mapCanvas.style.height = `${sideOf(mapCanvas.clientWidth, GAP) + STRIP}px`;
   redraw();
 }
 
@@ -611,7 +616,7 @@ document.addEventListener("keydown", event => {
 const restyle = () => { theme = null; redraw(); };
 new MutationObserver(restyle).observe(document.body, {attributes: true, attributeFilter: ["data-theme"]});
 darkness.addEventListener("change", restyle);
-new ResizeObserver(redraw).observe(layout);
+new ResizeObserver(arrange).observe(layout);
 
 function fromAddress() {
   const [name, ...rest] = decodeURIComponent(location.hash.slice(1)).split("/");
