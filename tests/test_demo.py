@@ -257,14 +257,22 @@ class TestOptions:
         assert stop.value.code == 0
         text = capsys.readouterr().out
         for option in (
-            *("--manual", "--drones", "--grid-size", "--persons", "--vector", "--record"),
+            *(
+                "--manual",
+                "--hide-person",
+                "--drones",
+                "--grid-size",
+                "--persons",
+                "--vector",
+                "--record",
+            ),
             *("--disperse-constant", "--timestep-limit", "--probability-of-detection"),
             *("--seed", "--fps", "--grid", "--no-grid", "--gradient", "--no-gradient"),
             *("--prior", "--text", "--policy", "--palette", "--mission", "--object-class"),
             *("--wind", "--current", "--position-sd", "--adrift", "--diffusivity"),
             *("--cell", "--drone-speed"),
         ):
-            assert re.search(rf"^ +.*{option}\b(?!-).*\S", text, re.MULTILINE), option
+            assert re.search(rf"^ +.*{option}\b(?!-).*\n? +\S", text, re.MULTILINE), option
 
     @pytest.mark.parametrize(
         ("option", "values", "problem"),

@@ -350,6 +350,20 @@ class TestFlying:
         assert step_of(player) == 1
         assert len(actions) == LAST
 
+    def test_a_key_pressed_as_the_flight_ends_does_not_leave_the_result(
+        self, player: Player
+    ) -> None:
+        for _ in range(LAST + 1):
+            player.press("space")
+        player.advance(0.5)
+        for key in ("space", "down", "left"):
+            player.press(key)
+        assert player.is_at_end
+        assert player.speed == 1
+        player.advance(1)
+        player.press("left")
+        assert step_of(player) == LAST - 1
+
     def test_flying_the_same_search_again(self, player: Player) -> None:
         player.press("left")
         player.press("r")

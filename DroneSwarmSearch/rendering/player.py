@@ -39,6 +39,9 @@ AHEAD = 20
 
 HINT_SECONDS = 2.5
 
+PAUSE_AFTER_FLIGHT = 1.0
+"""Seconds for which the keys of a flight do nothing after its end, which may come as a surprise."""
+
 VIEWS = ("matrix", "both")
 """The map that the drones see, or the prior and the posterior side by side."""
 
@@ -285,6 +288,7 @@ class Player:
         self.seed = seed
         self.recording = self._begin(seed)
         self._was_flown = self.recording.flies
+        self._flight_ended = 0.0 if self._was_flown else math.inf  # seconds ago
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
         self._hint_left = 0.0
@@ -367,7 +371,7 @@ class Player:
         elif self.recording.flies:
             if key in FLIGHT_KEYS:
                 self._fly(FLIGHT_KEYS[key])
-        else:
+        elif not (key in FLIGHT_KEYS and self._flight_ended < PAUSE_AFTER_FLIGHT):
             self._scrub(key)
 
     def _begin_again(self, seed: int) -> None:
@@ -407,6 +411,8 @@ class Player:
     def advance(self, seconds: float) -> None:
         """Let time pass."""
         self._hint_left -= seconds
+        if self.recording.has_ended:
+            self._flight_ended += seconds
         by_hand = self._was_flown and not self.recording.end_was_seen
         goal = min(math.inf if by_hand else self._goal, len(self.recording.frames) - 1)
         if by_hand or self.is_paused:

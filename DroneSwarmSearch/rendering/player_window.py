@@ -144,10 +144,13 @@ class PlayerWindow(Screen):
         self._draw_strip(screen, strip, player, font)
         if player.shows_keys:
             keys = [(each.keys, each.details) for each in player.keys]
-            _draw_card(screen, area, _card("Keys", keys, font))
+            veil = pygame.Surface(area.size, pygame.SRCALPHA)
+            veil.fill(VEIL)
+            screen.blit(veil, area)
+            _draw_card(screen, area, _card("Keys", keys, font), "center")
         elif player.is_at_end and player.recording.scores():
             scores = [SCORE_HEADERS, *map(score_row, player.recording.scores())]
-            _draw_card(screen, area, _card("Your result", scores, font))
+            _draw_card(screen, area, _card("Your result", scores, font), "bottomright")
         pygame.display.flip()
 
     def _font(self, painter: Painter) -> int:
@@ -240,10 +243,9 @@ def _card(title: str, rows: Sequence[Sequence[str]], font: int) -> pygame.Surfac
     return card
 
 
-def _draw_card(screen: pygame.Surface, area: pygame.Rect, card: pygame.Surface) -> None:
-    """A card in the middle of an area, which is dimmed; smaller if there is no room."""
-    veil = pygame.Surface(area.size, pygame.SRCALPHA)
-    veil.fill(VEIL)
-    screen.blit(veil, area)
-    place = card.get_rect(center=area.center)
+def _draw_card(
+    screen: pygame.Surface, area: pygame.Rect, card: pygame.Surface, anchor: str
+) -> None:
+    """A card at an anchor of an area, such as "center"; smaller if there is no room."""
+    place = card.get_rect(**{anchor: getattr(area, anchor)})
     screen.blit(*fitted(card, place if area.contains(place) else area))
