@@ -95,8 +95,14 @@ class TestFrames:
         search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
         pairs = list(frames("greedy-posterior", search, seed=4))
         for prior, posterior in pairs:
-            known = {"probability_of_success": None, "prior": None, "hypotheses": prior.hypotheses}
-            same = replace(posterior, matrix=prior.matrix, **known)
+            same = replace(
+                posterior,
+                matrix=prior.matrix,
+                probability_of_success=None,
+                hypotheses=prior.hypotheses,
+                prior=None,
+                total_return=prior.total_return,
+            )
             assert vars(same) == vars(prior)
             assert posterior.hypotheses == (pytest.approx((1.0,)),)
         forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
