@@ -19,7 +19,7 @@ environments::
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.adapters._sampling import SamplingPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.arguments import shows_keywords_of
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
@@ -352,7 +353,7 @@ def episode_metrics(
     }
 
 
-class TrainedPolicy:
+class TrainedPolicy(SamplingPolicy):
     """A policy of TorchRL or BenchMARL for `evaluate`.
 
     Pass `evaluate` view="drone", action_mask=True, and the same `observation` and `right_of_way`
@@ -369,21 +370,11 @@ class TrainedPolicy:
     def __init__(
         self, policy: TensorDictModuleBase, n_drones: int, deterministic: bool = False
     ) -> None:
+        super().__init__()
         self._policy = policy
         self._n = checks.integer("n_drones", n_drones, 1)
         is_fixed = checks.boolean("deterministic", deterministic)
         self._exploration = ExplorationType.DETERMINISTIC if is_fixed else ExplorationType.RANDOM
-        self.reset()
-
-    def reset(self, seed: int | Sequence[int] = 0, rows: None = None) -> None:
-        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
-
-        Args:
-            seed: one seed, or one for each episode.
-            rows: ignored.
-        """
-        number = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._random_state = torch.Generator().manual_seed(number).get_state()
 
     def __call__(self, shown: Mapping[str, Any]) -> NDArray[np.int64]:
         """Actions of M drones, int64, shape (M,).
@@ -399,11 +390,8 @@ class TrainedPolicy:
         ).reshape(swarms, self._n)
         drones["action_mask"] = drones["action_mask"].bool()
         batch = TensorDict({GROUP: drones}, batch_size=swarms)
-        with torch.random.fork_rng(devices=[]), torch.no_grad():
-            torch.set_rng_state(self._random_state)
-            with set_exploration_type(self._exploration):
-                actions: torch.Tensor = self._policy(batch)[ACTION]
-            self._random_state = torch.get_rng_state()
+        with torch.no_grad(), set_exploration_type(self._exploration), self._seeded_torch():
+            actions: torch.Tensor = self._policy(batch)[ACTION]
         chosen: NDArray[np.int64] = actions.flatten().numpy()
         return chosen
 
