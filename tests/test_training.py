@@ -589,8 +589,8 @@ def test_progress_shows_the_latest_values_and_the_time_left(
     assert line in capsys.readouterr().err.splitlines()
     with training.Run(options(tmp_path, "--resume"), "Trial") as run:
         clock[0] += 40
-        run.log(3750)
-    line = "Trial: 75%, about 40 s left, 12% found, return -98,765"
+        run.log(3750, reward=0.3251)  # as in a coverage mission
+    line = "Trial: 75%, about 40 s left, 12% found, return 0.33"
     assert line in capsys.readouterr().err.splitlines()
 
 

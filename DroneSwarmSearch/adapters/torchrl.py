@@ -114,8 +114,9 @@ class SearchEnv(EnvBase):
     - ("info", ...): "is_success", "Found", "ending" and, if there is one,
       "probability_of_success", as in the infos of `SwarmVectorEnv`: (num_swarms, 1).
 
-    TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
-    swarm i with s + i when it is reset next, and its later episodes follow from that.
+    TorchRL resets swarms whose episodes have ended; "_reset" selects them, or ("drones", "_reset"),
+    which must be equal for all drones of a swarm. `set_seed(s)` seeds swarm i with s + i when it is
+    reset next, and its later episodes follow from that.
 
     The keywords `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and
     those from `grid_size` on are the ones of `DroneVectorEnv`.
@@ -220,10 +221,7 @@ class SearchEnv(EnvBase):
     def _reset(self, tensordict: TensorDictBase | None = None, **arguments: Any) -> TensorDictBase:
         if arguments:
             raise TypeError(f"reset takes a tensordict, and not {', '.join(arguments)}")
-        mask = None if tensordict is None else tensordict.get("_reset", None)
-        chosen = np.ones(self.batch_size[0], np.bool_)
-        if mask is not None:
-            chosen = mask.reshape(-1).cpu().numpy()
+        chosen = self._chosen(tensordict)
         if not chosen.any():
             return self._written(self.vector_env.observe(np.arange(len(chosen))))
         swarms = chosen.nonzero()[0].tolist()
@@ -233,6 +231,17 @@ class SearchEnv(EnvBase):
         for swarm in swarms:
             self._seeds.pop(swarm, None)
         return self._written(observations)
+
+    def _chosen(self, tensordict: TensorDictBase | None) -> NDArray[np.bool_]:
+        """The swarms to reset: bool, (num_swarms,)."""
+        swarms = self.batch_size[0]
+        for key in () if tensordict is None else ("_reset", (GROUP, "_reset")):
+            if (mask := tensordict.get(key, None)) is not None:
+                by_drone: NDArray[np.bool_] = mask.cpu().numpy().reshape(swarms, -1)
+                if (by_drone != by_drone[:, :1]).any():
+                    raise ValueError(f"{key!r} must be equal for all drones of a swarm, got {mask}")
+                return by_drone[:, 0]
+        return np.ones(swarms, np.bool_)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get(ACTION).cpu().numpy().reshape(-1)

@@ -199,9 +199,12 @@ class Run:
     def _latest(self) -> str:
         """The latest known values, for the progress bar."""
         parts = []
-        for name, form in (("found", "{:.0%} found"), ("reward", "return {:,.0f}")):
+        for name in ("found", "reward"):
             known = [row[name] for row in self._curve.rows[-20:] if not math.isnan(row[name])]
-            parts += [form.format(known[-1])] if known else []
+            if known and name == "found":
+                parts.append(f"{known[-1]:.0%} found")
+            elif known:  # at most 1 in the coverage mission
+                parts.append(f"return {known[-1]:,.{0 if abs(known[-1]) >= 10 else 2}f}")
         return ", ".join(parts)
 
     def _draw(self) -> None:
