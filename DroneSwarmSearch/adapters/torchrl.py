@@ -235,8 +235,9 @@ class SearchEnv(EnvBase):
     def _chosen(self, tensordict: TensorDictBase | None) -> NDArray[np.bool_]:
         """The swarms to reset: bool, (num_swarms,)."""
         swarms = self.batch_size[0]
-        for key in () if tensordict is None else ("_reset", (GROUP, "_reset")):
-            if (mask := tensordict.get(key, None)) is not None:
+        for key in ("_reset", (GROUP, "_reset")):
+            mask = None if tensordict is None else tensordict.get(key, None)
+            if mask is not None:
                 by_drone: NDArray[np.bool_] = mask.cpu().numpy().reshape(swarms, -1)
                 if (by_drone != by_drone[:, :1]).any():
                     raise ValueError(f"{key!r} must be equal for all drones of a swarm, got {mask}")
