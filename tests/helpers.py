@@ -21,6 +21,17 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.rendering import Frame
 
+TWO_DRONES: dict[str, Any] = {
+    "grid_size": 5,
+    "n_drones": 2,
+    "vector": (0.1, 0.1),
+    "person_initial_position": (2, 2),
+    "disperse_constant": 2,
+    "timestep_limit": 12,
+    "bayesian_update": True,
+}
+"""A search with short episodes, of which random actions end many with a find or a crash."""
+
 MOVES = {
     Action.LEFT: (-1, 0),
     Action.RIGHT: (1, 0),

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import Progress
@@ -23,7 +23,7 @@ from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.rendering.film import SUFFIXES, pictures_per_step, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 
-__all__ = ["FPS", "Film", "frames", "record"]
+__all__ = ["FPS", "Film", "Moment", "frames", "moments", "record"]
 
 FPS = 6.0
 """Steps shown per second."""
@@ -149,19 +149,47 @@ def frames(
         bayesian_update = checks.boolean("bayesian_update", bayesian_update)
     with no_exit(f"the policy on {where.name}"):
         made = PolicySpec.of(policy).make(scenario)
-    return _frames(made, where, first, bayesian_update)
+    played = moments(made, where, first, bayesian_update)
+    return ((moment.prior, moment.posterior) for moment in played)
 
 
-def _frames(
+class Moment(NamedTuple):
+    """One moment of an episode.
+
+    Attributes:
+        prior: the frame with the prior as its matrix.
+        posterior: the frame with the posterior as its matrix.
+        actions: each drone's last action; empty after `reset`.
+        team_return: the sum of all drones' rewards so far.
+    """
+
+    prior: Frame
+    posterior: Frame
+    actions: tuple[int, ...]
+    team_return: float
+
+
+def moments(
     policy: Callable[..., Any], search: NamedSearch, seed: int, bayesian_update: bool
-) -> Iterator[tuple[Frame, Frame]]:
+) -> Iterator[Moment]:
+    """Play one episode in two environments; the arguments are those of `record`, validated.
+
+    Returns:
+        An iterator over the steps, from the state after `reset`.
+    """
     with no_exit(f"the policy on {search.name}"):
         scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
-        prior, posterior = (DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios)
-        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
+        prior, posterior = envs = [
+            DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios
+        ]
+        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in envs]
         reset_policy(policy, seed)
-        yield prior.frame(), posterior.frame()
+        team_return = 0.0
+        yield Moment(prior.frame(), posterior.frame(), (), team_return)
         while prior.agents:
             actions = policy(shown[bayesian_update])
-            shown = [env.step(actions)[0] for env in (prior, posterior)]
-            yield prior.frame(), posterior.frame()
+            results = [env.step(actions) for env in envs]
+            chosen = tuple(int(actions[drone]) for drone in prior.get_agents())
+            shown = [result[0] for result in results]
+            team_return += sum(results[bayesian_update][1].values())
+            yield Moment(prior.frame(), posterior.frame(), chosen, team_return)
