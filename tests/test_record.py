@@ -101,7 +101,6 @@ class TestFrames:
                 probability_of_success=None,
                 hypotheses=prior.hypotheses,
                 prior=None,
-                total_return=prior.total_return,
             )
             assert vars(same) == vars(prior)
             assert posterior.hypotheses == (pytest.approx((1.0,)),)
