@@ -134,7 +134,7 @@ root.insertAdjacentHTML("beforeend", `
 
 const find = selector => root.querySelector(selector);
 const layout = find(".layout"), mapCanvas = find(".map"), curveCanvas = find(".curve"), slider = find("input[type=range]");
-const shown = {view: "posterior", person: true, speed: 8};
+const shown = {view: "posterior", person: true, speed: 8, pointed: null};
 let search = null, episode = null, seed = null, policy = null;
 let time = 0, playing = false, goal = null, last = 0, wanted = 0, ticking = false;
 
@@ -476,8 +476,9 @@ function drawCurves(at) {
   for (const number of order) {
     const each = others[number], isThis = each === episode, until = at >= episode.steps ? each.steps : Math.min(at, each.steps);
     context.strokeStyle = context.fillStyle = theme.series(number);
-    context.globalAlpha = isThis ? 1 : 0.75;
-    context.lineWidth = (isThis ? 3 : 1.5) * scale;
+    const isPointed = each.policy === shown.pointed;
+    context.globalAlpha = isThis || isPointed ? 1 : 0.75;
+    context.lineWidth = (isThis ? 3 : isPointed ? 2.6 : 1.5) * scale;
     context.lineJoin = "round";
     context.beginPath();
     context.moveTo(x(0), y(0));
@@ -570,6 +571,9 @@ root.addEventListener("click", event => {
   const pressed = event.target.closest("[data-do]");
   if (episode && pressed) ACTIONS[pressed.dataset.do]();
 });
+// The curve of the policy under the pointer stands out.
+find(".policies").addEventListener("pointerover", event => show({pointed: event.target.closest("label")?.querySelector("input").value}));
+find(".policies").addEventListener("pointerleave", () => show({pointed: null}));
 mapCanvas.addEventListener("click", () => episode && play(!playing));
 slider.addEventListener("input", () => episode && seek(Number(slider.value)));
 
