@@ -160,13 +160,11 @@ class Moment(NamedTuple):
         prior: the frame with the prior as its matrix.
         posterior: the frame with the posterior as its matrix.
         actions: each drone's last action; empty after `reset`.
-        team_return: the sum of all drones' rewards so far.
     """
 
     prior: Frame
     posterior: Frame
     actions: tuple[int, ...]
-    team_return: float
 
 
 def moments(
@@ -175,7 +173,8 @@ def moments(
     """Play one episode in two environments; the arguments are those of `record`, validated.
 
     Returns:
-        An iterator over the steps, from the state after `reset`.
+        An iterator over the steps, from the state after `reset`. Returns are those of the
+        environment that the policy observes.
     """
     with no_exit(f"the policy on {search.name}"):
         scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
@@ -184,12 +183,17 @@ def moments(
         ]
         shown = [env.reset(seed, drones_positions=search.drones)[0] for env in envs]
         reset_policy(policy, seed)
-        team_return = 0.0
-        yield Moment(prior.frame(), posterior.frame(), (), team_return)
+
+        def moment(actions: tuple[int, ...]) -> Moment:
+            pair = prior.frame(), posterior.frame()
+            earned = pair[bayesian_update].total_return
+            before, after = (replace(frame, total_return=earned) for frame in pair)
+            return Moment(before, after, actions)
+
+        yield moment(())
         while prior.agents:
             actions = policy(shown[bayesian_update])
             results = [env.step(actions) for env in envs]
             chosen = tuple(int(actions[drone]) for drone in prior.get_agents())
             shown = [result[0] for result in results]
-            team_return += sum(results[bayesian_update][1].values())
-            yield Moment(prior.frame(), posterior.frame(), chosen, team_return)
+            yield moment(chosen)

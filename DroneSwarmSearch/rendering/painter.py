@@ -38,7 +38,7 @@ HEAD = 52
 """The height of the headline."""
 
 TITLE_FONT, CAPTION_FONT, OUTCOME_FONT = 32, 24, 38
-TITLE_SHARE = 0.6
+TITLE_SHARE, TITLE_GAP = 0.55, 20
 OUTCOME_PADDING = 16
 
 PRIOR, POSTERIOR = "prior: the drift alone", "posterior: given the searches"
@@ -144,10 +144,10 @@ class Painter:
         Returns:
             An iterator over uint8 arrays of shape (height, width, 3).
         """
-        previous = None
+        previous: Frame | None = None
         for frame in frames:
-            for part in range(1, per_step) if previous is not None else ():
-                yield self.pixels(frame, previous=previous, progress=part / per_step)
+            for picture in range(1, per_step) if previous is not None else ():
+                yield self.pixels(frame, previous=previous, progress=picture / per_step)
             yield self.pixels(frame)
             previous = frame
 
@@ -166,13 +166,12 @@ class Painter:
                 place = area.left + LEFT, area.top + CAPTION_FONT // 4
                 write(canvas, caption, CAPTION_FONT, INK, topleft=place)
         left, right = LEFT, self._map_areas[-1].right - RIGHT
-        if frame.ending is not None:
-            self._draw_outcome(canvas, frame, pygame.Rect(left, 10, right - left, HEAD - 12))
-            return
         if frame.policy:
             line = fitted_line(frame.policy, TITLE_FONT, (right - left) * TITLE_SHARE, INK)
-            canvas.blit(line, line.get_rect(midleft=(left, HEAD // 2)))
-        if self._view == "matrix":
+            left = canvas.blit(line, line.get_rect(midleft=(left, HEAD // 2))).right + TITLE_GAP
+        if frame.ending is not None:
+            self._draw_outcome(canvas, frame, pygame.Rect(left, 10, right - left, HEAD - 12))
+        elif self._view == "matrix":
             caption = captions[frame.prior is not None]
             anchor = {"midright": (right, HEAD // 2)}
             if not frame.policy:

@@ -117,7 +117,8 @@ class Part(NamedTuple):
 
     def towards(self, other: Part, progress: float) -> Part:
         """The part on the way to another one."""
-        return Part(*(a + (b - a) * progress for a, b in zip(self, other, strict=True)))
+        left, top, cells = (a + (b - a) * progress for a, b in zip(self, other, strict=True))
+        return Part(left, top, cells)
 
 
 class SearchMap:
@@ -204,14 +205,15 @@ class SearchMap:
         extents = [(min(along), max(along) + 1) for along in (across, down)]
         need = max(high - low for low, high in extents) + 2 * PART_MARGIN
         count = min(max(math.ceil(need / PART_STEP) * PART_STEP, PART_LEAST), size)
-        lefts = []
+        corner: list[int] = []
         for low, high in extents:
             middle = (low + high - count) / 2
             left = round(middle / PART_STEP) * PART_STEP
             if left > low or left + count < high:  # rounding has cut something off
                 left = round(middle)
-            lefts.append(min(max(left, 0), size - count))
-        return Part(*lefts, count)
+            corner.append(min(max(left, 0), size - count))
+        left, top = corner
+        return Part(left, top, count)
 
 
 class _Drawing:
@@ -237,13 +239,13 @@ class _Drawing:
         self._draw_cells(frame.matrix)
         if of._render_grid:
             self._draw_lines()
-        drones = _on_the_way(frame.drones, towards and towards.drones, progress)
-        persons = _on_the_way(frame.persons, towards and towards.persons, progress)
+        end = frame if towards is None else towards
+        drones = _on_the_way(frame.drones, end.drones, progress)
+        persons = _on_the_way(frame.persons, end.persons, progress)
         self._draw_trails(frame, drones)
         self._draw_searched(frame)
         canvas.set_clip((LEFT - 2, TOP - 2, of.side + 4, of.side + 4))
-        searching = frame.searching if towards is None else towards.searching
-        self._draw_symbols(frame, drones, persons, searching)
+        self._draw_symbols(frame, drones, persons, end.searching)
         if self._part.cells < of._grid_size:
             self._draw_overview(frame)
         canvas.set_clip(None)
@@ -479,11 +481,9 @@ def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
 
 
 def _on_the_way(
-    cells: tuple[tuple[int, int], ...], ends: tuple[tuple[int, int], ...] | None, progress: float
+    cells: tuple[tuple[int, int], ...], ends: tuple[tuple[int, int], ...], progress: float
 ) -> list[Point]:
     """Places between cells and those of the next step."""
-    if ends is None or len(ends) != len(cells):
-        return list(cells)
     return [
         (x0 + (x1 - x0) * progress, y0 + (y1 - y0) * progress)
         for (x0, y0), (x1, y1) in zip(cells, ends, strict=True)
