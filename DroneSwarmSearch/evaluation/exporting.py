@@ -168,7 +168,7 @@ def _episode(played: Sequence[Moment], maps: _Maps) -> dict[str, Any]:
         ],
         "persons": [_person(played, person) for person in range(len(last.persons))],
         "success": [round(moment.posterior.probability_of_success or 0.0, 4) for moment in played],
-        "returns": [round(moment.team_return, 1) for moment in played],
+        "returns": [round(moment.posterior.total_return or 0.0, 1) for moment in played],
         "prior": [maps.number(moment.prior.matrix) for moment in played],
         "posterior": [maps.number(moment.posterior.matrix) for moment in played],
     }
