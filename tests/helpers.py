@@ -10,6 +10,7 @@ import random
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
 from DroneSwarmSearch.planning import SuccessBound
+from DroneSwarmSearch.rendering import Frame
 
 TWO_DRONES: dict[str, Any] = {
     "grid_size": 5,
@@ -96,6 +98,12 @@ def plain(value: Any) -> Any:
 def whole_state(env: DroneSwarmSearch) -> bytes:
     """The full state of the environment, including the random streams."""
     return pickle.dumps(env)
+
+
+def without_history(frame: Frame) -> dict[str, Any]:
+    """What a batch knows of a frame, as plain data."""
+    data: dict[str, Any] = plain(vars(replace(frame, trails=(), searched=())))
+    return data
 
 
 def overwrite(array: Any) -> None:

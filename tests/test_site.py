@@ -368,6 +368,13 @@ def test_steps_keys_and_the_slider(browser: Any, address: str) -> None:
     player.wait(lambda: player.step > 0 and player.state("playing") == "yes")
     player.press(Keys.SPACE)
     player.wait(lambda: player.state("playing") == "no")
+    player.label("policy", "planner").click()  # which then has the focus
+    browser.switch_to.active_element.send_keys(Keys.SPACE)
+    player.wait(lambda: player.state("playing") == "yes")
+    browser.switch_to.active_element.send_keys(Keys.ARROW_DOWN)  # the next policy
+    player.wait(lambda: "planner" not in browser.current_url)
+    browser.switch_to.active_element.send_keys(Keys.SPACE)
+    player.wait(lambda: player.state("playing") == "no")
     player.scrub(40)
     player.reach(40)
     player.one("[data-do=forward]").click()

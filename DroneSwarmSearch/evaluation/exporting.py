@@ -62,15 +62,15 @@ def export(
       zeros.
     - "episodes": a list of objects, by policy, then by seed:
 
-        - "policy", "seed", "steps"; "ending": the name of the `Ending` in lower case.
-        - "actions": a string for each drone, with the number of an `Action` for each step.
-        - "persons": for each person, their "cells" until they are found or the episode ends,
-          and the number of the drone that found them, "found_by", or null. The last cell of a
-          found person is that of the find.
-        - "success": the probability of success of all searches so far, to four decimals.
-        - "returns": the sum of all drones' rewards so far, to one decimal.
-        - "prior", "posterior": the number of a map for each step. Both show the persons who
-          are still missing.
+      - "policy", "seed", "steps"; "ending": the name of the `Ending` in lower case.
+      - "actions": a string for each drone, with the number of an `Action` for each step.
+      - "persons": for each person, their "cells" until they are found or the episode ends,
+        and the number of the drone that found them, "found_by", or null. The last cell of a
+        found person is that of the find.
+      - "success": the probability of success of all searches so far, to four decimals.
+      - "returns": the sum of all drones' rewards so far, to one decimal.
+      - "prior", "posterior": the number of a map for each step. Both show the persons who
+        are still missing.
 
     Args:
         policies: a list of policies, each as for `evaluate`; a callable sees one search, as
@@ -168,7 +168,7 @@ def _episode(played: Sequence[Moment], maps: _Maps) -> dict[str, Any]:
         ],
         "persons": [_person(played, person) for person in range(len(last.persons))],
         "success": [round(moment.posterior.probability_of_success or 0.0, 4) for moment in played],
-        "returns": [round(moment.team_return, 1) for moment in played],
+        "returns": [round(moment.posterior.total_return or 0.0, 1) for moment in played],
         "prior": [maps.number(moment.prior.matrix) for moment in played],
         "posterior": [maps.number(moment.posterior.matrix) for moment in played],
     }

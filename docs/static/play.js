@@ -134,7 +134,7 @@ root.insertAdjacentHTML("beforeend", `
 
 const find = selector => root.querySelector(selector);
 const layout = find(".layout"), mapCanvas = find(".map"), curveCanvas = find(".curve"), slider = find("input[type=range]");
-const shown = {view: "posterior", person: true, speed: 8};
+const shown = {view: "posterior", person: true, speed: 8, pointed: null};
 let search = null, episode = null, seed = null, policy = null;
 let time = 0, playing = false, goal = null, last = 0, wanted = 0, ticking = false;
 
@@ -373,7 +373,7 @@ function drawTrail(context, path, at, centre, drone, cell, scale) {
 }
 
 function drawDrone(context, path, at, centre, drone, cell, scale) {
-  const colour = INDEX.colours.drones[drone % INDEX.colours.drones.length], radius = Math.max(0.62 * cell, 7 * scale);
+  const colour = INDEX.colours.drones[drone % INDEX.colours.drones.length], radius = Math.max(0.48 * cell, 7 * scale);
   const action = Number(episode.actions[drone][Math.floor(at)]), part = at - Math.floor(at);
   context.save();
   context.translate(...centre(position(path, at)));
@@ -412,7 +412,7 @@ function drawDrone(context, path, at, centre, drone, cell, scale) {
 function drawPerson(context, person, at, centre, cell, scale) {
   const isNow = person.found_by !== null && at >= person.path.length - 1;
   if (!shown.person && !isNow && at < episode.steps) return;
-  const radius = Math.max(0.5 * cell, 7.5 * scale);
+  const radius = Math.max(0.42 * cell, 7.5 * scale);
   context.save();
   context.translate(...centre(position(person.path, at)));
   if (isNow) {
@@ -476,8 +476,9 @@ function drawCurves(at) {
   for (const number of order) {
     const each = others[number], isThis = each === episode, until = at >= episode.steps ? each.steps : Math.min(at, each.steps);
     context.strokeStyle = context.fillStyle = theme.series(number);
-    context.globalAlpha = isThis ? 1 : 0.75;
-    context.lineWidth = (isThis ? 3 : 1.5) * scale;
+    const isPointed = each.policy === shown.pointed;
+    context.globalAlpha = isThis || isPointed ? 1 : 0.75;
+    context.lineWidth = (isThis ? 3 : isPointed ? 2.6 : 1.5) * scale;
     context.lineJoin = "round";
     context.beginPath();
     context.moveTo(x(0), y(0));
@@ -570,6 +571,9 @@ root.addEventListener("click", event => {
   const pressed = event.target.closest("[data-do]");
   if (episode && pressed) ACTIONS[pressed.dataset.do]();
 });
+// The curve of the policy under the pointer stands out.
+find(".policies").addEventListener("pointerover", event => show({pointed: event.target.closest("label")?.querySelector("input").value}));
+find(".policies").addEventListener("pointerleave", () => show({pointed: null}));
 mapCanvas.addEventListener("click", () => episode && play(!playing));
 slider.addEventListener("input", () => episode && seek(Number(slider.value)));
 
@@ -603,9 +607,9 @@ document.addEventListener("keydown", event => {
   if (!episode || event.altKey || event.ctrlKey || event.metaKey) return;
   const {target, key} = event, isOurs = root.contains(target);
   if (!isOurs && target !== document.body) return;  // the page's search, links and menus
-  const typed = target.closest?.("select, input:not([type=range]):not([type=checkbox]), button, input[type=checkbox]");
-  if (typed && (key === " " || typed.matches("select, input"))) return;  // these keys are the control's own
-  if (target === slider && key.startsWith("Arrow")) return;
+  // Some keys belong to the control that has the focus.
+  if (target.matches("select") || (key === " " && target.matches("button, [type=checkbox], [type=file]"))) return;
+  if (target.matches("[type=range], [type=radio]") && key.startsWith("Arrow")) return;
   if (KEYS[key]) ACTIONS[KEYS[key]]();
   else if (key === "m") show({view: Object.keys(VIEWS)[(Object.keys(VIEWS).indexOf(shown.view) + 1) % 3]});
   else if (key === "h") show({person: !shown.person});
