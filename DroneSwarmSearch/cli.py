@@ -21,7 +21,7 @@ __all__ = ["main"]
 PROGRAM = "python -m DroneSwarmSearch"
 
 COMMANDS = {
-    "play": "watch a search in a window or in the terminal; the default",
+    "play": "watch a search in a window or in the terminal, or fly a drone; the default",
     "evaluate": "evaluate a policy on searches of the suite",
     "leaderboard": "compare all policies on the suite: tables, plots, files",
     "bound": "compute upper bounds on the success of any policy",
@@ -169,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
         formatter_class=_format,
-        usage=f"{PROGRAM} [play] [options]\n       {PROGRAM} COMMAND [arguments]",
+        usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)

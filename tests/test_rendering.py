@@ -40,6 +40,30 @@ MAP_TOP = HEAD + TOP
 SIZES = (2, 7, 20, 48)
 
 
+COLOUR_BLIND = {
+    "protanopia": (
+        (0.152286, 1.052583, -0.204868),
+        (0.114503, 0.786281, 0.099216),
+        (-0.003882, -0.048116, 1.051998),
+    ),
+    "deuteranopia": (
+        (0.367322, 0.860646, -0.227968),
+        (0.280085, 0.672501, 0.047413),
+        (-0.011820, 0.042940, 0.968881),
+    ),
+    "tritanopia": (
+        (1.255528, -0.076749, -0.178779),
+        (-0.078411, 0.930809, 0.147602),
+        (0.004733, 0.691367, 0.303900),
+    ),
+}
+"""What colour-blind people see of linear RGB colours, at full severity.
+
+Source: G. Machado, M. Oliveira and L. Fernandes, "A physiologically-based model for simulation of
+color vision deficiency", IEEE Transactions on Visualization and Computer Graphics 15, 2009.
+"""
+
+
 def make_frame(
     grid_size: int = 7,
     *,
@@ -346,6 +370,15 @@ class TestCells:
     @pytest.mark.parametrize("palette", PALETTES)
     def test_the_luminance_of_every_shade_differs_strictly(self, palette: str) -> None:
         steps = np.diff(luminance(PALETTES[palette].ramp))
+        assert (steps > 0).all() if palette == "classic" else (steps < 0).all()
+
+    @pytest.mark.parametrize("palette", PALETTES)
+    @pytest.mark.parametrize("vision", COLOUR_BLIND)
+    def test_the_ramp_can_be_read_by_colour_blind_eyes(self, palette: str, vision: str) -> None:
+        ramp = PALETTES[palette].ramp / 255
+        linear = np.where(ramp <= 0.04045, ramp / 12.92, ((ramp + 0.055) / 1.055) ** 2.4)
+        seen = np.clip(linear @ np.array(COLOUR_BLIND[vision]).T, 0.0, 1.0)
+        steps = np.diff(seen @ np.array([0.2126, 0.7152, 0.0722]))
         assert (steps > 0).all() if palette == "classic" else (steps < 0).all()
 
     def test_environments_take_a_palette(self) -> None:

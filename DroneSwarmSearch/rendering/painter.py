@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE
 from DroneSwarmSearch.rendering.panel import Layout, Panel
 from DroneSwarmSearch.rendering.search_map import (
@@ -162,9 +163,12 @@ class Painter:
         """The outcome, or before the end the policy's name; and what the maps show."""
         captions = [PRIOR, POSTERIOR]
         if self._view == "both":
-            for area, caption in zip(self._map_areas, captions, strict=True):
-                place = area.left + LEFT, area.top + CAPTION_FONT // 4
-                write(canvas, caption, CAPTION_FONT, INK, topleft=place)
+            maps = self._maps(frame)
+            for area, caption, shown in zip(self._map_areas, captions, maps, strict=True):
+                top = area.top + CAPTION_FONT // 4
+                write(canvas, caption, CAPTION_FONT, INK, topleft=(area.left + LEFT, top))
+                likeliest = f"likeliest cell {percent(float(shown.matrix.max()))}"
+                write(canvas, likeliest, CAPTION_FONT, GREY, topright=(area.right - RIGHT, top))
         left, right = LEFT, self._map_areas[-1].right - RIGHT
         if frame.policy:
             line = fitted_line(frame.policy, TITLE_FONT, (right - left) * TITLE_SHARE, INK)
