@@ -90,8 +90,10 @@ def train(options: argparse.Namespace) -> PPO:
             run.resume_from(checkpoint["steps"])
         else:
             save(0)
-        envs.seed(options.seed + run.steps_done)  # a resumed run plays new episodes
-        torch.manual_seed(options.seed + run.steps_done)
+        seed = options.seed + run.steps_done  # a resumed run plays new episodes
+        envs.seed(seed)
+        torch.manual_seed(seed)
+        np.random.seed(seed)  # for the order of minibatches
         buffer = VectorReplayBuffer(ROLLOUT * len(envs), len(envs))
         collector = Collector(ppo, envs, buffer, collect_stats_class=tianshou.SuccessStats)
         collector.reset()
