@@ -165,6 +165,14 @@ class TestText:
         assert summary["persons found"] == "0 of 1"
         assert re.fullmatch(r"[\d,]+ steps/s \(the environment alone\)", summary["speed"])
 
+    def test_missing_persons_can_be_hidden(self, capsys: pytest.CaptureFixture[str]) -> None:
+        shown = []
+        for hide in ([], ["--hide-person"]):
+            demo.main(["--text", "--grid-size", "12", *hide])
+            output = capsys.readouterr().out
+            shown.append((" P@" in output, bool(re.search(r"F\d[.:;=oO%#@]", output))))
+        assert shown == [(True, True), (False, True)]
+
     def test_the_seed_determines_the_episode(self, capsys: pytest.CaptureFixture[str]) -> None:
         outputs = []
         for seed in ("1", "1", "2"):

@@ -87,6 +87,7 @@ class TestWatching:
             player.advance(10)
         assert player.is_at_end
         assert step_of(player) == LAST
+        assert "Enter closes the window" in player.status
         assert not player.quits
 
     def test_space_pauses_after_the_move_and_goes_on(self) -> None:

@@ -17,6 +17,7 @@ from helpers import plain, whole_state
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch.rendering import panel
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief, percent, signed, tick_stride
 from DroneSwarmSearch.rendering.painter import GAP, HEAD, Painter
@@ -36,6 +37,7 @@ pygame = pytest.importorskip("pygame")
 PIL = pytest.importorskip("PIL.Image")
 
 MAP_TOP = HEAD + TOP
+SCALE_TOP = MAP_TOP + panel.SCALE_TOP
 
 SIZES = (2, 7, 20, 48)
 
@@ -662,7 +664,7 @@ class TestPanel:
     def test_the_numbers_of_the_scale_do_not_touch(self, top_value: float) -> None:
         matrix = np.full((7, 7), top_value)
         picture = draw(make_frame(matrix=matrix), gradient=False)
-        figures = picture[MAP_TOP + 332 : MAP_TOP + 348, panel_left(7) :].min(axis=2) < 160
+        figures = picture[SCALE_TOP + 44 : SCALE_TOP + 60, panel_left(7) :].min(axis=2) < 160
         used = figures.any(axis=0).astype(int)
         gaps = np.diff(np.flatnonzero(used))
         assert (gaps > 5).sum() == 3
@@ -671,7 +673,10 @@ class TestPanel:
         frame = make_frame()
         left = panel_left(7)
         colours = [
-            {tuple(p) for p in draw(frame, gradient=gradient)[MAP_TOP + 318, left + 2 : left + 228]}
+            {
+                tuple(p)
+                for p in draw(frame, gradient=gradient)[SCALE_TOP + 30, left + 2 : left + 228]
+            }
             for gradient in (True, False)
         ]
         assert len(colours[0]) > 100

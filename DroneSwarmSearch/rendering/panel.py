@@ -29,7 +29,7 @@ from DroneSwarmSearch.rendering.sprites import text_line, write
 
 __all__ = ["Layout", "Panel", "draw_weights", "symbol_images", "vector_component"]
 
-WIDTH, LEAST_HEIGHT = 232, 690
+WIDTH, LEAST_HEIGHT = 232, 704
 
 HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42
 """Font sizes."""
@@ -38,9 +38,9 @@ PROGRESS_TOP, PROGRESS_HEIGHT = 54, 7
 FOUND_TOP = 92
 SUCCESS_TOP = 144
 DRIFT_TOP = 160
-SCALE_TOP = 288
-SYMBOLS_TOP = 376
-FOOT_TOP = 520
+SCALE_TOP = 272
+SYMBOLS_TOP = 360
+FOOT_TOP = 504
 """Distances from the upper edge in pixels; see also `Layout`."""
 
 SUCCESS_HEIGHT, RETURN_HEIGHT = 36, 24
@@ -53,7 +53,7 @@ DRONES_LEAST = 49
 """The heading and one row of drones."""
 
 RULE_ABOVE = 16
-COMPASS = 78
+COMPASS = 62
 SCALE_HEIGHT = 16
 LABEL_GAP = 6
 SYMBOL_ROW = 30
@@ -230,8 +230,8 @@ class Panel:
         canvas.blit(sprites.compass(COMPASS, vector), (0, top))
         left = COMPASS + 22
         for name, value, middle in (
-            ("x", vector[0], top + COMPASS // 2 - 14),
-            ("y", vector[1], top + COMPASS // 2 + 14),
+            ("x", vector[0], top + COMPASS // 2 - 13),
+            ("y", vector[1], top + COMPASS // 2 + 13),
         ):
             write(canvas, name, BODY, GREY, midleft=(left, middle))
             write(canvas, vector_component(value), BODY + 4, INK, midleft=(left + 22, middle))

@@ -323,7 +323,9 @@ class Player:
         parts = [f"{self.recording.title}seed {self.seed}"]
         if not self.recording.flies:
             parts.append(f"speed {self.speed:g}\N{MULTIPLICATION SIGN}")
-            if self.is_paused:
+            if self.is_at_end:
+                parts.append("the end: Enter closes the window")
+            elif self.is_paused:
                 parts.append("paused")
             elif self._waits_for_policy:
                 parts.append("the policy is planning ...")

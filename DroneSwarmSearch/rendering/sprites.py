@@ -38,7 +38,7 @@ __all__ = [
     "write",
 ]
 
-OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 16, 60
+OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60
 LIFE_RING_FROM, BODY_FROM = 24, 40
 """Sizes in pixels from which a drone has an outline, rotors and blades, and a person a life
 ring and a body."""

@@ -113,8 +113,9 @@ class Screen:
         Screen._initialised_display = False
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Change the size of the open window, at most to that of the desktop."""
+        """Change the size of the open window, at most to that of the desktop, and centre it."""
         self._size = size
+        os.environ.setdefault("SDL_VIDEO_CENTERED", "1")  # pygame's own way to keep it on screen
         pygame.display.set_mode(self._fitted_size(), pygame.RESIZABLE)
 
     def _fitted_size(self) -> tuple[int, int]:
