@@ -110,8 +110,10 @@ def main() -> None:
     options = parser.parse_args()
     with training.Run(options, "PPO with RLlib", "checkpoint_*") as run:
         ray.init(address=options.address, log_to_driver=False, logging_level="error")
-        path = train(run, options)
-        ray.shutdown()
+        try:
+            path = train(run, options)
+        finally:
+            ray.shutdown()
     training.compare_with_baselines(
         rllib.TrainedPolicy(path),  # samples actions, as in training
         TRAINING_TASK,
