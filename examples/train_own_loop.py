@@ -65,12 +65,19 @@ class Agent(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.actor, self.critic = mlp(len(Action)), mlp(1)
+        self.network = nn.Sequential(
+            *(nn.Linear(INPUTS, HIDDEN), nn.ReLU(inplace=True)),
+            *(nn.Linear(HIDDEN, HIDDEN), nn.ReLU(inplace=True)),
+        )
+        self.actor, self.critic = nn.Linear(HIDDEN, len(Action)), nn.Linear(HIDDEN, 1)
+        for head in self.actor, self.critic:
+            nn.init.orthogonal_(head.weight, 0.01)
 
     def forward(self, obs: torch.Tensor, masks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """The log-probability of each action, shape (n, 6), and the values, shape (n,)."""
-        logits = self.actor(obs).masked_fill(masks == 0, -1e9)
-        return logits.log_softmax(dim=1), self.critic(obs)[:, 0]
+        hidden = self.network(obs)
+        logits = self.actor(hidden).masked_fill(masks == 0, -1e9)
+        return logits.log_softmax(dim=1), self.critic(hidden)[:, 0]
 
     @torch.no_grad()
     def act(self, observations: dict[str, NDArray[Any]]) -> dict[str, torch.Tensor]:
@@ -88,32 +95,26 @@ class Agent(nn.Module):
         return actions
 
 
-def mlp(outputs: int) -> nn.Sequential:
-    last = nn.Linear(HIDDEN, outputs)
-    nn.init.orthogonal_(last.weight, 0.01)
-    hidden = nn.Linear(INPUTS, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU()
-    return nn.Sequential(*hidden, last)
-
-
 def rollout(
-    envs: DroneVectorEnv, agent: Agent, observations: Any
-) -> tuple[dict[str, torch.Tensor], Any, list[float]]:
-    """Step all searches.
+    envs: DroneVectorEnv, agent: Agent, data: dict[str, torch.Tensor], observations: Any
+) -> tuple[Any, list[float]]:
+    """Step all searches, and write the transitions into `data`, whose arrays are reused.
 
-    Returns the transitions, the next observations, and the probabilities of success of the episodes
-    that ended.
+    Returns the next observations, and the probabilities of success of the episodes that ended.
     """
-    steps, ended = [], []
-    for _ in range(NUM_STEPS):
+    ended: list[float] = []
+    for t in range(NUM_STEPS):
         step = agent.act(observations)
         observations, rewards, dones, _, infos = envs.step(step["actions"].numpy())
         step["rewards"], step["dones"] = torch.from_numpy(rewards).float(), torch.from_numpy(dones)
-        steps.append(step)
+        for key, values in step.items():
+            if key not in data:
+                data[key] = values.new_empty(NUM_STEPS, *values.shape)
+            data[key][t] = values
         if dones.any():
             ended += infos["final_info"]["probability_of_success"][dones].tolist()
-    data = {key: torch.stack([each[key] for each in steps]) for key in steps[0]}
     add_advantages(data, agent.act(observations)["values"])
-    return data, observations, ended
+    return observations, ended
 
 
 def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> None:
@@ -167,9 +168,10 @@ def train(run: training.Run, agent: Agent, seed: int) -> None:
 
     save(run.steps_done)
     envs = make_envs()
+    data: dict[str, torch.Tensor] = {}
     observations, _ = envs.reset(seed=seed + run.steps_done)  # a resumed run plays new searches
     while run.steps_done < run.total_steps:
-        data, observations, ended = rollout(envs, agent, observations)
+        observations, ended = rollout(envs, agent, data, observations)
         entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
         save(run.steps_done + NUM_STEPS * SWARMS)
         found = float(np.mean(ended)) if ended else float("nan")

@@ -43,11 +43,11 @@ def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
 
 def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) -> None:
     torch.manual_seed(0)
-    envs, agent, ended = example.make_envs(), example.Agent(), []
+    envs, agent, data, ended = example.make_envs(), example.Agent(), {}, []
     observations, _ = envs.reset(seed=0)
     total = 0.0
     for _ in range(3):  # an episode has 80 steps
-        data, observations, some = example.rollout(envs, agent, observations)
+        observations, some = example.rollout(envs, agent, data, observations)
         ended += some
         assert data["masks"].gather(2, data["actions"][..., None]).all()
         assert (data["rewards"][data["actions"] != Action.SEARCH] == 0).all()
