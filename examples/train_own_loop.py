@@ -68,24 +68,23 @@ class Agent(nn.Module):
         self.network = nn.Sequential(
             *(nn.Linear(INPUTS, HIDDEN), nn.ReLU(inplace=True)),
             *(nn.Linear(HIDDEN, HIDDEN), nn.ReLU(inplace=True)),
+            nn.Linear(HIDDEN, len(Action) + 1),
         )
-        self.actor, self.critic = nn.Linear(HIDDEN, len(Action)), nn.Linear(HIDDEN, 1)
-        for head in self.actor, self.critic:
-            nn.init.orthogonal_(head.weight, 0.01)
+        nn.init.orthogonal_(self.network[-1].weight, 0.01)
 
     def forward(self, obs: torch.Tensor, masks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The log-probability of each action, shape (n, 6), and the values, shape (n,)."""
-        hidden = self.network(obs)
-        logits = self.actor(hidden).masked_fill(masks == 0, -1e9)
-        return logits.log_softmax(dim=1), self.critic(hidden)[:, 0]
+        """The log-probability of each action, shape (6, n), and the values, shape (n,)."""
+        outputs = self.network(obs).T.contiguous()  # operations along a long last axis are fast
+        logits = outputs[:-1].masked_fill(masks.T == 0, -1e9)
+        return logits.log_softmax(dim=0), outputs[-1]
 
     @torch.no_grad()
     def act(self, observations: dict[str, NDArray[Any]]) -> dict[str, torch.Tensor]:
         """Sample an action for each drone."""
         obs, masks = (torch.from_numpy(observations[key]) for key in ("observation", "action_mask"))
         logprobs, values = self(obs, masks)
-        actions = (logprobs.exp() / torch.empty_like(logprobs).exponential_()).argmax(dim=1)
-        chosen = logprobs.gather(1, actions[:, None])[:, 0]
+        actions = (logprobs.exp() / torch.empty_like(logprobs).exponential_()).argmax(dim=0)
+        chosen = logprobs.gather(0, actions[None])[0]
         step = {"obs": obs, "masks": masks, "actions": actions}
         return {**step, "logprobs": chosen, "values": values}
 
@@ -136,14 +135,17 @@ def update(
     optimizer.param_groups[0]["lr"] = LEARNING_RATE * max(frac, 0.05)
     used = "obs", "masks", "actions", "logprobs", "advantages", "returns"
     data = {key: data[key].flatten(0, 1) for key in used}
+    arrays = {key: values[:MINIBATCH_SIZE].clone() for key, values in data.items()}
     for _ in range(UPDATE_EPOCHS):
         for indices in torch.randperm(NUM_STEPS * SWARMS * DRONES).split(MINIBATCH_SIZE):
-            mb = {key: values.index_select(0, indices) for key, values in data.items()}
+            mb = {key: out[: len(indices)] for key, out in arrays.items()}
+            for key, values in data.items():
+                torch.index_select(values, 0, indices, out=mb[key])
             logprobs, values = agent(mb["obs"], mb["masks"])
-            ratio = (logprobs.gather(1, mb["actions"][:, None])[:, 0] - mb["logprobs"]).exp()
+            ratio = (logprobs.gather(0, mb["actions"][None])[0] - mb["logprobs"]).exp()
             clipped = ratio.clamp(1 - CLIP_COEF, 1 + CLIP_COEF)
             pg_loss = -torch.min(ratio * mb["advantages"], clipped * mb["advantages"]).mean()
-            entropy = -(logprobs.exp() * logprobs).sum(dim=1).mean()
+            entropy = -(logprobs.exp() * logprobs).sum(dim=0).mean()
             v_loss = (values - mb["returns"]).square().mean()
             loss = pg_loss - ENT_COEF * frac * entropy + VF_COEF * v_loss
             optimizer.zero_grad()

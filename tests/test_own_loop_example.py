@@ -89,7 +89,7 @@ def test_updates_make_rewarded_actions_more_likely(example: ModuleType) -> None:
     def logprobs() -> torch.Tensor:
         with torch.no_grad():
             all_logprobs, _ = agent(data["obs"].flatten(0, 1), data["masks"].flatten(0, 1))
-        return all_logprobs.gather(1, data["actions"].reshape(-1, 1)).reshape(shape)
+        return all_logprobs.gather(0, data["actions"].reshape(1, -1)).reshape(shape)
 
     before = logprobs()
     for _ in range(5):

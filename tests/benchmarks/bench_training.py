@@ -53,7 +53,7 @@ class Network(BaseFeaturesExtractor):
 
     def __init__(self, observation_space: Any) -> None:
         super().__init__(observation_space, example.HIDDEN)
-        self.network = example.Agent().network
+        self.network = example.Agent().network[:-1]  # without its last layer
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         features: torch.Tensor = self.network(observations)
