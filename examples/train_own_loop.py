@@ -27,8 +27,8 @@ from DroneSwarmSearch.vector import DroneVectorEnv
 
 INPUTS, GRID_SIZE, DRONES, SWARMS = 202, 25, 4, 256
 NUM_STEPS, UPDATE_EPOCHS, MINIBATCH_SIZE, HIDDEN = 32, 3, 4096, 64
-LEARNING_RATE, ENT_COEF = 1e-3, 0.003  # at the start; annealed
-GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 10.0, 0.5
+LEARNING_RATE, ENT_COEF = 3e-3, 0.003  # at the start; annealed
+GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 30.0, 0.5
 TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
 
 
@@ -65,12 +65,10 @@ class Agent(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.network = nn.Sequential(
-            *(nn.Linear(INPUTS, HIDDEN), nn.ReLU(inplace=True)),
-            *(nn.Linear(HIDDEN, HIDDEN), nn.ReLU(inplace=True)),
-            nn.Linear(HIDDEN, len(Action) + 1),
-        )
-        nn.init.orthogonal_(self.network[-1].weight, 0.01)
+        hidden = nn.Linear(INPUTS, HIDDEN), nn.ReLU(True), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(True)
+        last = nn.Linear(HIDDEN, len(Action) + 1)
+        nn.init.orthogonal_(last.weight, 0.01)
+        self.network = nn.Sequential(*hidden, last)
 
     def forward(self, obs: torch.Tensor, masks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """The log-probability of each action, shape (6, n), and the values, shape (n,)."""
