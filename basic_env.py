@@ -7,7 +7,7 @@
 
 The search itself is a few lines; `DroneSwarmSearch/demo.py` adds the window and the keys:
 
-    env = DroneSwarmSearch(grid_size=20, n_drones=4, render_mode="human")
+    env = DroneSwarmSearch.example(render_mode="human")
     policy = GreedyPolicy(env.scenario)
     observations, infos = env.reset(seed=0)
     while env.agents:

@@ -50,6 +50,10 @@ figures:
     python docs/make_figures.py
     python docs/make_pictures.py
 
+# make the notebook of the tutorial
+notebook:
+    python docs/make_notebook.py
+
 # write the file of the evaluation suite, from the searches in metres and seconds
 suite:
     python docs/make_suite.py

@@ -53,7 +53,7 @@ def absolute(text: str, repository: str, tag: str) -> str:
         if block.startswith("```"):
             return block
         block = re.sub(r"(\]\()([^)\s]+)(\))", address, block)
-        return re.sub(r"(\b(?:src|href)=\")([^\"]+)(\")", address, block)
+        return re.sub(r"(\b(?:src|srcset|href)=\")([^\"]+)(\")", address, block)
 
     return "".join(map(linked, re.split(r"(^```.*?^```$)", text, flags=re.M | re.S)))
 

@@ -358,6 +358,13 @@ class DroneSwarmSearch(SearchSpaces):
             return None
         return self._display.render(self.frame(), self.render_mode)
 
+    def _repr_png_(self) -> bytes | None:
+        """The present state as a picture for notebooks; None before the first `reset`."""
+        try:
+            return self._display.png(self.frame())
+        except ResetNeeded:
+            return None
+
     def close(self) -> None:
         """Close the window, if there is one; may be called repeatedly."""
         self._display.close()

@@ -97,6 +97,14 @@ html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b6b8a", "color-brand-content": "#0b6b8a"},
     "dark_css_variables": {"color-brand-primary": "#5cc8e6", "color-brand-content": "#5cc8e6"},
 }
+metadata = (PACKAGE.parent / "pyproject.toml").read_text("utf-8")
+(repository,) = re.findall(r'^Repository = "(.+)"$', metadata, re.M)
+if "OWNER" not in repository:  # there is a public address: every page links to its source
+    html_theme_options |= {
+        "source_repository": repository,
+        "source_branch": "main",
+        "source_directory": "docs/",
+    }
 highlight_language = "text"
 pygments_style = "friendly"
 pygments_dark_style = "monokai"

@@ -11,8 +11,8 @@ of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements writ
     python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
 
 `learning` plots the curves of the training examples, `docs/training/<example>-<seed>.csv`, with the
-baselines of `own_loop.csv`, see tests/benchmarks/own_loop.py. All other figures are computed here,
-within seconds.
+baselines of `own_loop.csv`, see tests/benchmarks/own_loop.py, and `results` the table of the
+leaderboard. All other figures are computed here, within seconds.
 
 To add a figure, write a function that takes a `Theme` and a `Sampling`, returns a matplotlib
 `Figure`, and is decorated with the figure's name. Figures are 576 pixels wide, so that their
@@ -51,7 +51,8 @@ from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
 from DroneSwarmSearch.evaluation import evaluate
-from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
+from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.training.curve import Curve, moving_mean
@@ -59,6 +60,7 @@ from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
 TRAINING = Path(__file__).parent / "training"
+LEADERBOARD = Path(__file__).parent / "leaderboard" / "leaderboard.csv"
 
 Floats = NDArray[np.float64]
 
@@ -786,6 +788,54 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
+METHODS = {
+    "bound": "bound of any policy",
+    "planner": "planner",
+    "ppo": "network",
+    "greedy-forecast": "greedy",
+    "greedy-posterior": "greedy",
+    "greedy-matrix": "greedy",
+    "random": "random",
+}
+"""The methods of the rows of `results`; all others are search patterns."""
+
+
+@figure("results")
+def results(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the mean success of every policy, that on each search, and the bound."""
+    found: dict[str, dict[str, float]] = {name: {} for name in ("bound", *POLICIES)}
+    with LEADERBOARD.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if row["policy"] in found:
+                found[row["policy"]][row["search"]] = float(row["success"])
+                found["bound"][row["search"]] = float(row["bound"])
+    means = {name: float(np.mean([*values.values()])) for name, values in found.items()}
+    order = sorted(means, key=means.__getitem__)
+    methods = {name: METHODS.get(name, "search pattern") for name in reversed(order)}
+    inks = (theme.ink, *theme.series[:4], theme.grey)
+    colours = dict(zip(dict.fromkeys(methods.values()), inks, strict=True))
+    chart = Figure(figsize=(WIDTH, 3.7), layout="constrained")
+    axes = chart.subplots()
+    for place, name in enumerate(order):
+        colour, values = colours[methods[name]], [*found[name].values()]
+        axes.barh(place, means[name], height=0.62, color=colour, alpha=0.25, linewidth=0)
+        axes.plot((means[name],) * 2, (place - 0.31, place + 0.31), color=colour, linewidth=2.2)
+        axes.plot(values, [place] * len(values), "o", color=colour, markersize=3.2, alpha=0.75)
+    axes.set(xlim=(0, 1.01), ylim=(-0.6, len(order) - 0.4))
+    axes.set_yticks(range(len(order)), [f"{name}  {means[name]:.0%}" for name in order])
+    axes.tick_params(axis="y", length=0)
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.grid(axis="x")
+    handles = [
+        Rectangle((0, 0), 1, 1, color=colour, alpha=0.6, label=method, linewidth=0)
+        for method, colour in colours.items()
+    ]
+    chart.legend(
+        handles=handles, loc="outside lower center", ncols=6, columnspacing=0.9, handlelength=1.0
+    )
+    return chart
+
+
 @figure("calibration")
 def calibration(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the distance between matrix and person in this package and its predecessors."""
@@ -879,6 +929,30 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     success.set_title("forecast (lines), found (dots)")
     for axes in (spread, success):
         axes.grid(axis="x" if axes is success else "both")
+    return chart
+
+
+PATTERNS = "parallel-sweep", "creeping-line", "expanding-square", "sector-search"
+
+
+@figure("patterns")
+def patterns(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the tracks of every search pattern around a datum, for one drone and for two."""
+    datum = Datum(mean=(12.0, 8.0), deviation=(4.5, 2.5), effort=1000.0)
+    chart = Figure(figsize=(WIDTH, 7.9), layout="constrained")
+    panels = chart.subplots(len(PATTERNS), 2)
+    for name, row in zip(PATTERNS, panels, strict=True):
+        for drones, axes in zip((1, 2), row, strict=True):
+            policy = POLICIES[name](Scenario(grid_size=25, n_drones=drones))
+            for (route, *_), colour in zip(policy.routes(datum, 0), theme.series, strict=False):
+                track = np.array(route)
+                axes.plot(*track.T, color=colour, linewidth=1.3)
+                axes.plot(*track[0], "o", color=colour, markersize=7)
+            axes.plot(*datum.mean, "+", color=theme.ink, markersize=11, markeredgewidth=2)
+            axes.set(xlim=(-0.5, 24.5), ylim=(16.5, -0.5), aspect="equal")
+            axes.set(xticks=(), yticks=())
+            axes.spines[["top", "right"]].set_visible(True)
+            axes.set_title(name.replace("-", " ") if drones == 1 else "two drones", fontsize=11)
     return chart
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import subprocess
@@ -20,7 +21,7 @@ from DroneSwarmSearch import Person, RewardScheme
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
-from DroneSwarmSearch.evaluation import NamedSearch, evaluate, record, recording
+from DroneSwarmSearch.evaluation import Film, NamedSearch, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import frames
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
@@ -198,8 +199,9 @@ class TestPicture:
 class TestFilm:
     def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"
-        last = record(all_do(Action.IDLE), small(), path, name="lazy")
-        assert (last.step, last.ending) == (8, Ending.TIME_LIMIT)
+        made = record(all_do(Action.IDLE), small(), path, name="lazy")
+        assert made.path == path
+        assert (made.last.step, made.last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as film:
             # Equal pictures are kept as one that stays longer.
             assert 1 < film.n_frames <= 9
@@ -214,6 +216,18 @@ class TestFilm:
             assert film.count_frames() == 4 + round(2.0 * recording.HOLD)
             assert film.get_meta_data()["fps"] == 2
             assert film.get_data(0).shape == SideBySide(5, "title").pixels(frame(5), frame(5)).shape
+
+    @pytest.mark.parametrize(
+        ("name", "tag", "kind"), [("a.GIF", "img", "image/gif"), ("a.mp4", "video", "video/mp4")]
+    )
+    def test_a_notebook_shows_the_film(
+        self, name: str, tag: str, kind: str, tmp_path: Path
+    ) -> None:
+        path = tmp_path / name
+        path.write_bytes(b"the film")
+        html = Film(path, frame(5))._repr_html_()
+        assert html.startswith(f"<{tag} ")
+        assert f'src="data:{kind};base64,{base64.b64encode(b"the film").decode()}"' in html
 
     def test_an_existing_file_is_kept_if_the_policy_fails(self, tmp_path: Path) -> None:
         path = tmp_path / "film.gif"

@@ -53,6 +53,7 @@ def test_a_released_version_has_a_date_and_released_episodes():
         assert not dates
         return
     assert set(released()) == set(SCENARIOS), "python tests/golden/regenerate.py --release"
+    assert not re.search("^.*https://.*OWNER", text_of("pyproject.toml"), re.M)
     (date,) = re.findall(r'^"(\d{4}-\d\d-\d\d)"$', "\n".join(dates), re.M)
     assert title == f"{VERSION} ({date})"
     assert f"year    = {{{date[:4]}}}" in text_of("README.md")
@@ -100,6 +101,7 @@ def prepare() -> ModuleType:
 README = """\
 # Title
 <img src="docs/a.gif" width="6"> <a href="docs/page.md">page</a> ![A (b)](docs/b.png)
+<source media="(a: b)" srcset="docs/c.svg">
 [page](docs/page.md#section) [here](#title) [there](https://example.org/x) [mail](mailto:a@b.c)
 ```python
 d = {"a": [f](x)}
@@ -112,6 +114,7 @@ ABSOLUTE = f"""\
 # Title
 <img src="{AT}/raw/v1.2.3/docs/a.gif" width="6"> \
 <a href="{AT}/blob/v1.2.3/docs/page.md">page</a> ![A (b)]({AT}/raw/v1.2.3/docs/b.png)
+<source media="(a: b)" srcset="{AT}/raw/v1.2.3/docs/c.svg">
 [page]({AT}/blob/v1.2.3/docs/page.md#section) [here](#title) [there](https://example.org/x) \
 [mail](mailto:a@b.c)
 ```python
@@ -147,7 +150,8 @@ def test_relative_links_of_the_readme_become_absolute(prepare, checkout):
 
 def test_no_link_of_the_readme_stays_relative(prepare):
     text = prepare.absolute(text_of("README.md"), AT, "v1.2.3")
-    targets = re.findall(r"\]\(([^)]+)\)", text) + re.findall(r'(?:src|href)="([^"]+)"', text)
+    targets = re.findall(r"\]\(([^)]+)\)", text)
+    targets += re.findall(r'(?:src|srcset|href)="([^"]+)"', text)
     assert any(target.startswith(f"{AT}/raw/v1.2.3/docs/") for target in targets)
     assert all(target.startswith(("https://", "#")) for target in targets)
 

@@ -46,7 +46,9 @@ class SB3VecEnv(VecEnv):
 
     For example::
 
-        env = DroneVectorEnv(64, observation="flat", autoreset_mode="SameStep")
+        env = DroneVectorEnv(
+            64, observation="flat", autoreset_mode="SameStep", **TRAINING_TASK
+        )
         model = PPO("MlpPolicy", SB3VecEnv(env))
 
     When an episode ends, the next one begins in the same step. The sub-environment's info then

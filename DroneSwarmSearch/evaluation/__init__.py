@@ -10,7 +10,7 @@ print(mine.success, mine.time, compare(mine, greedy))
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation.board import leaderboard
 from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes
-from DroneSwarmSearch.evaluation.recording import record
+from DroneSwarmSearch.evaluation.recording import Film, record
 from DroneSwarmSearch.evaluation.results import (
     Comparison,
     Evaluation,
@@ -31,6 +31,7 @@ __all__ = [
     "Episodes",
     "Estimate",
     "Evaluation",
+    "Film",
     "NamedSearch",
     "StorageError",
     "WorkerCrashed",

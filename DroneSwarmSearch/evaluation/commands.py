@@ -160,7 +160,7 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
         (search,) = _searches([options.search])
     _warn_of_small_grids([search])
     try:
-        last = recording.record(
+        film = recording.record(
             options.policy,
             search,
             options.out,
@@ -175,7 +175,7 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
         parser.error(f"cannot write {options.out}: {error.strerror or error}")
     except (ImportError, TypeError, ValueError) as error:
         parser.error(str(error))
-    print(f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(last)}")
+    print(f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(film.last)}")
     return 0
 
 

@@ -6,8 +6,10 @@ the prior, the other the posterior, so both halves of a picture show the same dr
 
 from __future__ import annotations
 
+import base64
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,7 @@ from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 
-__all__ = ["FPS", "frames", "record"]
+__all__ = ["FPS", "Film", "frames", "record"]
 
 FPS = 6.0
 """Steps shown per second."""
@@ -39,6 +41,29 @@ GIF_WIDTH = 1000
 """The largest width in pixels."""
 
 
+@dataclass(frozen=True)
+class Film:
+    """A film of one episode, which notebooks show.
+
+    Attributes:
+        path: the file.
+        last: the last frame of the episode, with the posterior as its matrix.
+    """
+
+    path: Path
+    last: Frame
+
+    def _repr_html_(self) -> str:
+        """The film inside the page, so that a saved notebook still has it."""
+        data = base64.b64encode(self.path.read_bytes()).decode()
+        if self.path.suffix.lower() == ".gif":
+            return f'<img src="data:image/gif;base64,{data}" style="max-width: 100%">'
+        return (
+            '<video controls loop autoplay muted style="max-width: 100%" '
+            f'src="data:video/mp4;base64,{data}"></video>'
+        )
+
+
 def record(
     policy: object,
     search: object,
@@ -48,7 +73,7 @@ def record(
     name: str | None = None,
     bayesian_update: bool | None = None,
     fps: float = FPS,
-) -> Frame:
+) -> Film:
     """Film one episode: the prior on the left, the posterior on the right.
 
     An existing file is only replaced when the film is complete.
@@ -64,7 +89,7 @@ def record(
         fps: steps shown per second, from 0.1 to 50.
 
     Returns:
-        The last frame of the episode, with the posterior as its matrix.
+        The film. A notebook shows it if it is the last expression of a cell.
 
     Raises:
         ImportError: a package of the extra "video" is missing, or its ffmpeg.
@@ -94,7 +119,7 @@ def record(
 
     with Progress(f"film of {title}", where.scenario.timestep_limit) as bar:
         write_film(target, pictures(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
-    return last[0]
+    return Film(target, last[0])
 
 
 def frames(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +63,14 @@ class Display:
             return self._get_painter().pixels(frame)
         self._get_window().show(frame)
         return None
+
+    def png(self, frame: Frame) -> bytes:
+        """A frame as the content of a PNG file."""
+        from DroneSwarmSearch.rendering._pygame import pygame
+
+        file = io.BytesIO()
+        pygame.image.save(self._get_painter().paint(frame), file, ".png")
+        return file.getvalue()
 
     def open(self) -> None:
         """Open the window if it is not open.

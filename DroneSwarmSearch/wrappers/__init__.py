@@ -2,7 +2,7 @@
 
 A typical stack:
 
-    env = DroneSwarmSearch(n_drones=2, bayesian_update=True)
+    env = DroneSwarmSearch.example(bayesian_update=True)
     env = FlatObservation(ScaledRewards(SeparateFlags(env)))
     env = ActionMask(env, in_observation=True)
 
