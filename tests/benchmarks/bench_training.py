@@ -4,7 +4,8 @@
     python tests/benchmarks/bench_training.py
 
 All cases share the grid, the observations (crops), the network and the settings of PPO. They
-take turns within one process; rates are environment steps per second, updates included:
+take turns within one process; rates are environment steps per second, updates included. On a busy
+machine, measure CPU time with one thread: OMP_NUM_THREADS=1 and --cpu-time.
 
 - SB3: Stable-Baselines3's PPO on a single environment, through SuperSuit;
 - SB3, batched: the same on a batch, through `SB3VecEnv`;
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -113,13 +115,13 @@ def sb3(env: Any, n_drones: int, transitions: int) -> Run:
     model = PPO(
         "MlpPolicy",
         env,
-        learning_rate=1e-3,
+        learning_rate=example.LEARNING_RATE,
         n_steps=max(transitions // env.num_envs, 1),
         batch_size=min(MINIBATCH_SIZE, transitions),
         n_epochs=UPDATE_EPOCHS,
-        gamma=0.99,
-        gae_lambda=0.95,
-        ent_coef=0.003,
+        gamma=example.GAMMA,
+        gae_lambda=example.GAE_LAMBDA,
+        ent_coef=example.ENT_COEF,
         policy_kwargs={"features_extractor_class": Network, "net_arch": []},
         device="cpu",
     )
@@ -167,6 +169,7 @@ def measure(n_drones: int, options: argparse.Namespace) -> None:
         rounds=options.rounds,
         seconds=options.seconds,
         warm_up=MINIBATCH_SIZE // n_drones,
+        clock=time.process_time if options.cpu_time else time.perf_counter,
     )
     print(f"{n_drones} drones; medians (quartiles)")
     for name, values in rates.items():
@@ -185,6 +188,7 @@ def main() -> None:
     )
     parser.add_argument("--rounds", type=int, default=7, help="turns per case (7)")
     parser.add_argument("--seconds", type=float, default=4.0, help="per turn (4)")
+    parser.add_argument("--cpu-time", action="store_true", help="steps per second of CPU time")
     parser.add_argument("--num-swarms", type=int, default=512, help="searches in a batch (512)")
     parser.add_argument("--n-drones", type=int, nargs="+", default=[1, 2, 4], help="1 2 4")
     options = parser.parse_args()
