@@ -607,7 +607,7 @@ class TestPanel:
 
     def test_the_parts_of_a_bar_are_as_wide_as_the_hypotheses_are_likely(self) -> None:
         frame = replace(make_frame(), hypotheses=((0.25, 0.75),))
-        bar = draw(frame)[MAP_TOP + 520 + 22, panel_left(7) : panel_left(7) + 232]
+        bar = draw(frame)[MAP_TOP + panel.FOOT_TOP + 22, panel_left(7) : panel_left(7) + 232]
         assert (bar == PROGRESS).all(axis=1).mean() == pytest.approx(0.25, abs=0.02)
         assert (bar == PROGRESS_LIGHT).all(axis=1).mean() == pytest.approx(0.75, abs=0.02)
 
