@@ -45,10 +45,11 @@ docs:
 site *options:
     python -m pytest -m slow tests/test_site.py {{ options }}
 
-# regenerate the figures and pictures of the documentation
+# regenerate the figures, pictures and episodes of the documentation
 figures:
     python docs/make_figures.py
     python docs/make_pictures.py
+    python docs/make_episodes.py
 
 # make the notebook of the tutorial
 notebook:

@@ -21,11 +21,12 @@ __all__ = ["main"]
 PROGRAM = "python -m DroneSwarmSearch"
 
 COMMANDS = {
-    "play": "watch a search in a window or in the terminal; the default",
+    "play": "watch a search in a window or in the terminal, or fly a drone; the default",
     "evaluate": "evaluate a policy on searches of the suite",
     "leaderboard": "compare all policies on the suite: tables, plots, files",
     "bound": "compute upper bounds on the success of any policy",
     "record": "film a search: the prior and the posterior",
+    "export": "write episodes of a search as JSON, to play them in a browser",
 }
 
 EVALUATE = """\
@@ -108,6 +109,20 @@ prior, which only follows the drift; the right half shows the exact posterior gi
 made. Colours range from 0 to the likeliest cell of each half.
 """
 
+EXPORT = """\
+Write the episodes of some policies on a search as JSON: actions, persons, probability of success,
+returns, prior and posterior of every step. The page "Play a search" of the documentation plays
+such files; `evaluation.export` documents their format.
+"""
+
+EXPORT_EXAMPLES = """\
+examples:
+  python -m DroneSwarmSearch export harbour --policies planner ppo --seeds 0 1 --out harbour.json
+  python -m DroneSwarmSearch export fog --policies my_policy.py:MyPolicy planner --out fog.json
+
+Each policy plays one episode for each seed, the one that `evaluate` and `record` play.
+"""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command.
@@ -154,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
         formatter_class=_format,
-        usage=f"{PROGRAM} [play] [options]\n       {PROGRAM} COMMAND [arguments]",
+        usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
@@ -179,6 +194,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_work(bound)
     bound.add_argument("--json", action="store_true", help="print all values as JSON")
     _add_record(add("record", RECORD, RECORD_EXAMPLES))
+    _add_export(add("export", EXPORT, EXPORT_EXAMPLES))
     return parser
 
 
@@ -241,6 +257,27 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
         "--fps", type=float, default=6.0, help="steps shown per second (default: 6)"
     )
     _add_posterior(parser, "the policy")
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("search", metavar="SEARCH", help=SEARCH)
+    parser.add_argument(
+        "--policies",
+        metavar="POLICY",
+        nargs="+",
+        default=["planner"],
+        help=f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)",
+    )
+    parser.add_argument(
+        "--seeds",
+        metavar="N",
+        nargs="+",
+        type=int,
+        default=[0],
+        help="of the episodes (default: 0)",
+    )
+    parser.add_argument("--out", metavar="FILE", required=True, help="the file, .json")
+    _add_posterior(parser, "the policies")
 
 
 def _add_mission(parser: argparse.ArgumentParser) -> None:

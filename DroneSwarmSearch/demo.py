@@ -1,7 +1,4 @@
-"""The demo: watch a search in a window or a terminal, fly a drone, or record a video.
-
-The search is a toy in cells and steps, or an incident at sea in metres and seconds.
-"""
+"""The demo: watch a search in a window or a terminal, fly a drone, or record a video."""
 
 from __future__ import annotations
 
@@ -9,23 +6,37 @@ import argparse
 import itertools
 import os
 import sys
+import textwrap
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.console import printed_warnings
-from DroneSwarmSearch.demo_options import EPILOG, message_on_option, parse, scale_of, scenario_of
+from DroneSwarmSearch.demo_options import message_on_option, parse, search_of
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.evaluation.tables import print_table
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering import terminal
 from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
-from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.rendering.player import (
+    SCORE_HEADERS,
+    Flight,
+    Player,
+    PolicyRecording,
+    Recording,
+    Score,
+    score_row,
+)
+from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, neighbours
+from DroneSwarmSearch.scenario import Cell
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -33,10 +44,12 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 TITLE = "Drone swarm search"
-MANUAL_TITLE = f"{TITLE}: arrows move drone 0, space searches, i idles, Esc quits"
 
-HOLD_WINDOW, HOLD_FILM = 3.0, 2.0
-"""Seconds for which the last frame stays."""
+TEXT_WIDTH = 100
+"""Characters in a line of sentences."""
+
+HOLD_FILM = 2.0
+"""Seconds for which the last picture of a film stays."""
 
 FPS_LEAST, FPS_MOST = 0.1, 50.0
 """A GIF cannot show more frames per second."""
@@ -44,8 +57,13 @@ FPS_LEAST, FPS_MOST = 0.1, 50.0
 INTERRUPTED = 130
 """The exit code of shells after Ctrl-C."""
 
+RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
+"""The policies whose results are compared with a flight by hand; all are quick."""
 
-Steering = Callable[[Mapping[str, Observation]], dict[str, int]]
+YOU = "you (drone 0)"
+
+NOTE_STEPS = 500
+"""The most steps of a search that the note on searches without a flight looks at."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,74 +94,127 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class _Episode:
-    """A search from reset to end, with its summary.
+    """A search from its reset to its end.
 
     Args:
-        scenario: the search.
+        search: the search.
         policy: a policy's name or a file of weights.
         seed: the seed of the episode.
-        scale: of an incident, for the summary.
+        label: who flies the drones, for pictures; the policy's name if empty.
+        hide_persons: whether missing persons are hidden in pictures until the end.
+
+    Attributes:
+        frame: the present one.
+        seconds: the time that the environment's steps have taken.
 
     Raises:
         OSError, TypeError, ValueError: an argument is invalid.
     """
 
     def __init__(
-        self, scenario: Scenario, policy: str, seed: int, scale: Scale | None = None
+        self,
+        search: NamedSearch,
+        policy: str,
+        seed: int,
+        *,
+        label: str = "",
+        hide_persons: bool = False,
     ) -> None:
-        self.env = DroneSwarmSearch(scenario=scenario, render_mode=None)
-        steering = make(policy, scenario)
-        self._observations, _ = self.env.reset(
-            seed, drones_positions=_around_the_border(scenario.n_drones, scenario.grid_size)
-        )
-        steering.reset(seed=seed)
-        self.policy: Steering = steering
-        self._scale = scale
-        self._searches: list[Cell] = []
-        self._total = 0.0
-        self._seconds = 0.0
+        self._policy = make(policy, search.scenario)
+        self._policy.reset(seed=seed)
+        self._label = label or policy
+        self._hide_persons = hide_persons
+        self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
+        self._observations, _ = self._env.reset(seed, drones_positions=search.drones or None)
+        self.seconds = 0.0
+        self.frame = self._current_frame()
+
+    def step(self, action: Action | None = None) -> Frame:
+        """Let the policy choose the drones' actions, and play a step.
+
+        Args:
+            action: of drone 0, in place of the policy's.
+
+        Returns:
+            The new frame.
+        """
+        if action is None:
+            actions = self._policy(self._observations)
+        else:
+            others = self._policy(_after_move_of_drone0(self._observations, action))
+            actions = {**others, "drone0": int(action)}
+        start = time.perf_counter()
+        self._observations, _, _, _, _ = self._env.step(actions)
+        self.seconds += time.perf_counter() - start
+        self.frame = self._current_frame()
+        return self.frame
 
     def frames(self) -> Iterator[Frame]:
-        """Play the episode and yield its frames, that of the reset included."""
-        env = self.env
-        yield env.frame()
-        while env.agents:
-            actions = self.policy(self._observations)
-            start = time.perf_counter()
-            self._observations, rewards, _, _, _ = env.step(actions)
-            self._seconds += time.perf_counter() - start
-            self._total += rewards["total_reward"]
-            frame = env.frame()
-            self._searches += itertools.compress(frame.drones, frame.searching)
-            yield frame
+        """The present frame, and those of all steps to the end."""
+        yield self.frame
+        while self.frame.ending is None:
+            yield self.step()
 
-    def summary(self, stopped: str) -> str:
-        """The result as a few lines of text; `stopped` says why the user ended it early."""
-        frame = self.env.frame()
-        outcome = f"stopped: {stopped}"
-        if frame.ending is not None:
-            outcome = f"{frame.outcome} ({frame.ending.description})"
-        digits = 3 if abs(self._total) < 10 else 1
-        lines = [
-            f"outcome         {outcome}",
-            f"return          {self._total:,.{digits}f} (sum over the drones)",
-            f"steps           {frame.step} of at most {frame.timestep_limit}",
-        ]
-        if frame.persons:
-            lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
-        else:
-            cells, searches = len(set(self._searches)), len(self._searches)
-            repeated = f"{searches - cells} of {searches} searches repeated"
-            lines.append(f"cells searched  {cells} of {frame.grid_size**2:,}; {repeated}")
-        if frame.probability_of_success is not None:
-            success = f"{frame.probability_of_success:.1%} (probability of success)"
-            lines.append(f"POS             {success}")
-        if self._scale is not None:
-            lines.append(f"scale           {_in_metres_and_seconds(frame, self._scale)}")
-        if self._seconds > 0:
-            speed = frame.step / self._seconds
-            lines.append(f"speed           {speed:,.0f} steps/s (the environment alone)")
-        return "\n".join(lines)
+    def _current_frame(self) -> Frame:
+        frame = self._env.frame()
+        hides = self._hide_persons and frame.ending is None
+        return replace(frame, policy=self._label, hide_persons=hides)
+
+
+def _after_move_of_drone0(
+    observations: Mapping[str, Observation], action: Action
+) -> dict[str, Observation]:
+    """The observations with drone 0 where its action leads: a policy then keeps others away."""
+    (x, y), matrix = observations["drone0"]["observation"]
+    size = len(matrix)
+    ahead = neighbours(y * size + x, size)[action]
+    if ahead != OFF_GRID:
+        y, x = divmod(ahead, size)
+    return {**observations, "drone0": {"observation": ((x, y), matrix)}}
+
+
+def _summary(
+    search: NamedSearch, seed: int, policy: str, frames: Sequence[Frame], stopped: str = ""
+) -> list[str]:
+    """The result of an episode as lines of text.
+
+    Args:
+        search: the search.
+        seed: of the episode.
+        policy: who flies the drones.
+        frames: those that were shown, from that of the reset.
+        stopped: why the user ended it early.
+    """
+    frame = frames[-1]
+    outcome = f"stopped: {stopped}"
+    if frame.ending is not None:
+        outcome = f"{frame.outcome} ({frame.ending.description})"
+    total = frame.total_return or 0.0
+    digits = 3 if abs(total) < 10 else 1
+    lines = [
+        f"search          {search.name}, seed {seed}",
+        f"policy          {policy}",
+        f"outcome         {outcome}",
+        f"return          {total:,.{digits}f} (sum over the drones)",
+        f"steps           {frame.step} of at most {frame.timestep_limit:,}",
+    ]
+    if frame.persons:
+        lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
+    else:
+        searched = [cell for each in frames for cell in _searched(each)]
+        cells, searches = len(set(searched)), len(searched)
+        repeated = f"{searches - cells} of {searches} searches repeated"
+        lines.append(f"cells searched  {cells} of {frame.grid_size**2:,}; {repeated}")
+    if frame.probability_of_success is not None:
+        success = f"{frame.probability_of_success:.1%} (probability of success)"
+        lines.append(f"POS             {success}")
+    if search.scale is not None:
+        lines.append(f"scale           {_in_metres_and_seconds(frame, search.scale)}")
+    return lines
+
+
+def _searched(frame: Frame) -> Iterator[Cell]:
+    return itertools.compress(frame.drones, frame.searching)
 
 
 def _in_metres_and_seconds(frame: Frame, scale: Scale) -> str:
@@ -157,53 +228,77 @@ def _in_metres_and_seconds(frame: Frame, scale: Scale) -> str:
     )
 
 
-def _around_the_border(n_drones: int, grid_size: int) -> list[Cell] | None:
-    """Start cells spread evenly around the border, clockwise from (0, 0).
+def _note_on_search_without_flight(search: NamedSearch) -> str:
+    """A line on a search in which a drone need not fly; empty for others.
 
-    None if there are more drones than cells on the border: the environment then places them.
+    The drone starts on the likeliest cell, and searching there in every step finds the person
+    with a probability of 99% or more, for example because the drift holds the person in a corner.
     """
-    last = grid_size - 1
-    border = [
-        *((i, 0) for i in range(last)),
-        *((last, i) for i in range(last)),
-        *((last - i, last) for i in range(last)),
-        *((0, last - i) for i in range(last)),
-    ]
-    if n_drones > len(border):
-        return None
-    return [border[drone * len(border) // n_drones] for drone in range(n_drones)]
+    scenario = search.scenario
+    size, limit = scenario.grid_size, min(scenario.timestep_limit, NOTE_STEPS)
+    env = DroneSwarmSearch(
+        scenario=scenario.replace(mission="coverage", n_drones=1, timestep_limit=limit),
+        render_mode=None,
+    )
+    by_default = ((drone % size, drone // size) for drone in range(scenario.n_drones))
+    for number, (x, y) in enumerate(search.drones or by_default):
+        env.reset(0, drones_positions=[(x, y)])
+        matrix = env.frame().matrix
+        if matrix[y, x] < matrix.max():
+            continue
+        while env.agents:
+            env.step({"drone0": Action.SEARCH})
+        if env.frame().ending is Ending.COVERED:  # at a probability of success of 99%
+            return (
+                f"note: drone {number} starts on the likeliest cell; searching it in every step, "
+                "without moving, finds the person in 99% of the episodes or more"
+            )
+    return ""
+
+
+# The command.
 
 
 def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Play one episode with these options, and print its summary."""
+    """Play with these options, and print summaries."""
     try:
         checks.real("fps", options.fps, FPS_LEAST, FPS_MOST)
-        checks.integer("persons", options.persons, 1)
         if options.record and options.record.suffix.lower() not in SUFFIXES:
             raise ValueError(f"path must end in .gif or .mp4, got {options.record.name!r}")
         with printed_warnings():
-            scenario = scenario_of(options)
-        scale = None if options.object_class is None else scale_of(options)
-        episode = _Episode(scenario, options.policy, options.seed, scale)
+            search = search_of(options)
+        episode = _Episode(search, options.policy, options.seed, hide_persons=options.hide_person)
     except FileNotFoundError:
         parser.error(f"argument --policy: there is no file {options.policy!r}")
     except (TypeError, ValueError) as error:
         parser.error(message_on_option(str(error)))
-    stopped = ""
+    if options.search is not None:
+        print(textwrap.fill(f"{search.name}: {search.reason}", TEXT_WIDTH) + "\n", flush=True)
+    note = _note_on_search_without_flight(search)
+    if note:
+        print(note, file=sys.stderr)
+    if not (options.record or options.text) and _play_in_window(parser, search, options):
+        return 0
+    frames = []
+
+    def seen() -> Iterator[Frame]:
+        for frame in episode.frames():
+            frames.append(frame)
+            yield frame
+
     if options.record:
-        _record(parser, episode, options)
-    elif options.text:
-        terminal.show(episode.frames(), options.fps)
+        _record(parser, seen(), options, search)
     else:
-        stopped = _show_in_window(parser, episode, options)
-    print(episode.summary(stopped), flush=True)
+        terminal.show(seen(), options.fps)
+    lines = _summary(search, options.seed, options.policy, frames)
+    if episode.seconds > 0:
+        speed = frames[-1].step / episode.seconds
+        lines.append(f"speed           {speed:,.0f} steps/s (the environment alone)")
+    print("\n".join(lines), flush=True)
     return 0
 
 
-# The views.
-
-
-def _painter(grid_size: int, options: argparse.Namespace) -> Painter:
+def _painter(grid_size: int, options: argparse.Namespace, view: str = "matrix") -> Painter:
     from DroneSwarmSearch.rendering.painter import Painter
 
     return Painter(
@@ -211,17 +306,21 @@ def _painter(grid_size: int, options: argparse.Namespace) -> Painter:
         render_grid=options.grid,
         render_gradient=options.gradient,
         palette=options.palette,
+        view=view,
     )
 
 
 def _record(
-    parser: argparse.ArgumentParser, episode: _Episode, options: argparse.Namespace
+    parser: argparse.ArgumentParser,
+    frames: Iterator[Frame],
+    options: argparse.Namespace,
+    search: NamedSearch,
 ) -> None:
     path: Path = options.record
-    limit = episode.env.timestep_limit
+    limit, size = search.scenario.timestep_limit, search.scenario.grid_size
     print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
     try:
-        pictures = map(_painter(episode.env.grid_size, options).pixels, episode.frames())
+        pictures = map(_painter(size, options).pixels, frames)
         write_film(path, pictures, fps=options.fps, hold=HOLD_FILM)
     except ImportError as error:
         parser.error(str(error))
@@ -229,61 +328,119 @@ def _record(
         parser.error(f"cannot write {path}: {error.strerror or error}")
 
 
-def _show_in_window(
-    parser: argparse.ArgumentParser, episode: _Episode, options: argparse.Namespace
-) -> str:
-    """Play in a window, or as text if no window can be opened.
+# The window.
+
+
+def _play_in_window(
+    parser: argparse.ArgumentParser, search: NamedSearch, options: argparse.Namespace
+) -> bool:
+    """Play in a window until the user closes it.
 
     Returns:
-        Why the user ended the episode early; empty if it was played to its end.
+        Whether a window could be opened.
     """
-    from DroneSwarmSearch.rendering import keyboard
-    from DroneSwarmSearch.rendering.window import Window
+    from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
-    title = MANUAL_TITLE if options.manual else TITLE
-    grid_size = episode.env.grid_size
-    window = Window(_painter(grid_size, options), title=title, fps=options.fps)
-    if options.manual:
-        episode.policy = _piloted(
-            episode.policy, grid_size, lambda: keyboard.wait_for_action(window)
-        )
-    frames = episode.frames()
-    first = next(frames)
+    def painter(view: str) -> Painter:
+        return _painter(search.scenario.grid_size, options, view)
+
+    window = PlayerWindow(painter, title=TITLE)
     try:
-        window.show(first)
+        window.open()
     except RuntimeError as error:
         reason = error.__cause__ or error
         if options.manual:
             parser.error(f"--manual needs a display, and no window can be opened ({reason})")
         print(f"no window can be opened ({reason}): showing text", file=sys.stderr)
-        terminal.show(itertools.chain([first], frames), options.fps)
-        return ""
-    if options.manual:
-        print(EPILOG, flush=True)
-    try:
-        for frame in frames:
-            if not options.manual:  # with --manual, the pilot reads the events
-                keyboard.handle_events(window)
-            window.show(frame)
-        keyboard.hold(window, HOLD_WINDOW)
-    except keyboard.QuitError as reason:
-        return str(reason)
-    finally:
-        window.close()
-    return ""
+        return False
+    with window, _Performances(search, options) as performances:
+        player = Player(performances.begin, seed=options.seed, fps=options.fps)
+        stopped = window.play(player)
+        performances.report(stopped)
+    return True
 
 
-def _piloted(policy: Steering, grid_size: int, choose: Callable[[], Action]) -> Steering:
-    """Drone 0 takes the actions that `choose` returns; a policy steers the others."""
+class _Performances:
+    """The episodes that are played in the window, one after another, and their reports.
 
-    def steer(observations: Mapping[str, Observation], /) -> dict[str, int]:
-        action = choose()
-        (x, y), matrix = observations["drone0"]["observation"]
-        ahead = neighbours(y * grid_size + x, grid_size)[action]
-        if ahead != OFF_GRID:
-            y, x = divmod(ahead, grid_size)
-        # The policy keeps the others away from the cell in which it sees drone 0.
-        seen: dict[str, Observation] = {**observations, "drone0": {"observation": ((x, y), matrix)}}
-        return {**policy(seen), "drone0": int(action)}
+    Args:
+        search: the search.
+        options: of the command line.
+    """
 
-    return steer
+    def __init__(self, search: NamedSearch, options: argparse.Namespace) -> None:
+        self._search = search
+        self._options = options
+        self._recording: Recording | None = None
+        self._seed = 0
+        self._rivals: dict[str, Future[Frame]] = {}
+        self._executor = ThreadPoolExecutor(1)
+
+    def __enter__(self) -> _Performances:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def begin(self, seed: int) -> Recording:
+        """Report on the last episode if it has ended, and begin that of a seed."""
+        if self._recording is not None and self._recording.end_was_seen:
+            self.report("")
+            print()
+        options = self._options
+        label = f"you and {options.policy}" if options.manual else options.policy
+        episode = _Episode(
+            self._search, options.policy, seed, label=label, hide_persons=options.hide_person
+        )
+        title = f"{self._search.name}, {label}, "
+        if options.manual:
+            self._let_rivals_play(seed)
+            self._recording = Flight(episode.frame, episode.step, title, self._scores)
+        else:
+            self._recording = PolicyRecording(episode.frames(), title)
+        self._seed = seed
+        return self._recording
+
+    def _let_rivals_play(self, seed: int) -> None:
+        """Play the same search with the policies, in the background."""
+        if not self._options.hide_person or (self._rivals and seed == self._seed):
+            return
+        for future in self._rivals.values():
+            future.cancel()
+
+        def last_frame(policy: str) -> Frame:
+            *_, last = _Episode(self._search, policy, seed).frames()
+            return last
+
+        self._rivals = {name: self._executor.submit(last_frame, name) for name in RIVALS}
+
+    def _scores(self) -> list[Score]:
+        """The result of the flight beside those of the policies, as far as they are known."""
+        if not self._rivals or self._recording is None:
+            return []
+        others = {
+            name: rival.result() if rival.done() else None for name, rival in self._rivals.items()
+        }
+        return [Score(YOU, self._recording.frames[-1]), *itertools.starmap(Score, others.items())]
+
+    def report(self, stopped: str) -> None:
+        """Print what was seen of the last episode.
+
+        Args:
+            stopped: why the user ended it, if that was before its end.
+        """
+        recording, options = self._recording, self._options
+        if recording is None:
+            return
+        policy = options.policy
+        if options.manual:
+            policy = f"you fly drone 0, {policy} the others"
+        seen = recording.frames[: recording.seen + 1]
+        lines = _summary(self._search, self._seed, policy, seen, stopped)
+        print("\n".join(lines), flush=True)
+        if options.manual and recording.end_was_seen and not self._rivals:
+            print("with --hide-person, your result is compared with those of the policies")
+        elif recording.end_was_seen and self._rivals:
+            wait(self._rivals.values())
+            print()
+            print_table(SCORE_HEADERS, [score_row(score) for score in self._scores()])

@@ -1,6 +1,6 @@
-"""The options of the demo, and the search that they describe.
+"""The options of the demo, and the search that they name or describe.
 
-The search is a toy in cells and steps, or an incident at sea in metres and seconds.
+A search is one of the suite, a toy in cells and steps, or an incident at sea in metres and seconds.
 """
 
 from __future__ import annotations
@@ -16,26 +16,36 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import leeway
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.persons import MASS_BEYOND, Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.evaluation.search_file import SUFFIX, search_from_file
+from DroneSwarmSearch.evaluation.suite import NamedSearch, search
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
-from DroneSwarmSearch.scenario import MISSIONS, Scenario
+from DroneSwarmSearch.scenario import MISSIONS, Cell, Scenario
 
-__all__ = ["EPILOG", "message_on_option", "parse", "scale_of", "scenario_of"]
+__all__ = ["around_the_border", "message_on_option", "parse", "search_of"]
 
 DESCRIPTION = """\
-Drones search a grid at sea for shipwrecked persons who drift. The drones start around the
-border, the persons in the middle; in an incident, the middle of the grid is where the persons are
-expected halfway through the search. Every drone flies to the cell with the highest probability,
-discounted by its distance (the policy "greedy-matrix"), unless you choose another policy or
-fly drone 0 yourself.
+Drones search a grid at sea for shipwrecked persons who drift: watch a policy, or fly one drone
+yourself. SEARCH names a search of the suite; without it, the options describe the search. The
+drones then start around the border, and the person is expected in the middle of the grid halfway
+through the search. Every drone flies to the cell with the highest probability, discounted by its
+distance (the policy "greedy-matrix"), unless you choose another policy.
 """
 
-EPILOG = """\
-keys in the window: Esc or Q quits. With --manual, arrow keys move drone 0, space searches
-its cell, i or . idles; every key is one step for all drones. Stay inside the grid and away
-from the other drones: leaving the grid and collisions end the search.
+EXAMPLES = """\
+examples:
+  python -m DroneSwarmSearch play                              watch a search
+  python -m DroneSwarmSearch play --manual --hide-person       fly drone 0 against the policies
+  python -m DroneSwarmSearch play gale --policy greedy-forecast --seed 4
+  python -m DroneSwarmSearch play classic --record classic.gif
+
+Keys are listed in the window; Esc quits. With --manual, the arrow keys (or W, A, S, D) move drone
+0, space searches its cell, and I waits; every key is one step for all drones. Moves off the grid
+and into other drones are refused: they would end the search. With --hide-person, you see no more
+than the policies do, and your result is compared with theirs at the end.
 """
 
 USUAL_POLICY = "greedy-matrix"
@@ -53,8 +63,17 @@ NEEDS_OBJECT = (
 NOT_WITH_OBJECT = ("vector", "disperse_constant")
 """Options of an incident, and those whose place they take."""
 
-GRID_USUAL, GRID_MOST = 20, 100
-"""By default, the grid of an incident has from `GRID_USUAL` to `GRID_MOST` cells along a side."""
+NOT_WITH_SEARCH = (
+    *("object_class", *NEEDS_OBJECT, *NOT_WITH_OBJECT),
+    *("drones", "grid_size", "persons", "probability_of_detection"),
+)
+"""Options that describe a search, in place of a named one."""
+
+GRID_USUAL = 24
+GRID_LEAST, GRID_MOST = 20, 100
+"""By default, the grid of an incident has from `GRID_LEAST` to `GRID_MOST` cells along a side."""
+
+TIMESTEP_LIMIT = 80
 
 
 def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse.Namespace]:
@@ -77,6 +96,10 @@ def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse
         parser.error(
             f"argument --manual: the other drones use {USUAL_POLICY}, so --policy is not allowed"
         )
+    if options.search is not None:
+        for name in NOT_WITH_SEARCH:
+            if getattr(options, name) != parser.get_default(name):
+                parser.error(f"argument {_option(name)}: not allowed with a SEARCH")
     for name in NEEDS_OBJECT if options.object_class is None else NOT_WITH_OBJECT:
         if getattr(options, name) != parser.get_default(name):
             allowed = "needs" if options.object_class is None else "not allowed with"
@@ -87,17 +110,28 @@ def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse
 
 
 def _parser() -> argparse.ArgumentParser:
-    started_as = Path(sys.argv[0]).name if sys.argv else ""
+    started_as = Path(sys.argv[0]).stem if sys.argv else ""
+    commands = {"__main__": "python -m DroneSwarmSearch", "droneswarmsearch": "droneswarmsearch"}
+    command = commands.get(started_as)
     parser = argparse.ArgumentParser(
-        prog="python -m DroneSwarmSearch" if started_as == "__main__.py" else None,
+        prog=command and f"{command} play",
+        usage="%(prog)s [SEARCH] [options]",
         description=DESCRIPTION,
-        epilog=EPILOG,
+        epilog=EXAMPLES,
         formatter_class=_HelpFormatter,
+    )
+    parser.add_argument(
+        "search",
+        metavar="SEARCH",
+        nargs="?",
+        help="a search of the suite, such as classic or gale (`evaluate --list` describes them), "
+        "or a file of a search, .json",
     )
     flag = argparse.BooleanOptionalAction
     view = parser.add_argument_group("view (a window if there is a display, otherwise text)")
     add = view.add_argument
     add("--manual", action="store_true", help="fly drone 0 with the arrow keys")
+    add("--hide-person", action="store_true", help="do not show missing persons")
     add("--text", action="store_true", help="stay in the terminal")
     add("--record", metavar="FILE", type=Path, help="write a video instead, .gif or .mp4")
     add("--fps", type=float, default=6.0, help="steps shown per second")
@@ -107,22 +141,36 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--prior",
         action="store_true",
-        help="show the forecast of the drift instead of the posterior, to you and to the drones",
+        help="show the drones, and you, the forecast of the drift instead of the posterior",
     )
-    add = parser.add_argument_group("search").add_argument
+    add = parser.add_argument_group("episode").add_argument
     add(
         "--policy",
         metavar="NAME",
         default=USUAL_POLICY,
         help=f"the drones' policy: {', '.join(POLICIES)}, or a file of weights, .npz",
     )
+    add("--seed", metavar="N", type=int, default=0, help="seed of the persons' drift")
+    add(
+        "--timestep-limit",
+        metavar="N",
+        type=int,
+        help=f"most steps (default: {TIMESTEP_LIMIT}, or those of SEARCH)",
+    )
+    add(
+        "--mission",
+        choices=MISSIONS,
+        help="find the persons, or gain as much probability of success as possible "
+        "(default: rescue, or that of SEARCH)",
+    )
+    add = parser.add_argument_group("your search, without SEARCH").add_argument
     add("--drones", metavar="N", type=int, default=4, help="number of drones")
     add(
         "--grid-size",
         metavar="N",
         type=int,
         help=f"cells along a side (default: {GRID_USUAL}; in an incident, as many as hold 99%% of "
-        f"the forecast, at most {GRID_MOST})",
+        f"the forecast, from {GRID_LEAST} to {GRID_MOST})",
     )
     add("--persons", metavar="N", type=int, default=1, help="number of persons")
     add(
@@ -130,17 +178,16 @@ def _parser() -> argparse.ArgumentParser:
         metavar=("X", "Y"),
         nargs=2,
         type=float,
-        default=(0.2, 0.1),
+        default=(0.16, 0.08),
         help="drift in cells per step, y downward",
     )
     add(
         "--disperse-constant",
         metavar="C",
         type=float,
-        default=3.0,
+        default=2.0,
         help="how quickly the persons may stray from the drift, at least 0",
     )
-    add("--timestep-limit", metavar="N", type=int, default=100, help="most steps")
     add(
         "--probability-of-detection",
         metavar="P",
@@ -148,14 +195,9 @@ def _parser() -> argparse.ArgumentParser:
         default=1.0,
         help="probability that a search of the person's cell finds the person, 0 to 1",
     )
-    add(
-        "--mission",
-        choices=MISSIONS,
-        default="rescue",
-        help="find the persons, or gain as much probability of success as possible",
+    _add_incident(
+        parser.add_argument_group("your search at sea, without SEARCH", INCIDENT).add_argument
     )
-    add("--seed", metavar="N", type=int, default=12, help="seed of the persons' drift")
-    _add_incident(parser.add_argument_group("incident", INCIDENT).add_argument)
     return parser
 
 
@@ -218,7 +260,7 @@ def _add_incident(add: Callable[..., object]) -> None:
     )
 
 
-class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
     """Shows the defaults of options with a value; those of flags are obvious."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
@@ -235,7 +277,9 @@ def message_on_option(message: str) -> str:
     }
 
     def start(match: re.Match[str]) -> str:
-        return f"argument {_option(others.get(match[1], match[1]))}: must "
+        name = match[1]
+        option = "SEARCH" if name == "search" else _option(others.get(name, name))
+        return f"argument {option}: must "
 
     return re.sub(r"^(\w+)(?:\[\d+\])? must ", start, message)
 
@@ -247,26 +291,76 @@ def _option(name: str) -> str:
 # The search.
 
 
-def scenario_of(options: argparse.Namespace) -> Scenario:
-    """The search that the options describe."""
-    common = {
-        "n_drones": options.drones,
-        "timestep_limit": options.timestep_limit,
-        "bayesian_update": not options.prior,
-        "mission": options.mission,
-    }
+def search_of(options: argparse.Namespace) -> NamedSearch:
+    """The search that the options name or describe.
+
+    Drones and user see the posterior of it, or the prior with `--prior`; the scenario states
+    which.
+
+    Raises:
+        TypeError, ValueError: an option is invalid.
+    """
+    changes: dict[str, Any] = {"bayesian_update": not options.prior}
+    if options.search is None:
+        limit = TIMESTEP_LIMIT if options.timestep_limit is None else options.timestep_limit
+        changes |= {"n_drones": options.drones, "timestep_limit": limit}
+        changes |= {"mission": options.mission or "rescue"}
+        scenario = _described(options, changes)
+        drones = around_the_border(scenario.n_drones, scenario.grid_size)
+        scale = None if options.object_class is None else _scale_of(options)
+        size = scenario.grid_size
+        name = options.object_class or f"{size} x {size} cells"
+        return NamedSearch(name, "Described by options.", scenario, drones, scale)
+    is_file = options.search.endswith(SUFFIX)
+    named = search_from_file(Path(options.search)) if is_file else search(options.search)
+    for name in ("timestep_limit", "mission"):
+        if getattr(options, name) is not None:
+            changes[name] = getattr(options, name)
+    return replace(named, scenario=named.scenario.replace(**changes))
+
+
+def around_the_border(n_drones: int, grid_size: int) -> tuple[Cell, ...]:
+    """Start cells spread evenly around the border, clockwise from (0, 0).
+
+    Empty if there are more drones than cells on the border: the environment then places them.
+    """
+    last = grid_size - 1
+    border = [
+        *((i, 0) for i in range(last)),
+        *((last, i) for i in range(last)),
+        *((last - i, last) for i in range(last)),
+        *((0, last - i) for i in range(last)),
+    ]
+    if n_drones > len(border):
+        return ()
+    return tuple(border[drone * len(border) // n_drones] for drone in range(n_drones))
+
+
+def _described(options: argparse.Namespace, common: Mapping[str, Any]) -> Scenario:
+    """The scenario that the options describe."""
+    checks.integer("persons", options.persons, 1)
     if options.object_class is not None:
         return _incident(options, common)
     size = GRID_USUAL if options.grid_size is None else options.grid_size
-    centre = size // 2
+    start = _start_cell(checks.pair("vector", options.vector), size, common["timestep_limit"] / 2)
     return Scenario(
         grid_size=size,
         vector=options.vector,
-        person_initial_position=((centre, centre),) * options.persons,
+        person_initial_position=(start,) * options.persons,
         disperse_constant=options.disperse_constant,
         probability_of_detection=options.probability_of_detection,
         **common,
     )
+
+
+def _start_cell(vector: Sequence[float], grid_size: int, steps: float) -> Cell:
+    """The cell from which the drift leads to the middle of the grid in some steps.
+
+    It is not nearer to the border than a quarter of the grid, since the drones start there.
+    """
+    middle, least = grid_size // 2, grid_size // 4
+    x, y = (min(max(round(middle - steps * each), least), grid_size - 1 - least) for each in vector)
+    return x, y
 
 
 def _incident(options: argparse.Namespace, common: Mapping[str, Any]) -> Scenario:
@@ -282,20 +376,20 @@ def _incident(options: argparse.Namespace, common: Mapping[str, Any]) -> Scenari
         current=_flow("current", leeway.current_towards, options.current),
         diffusivity=options.diffusivity,
         adrift=options.adrift,
-        scale=scale_of(options),
+        scale=_scale_of(options),
         probability_of_detection=options.probability_of_detection,
     )
-    limit = options.timestep_limit
+    limit = common["timestep_limit"]
     size = options.grid_size
     if size is None:
-        sizes = range(GRID_USUAL, GRID_MOST)
+        sizes = range(GRID_LEAST, GRID_MOST)
         size = next((n for n in sizes if _holds(_placed(person, n, limit), n, limit)), GRID_MOST)
     scenario = Scenario(size, persons=(_placed(person, size, limit),) * options.persons, **common)
     warn_of_mass_beyond(scenario.situation, size, limit, stacklevel=1)
     return scenario
 
 
-def scale_of(options: argparse.Namespace) -> Scale:
+def _scale_of(options: argparse.Namespace) -> Scale:
     """The scale of an incident."""
     return Scale.for_drone(options.drone_speed, options.cell)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from operator import add
 
 from DroneSwarmSearch import rules
+from DroneSwarmSearch.rendering.frame import HISTORY_STEPS, TRAIL_STEPS
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.world import WorldState
@@ -26,6 +28,9 @@ class Drones:
         chosen: each drone's last action.
         finders: the drones that have found a person in this episode.
         found: whether any drone has.
+        returns: each drone's sum of rewards.
+        history: the last steps, oldest first: all drones' cells after the step, and their
+            actions in it. Also holds the start.
     """
 
     def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
@@ -43,7 +48,10 @@ class Drones:
         self.chosen = bytes([Action.IDLE]) * len(cells)
         self.finders: set[int] = set()
         self.found = False
-        self._returns = [0.0] * len(cells)  # each drone's sum of rewards
+        self.returns = [0.0] * len(cells)
+        self.history: deque[tuple[list[int], bytes]] = deque(
+            [(cells, self.chosen)], maxlen=HISTORY_STEPS + 1
+        )
 
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
@@ -68,7 +76,8 @@ class Drones:
                 pairs = zip(self.cells, targets, strict=True)
                 targets = [cell if target == OFF_GRID else target for cell, target in pairs]
         self.cells = targets
-        self._returns = [*map(add, self._returns, rewards.values())]
+        self.returns = [*map(add, self.returns, rewards.values())]
+        self.history.append((targets, chosen))
         return rewards, ending
 
     def _resolve_events(
@@ -107,7 +116,7 @@ class Drones:
                     observed.get(drone, 0.0),
                     world.step,
                     self._timestep_limit,
-                    self._returns[drone],
+                    self.returns[drone],
                 )
         if finders:
             self.finders |= finders
@@ -116,6 +125,21 @@ class Drones:
         return rewards, rules.ending(
             not world.missing, world.is_covered, bool(shared), left_grid, is_last
         )
+
+    def trails(self) -> list[list[int]]:
+        """For each drone, its last cells, oldest first, the present one last."""
+        recent = [cells for cells, _ in self.history][-TRAIL_STEPS - 1 :]
+        return [*map(list, zip(*recent, strict=True))]
+
+    def recent_searches(self) -> list[tuple[int, int]]:
+        """The cells of the last searches, oldest first, each with the steps since then."""
+        last = len(self.history) - 1
+        return [
+            (cell, last - step)
+            for step, (cells, chosen) in enumerate(self.history)
+            for cell, action in zip(cells, chosen, strict=True)
+            if action == _SEARCH
+        ]
 
     def _searches(self) -> dict[int, int]:
         """The searched cells, each with its drone: before a step, no two drones share a cell."""

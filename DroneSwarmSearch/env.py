@@ -405,14 +405,14 @@ class DroneSwarmSearch(SearchSpaces):
         """
         cells, world = self._cells_and_world()
         positions, finds = self._positions, world.finds
-        persons = world.persons if world.is_rescue else ()
+        drones, persons = self._drones, world.persons if world.is_rescue else ()
         person_cells = (
             finds[person][1] if person in finds else world.person_cell(person) for person in persons
         )
         return Frame(
             matrix=world.matrix(),
             drones=tuple(positions[cell] for cell in cells),
-            searching=tuple(action == Action.SEARCH for action in self._drones.chosen),
+            searching=tuple(action == Action.SEARCH for action in drones.chosen),
             persons=tuple(positions[cell] for cell in person_cells),
             found_by=tuple(finds.get(person, (None, 0))[0] for person in persons),
             step=world.step,
@@ -421,6 +421,10 @@ class DroneSwarmSearch(SearchSpaces):
             ending=self._ending,
             hypotheses=world.hypotheses(),
             probability_of_success=world.success,
+            prior=world.prior(),
+            trails=tuple(tuple(positions[cell] for cell in trail) for trail in drones.trails()),
+            searched=tuple((*positions[cell], age) for cell, age in drones.recent_searches()),
+            total_return=sum(drones.returns),
         )
 
     def _cells_and_world(self) -> tuple[list[int], WorldState]:

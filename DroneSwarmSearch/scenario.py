@@ -50,7 +50,7 @@ class Scenario:
     Environments, batches, policies, planning and evaluation all accept a scenario. Two
     scenarios are equal if their parameters are, whichever form the values were given in::
 
-        scenario = Scenario(grid_size=20, n_drones=4, person_initial_position=(8, 8))
+        scenario = Scenario(20, n_drones=4, vector=(0.2, 0.1), person_initial_position=(8, 8))
         env = DroneSwarmSearch(scenario=scenario)
         larger = scenario.replace(n_drones=6)
 

@@ -244,6 +244,10 @@ class WorldState:
         matrix: Matrix = self._loaded[self.step - self._loaded_first]
         return matrix.copy()
 
+    def prior(self) -> Matrix | None:
+        """The forecast of the present step, where `matrix` is the posterior; a new array."""
+        return None if self._shown_posteriors is None else self._mean_forecast()
+
     def loaded_matrices(self) -> tuple[Sequence[Matrix], int]:
         """Matrices of some steps, and the index of the present step's among them.
 

@@ -248,6 +248,14 @@ class LeewayClasses(Directive):
         return []
 
 
+def add_player(app: Sphinx, page: str, template: str, context: Any, document: Any) -> None:
+    """Load the player of episodes on its page only."""
+    if page == "play":
+        app.add_css_file("play.css")
+        app.add_js_file("episodes/index.js", loading_method="defer")
+        app.add_js_file("play.js", loading_method="defer")
+
+
 def setup(app: Sphinx) -> None:
     """Register the extensions above."""
     app.add_html_math_renderer("mathml", (inline_mathml, None), (block_mathml, None))
@@ -256,3 +264,4 @@ def setup(app: Sphinx) -> None:
     app.add_directive("leeway-classes", LeewayClasses)
     app.connect("autodoc-process-docstring", read_docstring)
     app.connect("missing-reference", find_in_package)
+    app.connect("html-page-context", add_player)

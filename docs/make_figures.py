@@ -800,16 +800,22 @@ METHODS = {
 """The methods of the rows of `results`; all others are search patterns."""
 
 
-@figure("results")
-def results(theme: Theme, sampling: Sampling) -> Figure:
-    """Draw the mean success of every policy, that on each search, and the bound."""
+def suite_results() -> dict[str, Floats]:
+    """The success of every policy on each search of the suite, and the "bound"."""
     found: dict[str, dict[str, float]] = {name: {} for name in ("bound", *POLICIES)}
     with LEADERBOARD.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             if row["policy"] in found:
                 found[row["policy"]][row["search"]] = float(row["success"])
                 found["bound"][row["search"]] = float(row["bound"])
-    means = {name: float(np.mean([*values.values()])) for name, values in found.items()}
+    return {name: np.array([*values.values()]) for name, values in found.items()}
+
+
+@figure("results")
+def results(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the mean success of every policy, that on each search, and the bound."""
+    found = suite_results()
+    means = {name: float(values.mean()) for name, values in found.items()}
     order = sorted(means, key=means.__getitem__)
     methods = {name: METHODS.get(name, "search pattern") for name in reversed(order)}
     inks = (theme.ink, *theme.series[:4], theme.grey)
@@ -817,7 +823,7 @@ def results(theme: Theme, sampling: Sampling) -> Figure:
     chart = Figure(figsize=(WIDTH, 3.7), layout="constrained")
     axes = chart.subplots()
     for place, name in enumerate(order):
-        colour, values = colours[methods[name]], [*found[name].values()]
+        colour, values = colours[methods[name]], found[name]
         axes.barh(place, means[name], height=0.62, color=colour, alpha=0.25, linewidth=0)
         axes.plot((means[name],) * 2, (place - 0.31, place + 0.31), color=colour, linewidth=2.2)
         axes.plot(values, [place] * len(values), "o", color=colour, markersize=3.2, alpha=0.75)

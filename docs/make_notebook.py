@@ -22,12 +22,11 @@ PLACEHOLDER = "OWNER"
 COLAB = "https://colab.research.google.com"
 
 
-def repository() -> str:
-    """The repository's address, from `pyproject.toml`."""
+def project(key: str) -> str:
+    """The value of a key of `pyproject.toml`."""
     text = (DOCS.parent / "pyproject.toml").read_text("utf-8")
-    found = re.search(r'^Repository = "https://(.+)"$', text, re.M)
-    assert found is not None
-    return found[1]
+    (value,) = re.findall(rf'^{key} = "(.+)"$', text, re.M)
+    return str(value)
 
 
 def cells(page: str, address: str) -> list[dict[str, object]]:
@@ -35,9 +34,10 @@ def cells(page: str, address: str) -> list[dict[str, object]]:
 
     Args:
         page: the tutorial in Markdown.
-        address: of the repository, without https://. With a public address, the first cell has
-            a link that opens the notebook in Colab, and links lead to the repository's pages.
+        address: of the repository. With a public address, the first cell has a link that opens
+            the notebook in Colab, and links lead to the repository's pages.
     """
+    package = f"{project('name')}[evaluation,video]"
     page = re.sub(r"<!-- page only -->.*?<!-- end of page only -->\n", "", page, flags=re.S)
     page = re.sub(r"<!-- notebook only\n(.*?)-->\n", r"\1", page, flags=re.S)
     page = re.sub(r"^```text\n.*?^```\n", "", page, flags=re.M | re.S)
@@ -45,11 +45,12 @@ def cells(page: str, address: str) -> list[dict[str, object]]:
 try:
     import DroneSwarmSearch
 except ImportError:
-    %pip install -q "DroneSwarmSearchEnvironment[evaluation,video] @ git+https://{address}"
+    %pip install -q "{package} @ git+{address}"
 """
     if PLACEHOLDER not in address:
-        page = re.sub(r"\]\((?!https:|#)", f"](https://{address}/blob/main/docs/", page)
-        notebook = f"{COLAB}/{address.replace('.com/', '/')}/blob/main/docs/{NOTEBOOK.name}"
+        page = re.sub(r"\]\((?!https:|#)", f"]({address}/blob/main/docs/", page)
+        path = address.replace("https://github.com", "github")
+        notebook = f"{COLAB}/{path}/blob/main/docs/{NOTEBOOK.name}"
         badge = f"[![Open in Colab]({COLAB}/assets/colab-badge.svg)]({notebook})"
         page = page.replace("\n\n", f"\n\n{badge}\n\n", 1)
     before, *rest = re.split(r"^(## .*)$", page, maxsplit=1, flags=re.M)
@@ -72,7 +73,7 @@ def cell(number: int, text: str, *, is_code: bool) -> dict[str, object]:
 def notebook() -> str:
     """The content of the notebook's file."""
     content = {
-        "cells": cells(PAGE.read_text("utf-8"), repository()),
+        "cells": cells(PAGE.read_text("utf-8"), project("Repository")),
         "metadata": {
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
             "language_info": {"name": "python"},

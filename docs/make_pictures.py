@@ -1,68 +1,112 @@
 """Make the pictures of the README and the documentation in `docs/images`.
 
-    python docs/make_pictures.py
+    python docs/make_pictures.py [logo | film | gallery ...]
 
 The same versions of the code, pygame and Pillow give the same bytes.
 """
 
 from __future__ import annotations
 
-import itertools
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pygame
+from numpy.typing import NDArray
 from PIL import Image
 
-from DroneSwarmSearch import DroneSwarmSearch, Ending, demo
-from DroneSwarmSearch.policies import GreedyPolicy
+from DroneSwarmSearch.evaluation import NamedSearch, record, search
+from DroneSwarmSearch.evaluation.recording import frames
+from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering import palette, sprites
+from DroneSwarmSearch.rendering.film import write_film
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.painter import to_array
+from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
 
 IMAGES = Path(__file__).parent / "images"
 
-SEED = 12
-"""The seed of the film, and the first seed that each picture tries."""
+# The gallery.
 
-SIZE, DRONES = 20, 4
-CORNERS = [(0, 0), (SIZE - 1, 0), (SIZE - 1, SIZE - 1), (0, SIZE - 1)]
+SEARCH = "gale"
+SHOWN = [policy for policy in POLICIES if policy != "random"]
 
+WIDTH, FPS, STRIDE = 270, 8.0, 4
+"""Width of a film in pixels, pictures per second, and steps from one picture to the next."""
 
-def last_picture(name: str, ending: Ending) -> None:
-    """Save the last picture of the first episode with this ending."""
-    env = DroneSwarmSearch(
-        grid_size=SIZE,
-        render_mode="rgb_array",
-        render_grid=True,
-        n_drones=DRONES,
-        vector=(0.2, 0.1),
-        person_initial_position=(SIZE // 2, SIZE // 2),
-        disperse_constant=3,
-        bayesian_update=True,
-    )
-    policy = GreedyPolicy(env.scenario)
-    for seed in itertools.count(SEED):
-        observations, _ = env.reset(seed, drones_positions=CORNERS)
-        policy.reset()
-        while env.agents:
-            observations, *_ = env.step(policy(observations))
-        if env.frame().ending is ending:
-            break
-    Image.fromarray(env.render()).save(IMAGES / name, optimize=True)
+CROP = slice(7, 37), slice(5, 35)
+"""The rows and columns that the films show, which hold all of the action."""
+
+LEVELS = 10
+"""Shades of the map; with fewer, fewer cells change from picture to picture."""
+
+HEAD, FONT = 30, 23
+"""The line above the map: its height and font size."""
 
 
-def logo(name: str, side: int = 192) -> None:
+def logo() -> None:
     """Save the symbol of a drone, the logo of the documentation."""
-    symbol = sprites.drone(side, palette.PALETTES["classic"].drone(0))
+    symbol = sprites.drone(192, palette.PALETTES["classic"].drone(0))
     pixels = pygame.image.tobytes(symbol, "RGBA")
-    Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / name, optimize=True)
+    Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / "logo.png", optimize=True)
+
+
+def film() -> None:
+    """Record the film of the first page."""
+    record("greedy-posterior", "man-overboard", IMAGES / "search.gif", seed=9)
+
+
+def gallery() -> None:
+    """Film the same search with each policy, without finding anybody."""
+    where = search(SEARCH)
+    where = replace(where, scenario=where.scenario.replace(mission="coverage"))
+    for policy in SHOWN:
+        path = IMAGES / f"gallery-{policy}.gif"
+        write_film(path, tiles(policy, where), fps=FPS, hold=3.0, gif_width=WIDTH)
+
+
+def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
+    """The pictures of a film of the gallery."""
+    rows = CROP[0]
+    drawing = SearchMap(rows.stop - rows.start, palette="sea", side=WIDTH)
+    for _, frame in frames(policy, where):
+        if frame.step % STRIDE and frame.ending is None:
+            continue
+        canvas = pygame.Surface(drawing.size, 0, 32)
+        drawing.draw(canvas, cropped(frame))
+        picture = pygame.Surface((drawing.side, HEAD + drawing.side), 0, 32)
+        picture.fill(palette.PAPER)
+        picture.blit(canvas, (0, HEAD), pygame.Rect(LEFT, TOP, drawing.side, drawing.side))
+        sprites.write(picture, policy, FONT, palette.INK, midleft=(4, HEAD // 2))
+        success = f"{frame.probability_of_success:.0%}"
+        sprites.write(picture, success, FONT, palette.INK, midright=(drawing.side - 4, HEAD // 2))
+        yield to_array(picture)
+
+
+def cropped(frame: Frame) -> Frame:
+    """The part of a frame that the gallery shows."""
+    top, left = (part.start for part in CROP)
+    shown = frame.matrix[CROP]
+    return replace(
+        frame,
+        matrix=np.rint(shown / shown.max() * LEVELS).astype(np.float32),
+        drones=tuple((x - left, y - top) for x, y in frame.drones),
+        trails=tuple(tuple((x - left, y - top) for x, y in trail) for trail in frame.trails),
+        searched=tuple((x - left, y - top, age) for x, y, age in frame.searched),
+        ending=None,
+    )
+
+
+PICTURES = {"logo": logo, "film": film, "gallery": gallery}
 
 
 def main() -> None:
-    """Make all pictures."""
+    """Make the pictures named on the command line, or all of them."""
     IMAGES.mkdir(exist_ok=True)
-    logo("logo.png")
-    demo.main(["--seed", str(SEED), "--record", str(IMAGES / "search.gif")])
-    last_picture("found.png", Ending.FOUND)
-    last_picture("not_found.png", Ending.TIME_LIMIT)
+    for name in sys.argv[1:] or PICTURES:
+        PICTURES[name]()
 
 
 if __name__ == "__main__":

@@ -15,6 +15,9 @@ import os
 import warnings
 from pathlib import Path
 
+from DroneSwarmSearch import training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
 os.environ.setdefault("TQDM_DISABLE", "1")  # the run shows its own progress
 
 from benchmarl.algorithms import IppoConfig, MappoConfig
@@ -23,7 +26,6 @@ from benchmarl.models.mlp import MlpConfig
 from tensordict import TensorDictBase
 from torch import nn
 
-from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters.benchmarl import ResumableExperiment, RunCallback, SearchTask
 from DroneSwarmSearch.adapters.torchrl import TrainedPolicy
 from DroneSwarmSearch.training import TRAINING_TASK

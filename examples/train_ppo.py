@@ -29,6 +29,15 @@ import os
 from functools import partial
 from typing import Any
 
+from DroneSwarmSearch.training import (
+    ExpectedSearches,
+    Run,
+    arguments,
+    compare_with_baselines,
+    exit_on_interrupt,
+)
+
+exit_on_interrupt(__name__)  # also during the imports below
 # Set before PyTorch starts its threads, which otherwise spin while they wait for each other.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
@@ -42,7 +51,6 @@ from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
-from DroneSwarmSearch.training import ExpectedSearches, Run, arguments, compare_with_baselines
 from DroneSwarmSearch.training.random_searches import (
     draw_searches,
     held_out_searches,

@@ -16,6 +16,10 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
+from DroneSwarmSearch import training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
+
 import ray
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.algorithms.ppo import PPOConfig
@@ -23,7 +27,6 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
-from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import rllib
 from DroneSwarmSearch.training import TRAINING_TASK
 
@@ -107,8 +110,10 @@ def main() -> None:
     options = parser.parse_args()
     with training.Run(options, "PPO with RLlib", "checkpoint_*") as run:
         ray.init(address=options.address, log_to_driver=False, logging_level="error")
-        path = train(run, options)
-        ray.shutdown()
+        try:
+            path = train(run, options)
+        finally:
+            ray.shutdown()
     training.compare_with_baselines(
         rllib.TrainedPolicy(path),  # samples actions, as in training
         TRAINING_TASK,

@@ -11,11 +11,14 @@ searches for a person.
 
 from __future__ import annotations
 
+from DroneSwarmSearch import training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
+
 import torch
 from sb3_contrib import MaskablePPO
 from stable_baselines3.common.vec_env import VecMonitor
 
-from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters.sb3 import RunCallback, SB3VecEnv, TrainedPolicy
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv

@@ -10,6 +10,10 @@ from __future__ import annotations
 
 import argparse
 
+from DroneSwarmSearch import training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
+
 import numpy as np
 import torch
 from tianshou.algorithm import PPO
@@ -19,7 +23,6 @@ from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
 
-from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import tianshou
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
@@ -87,8 +90,10 @@ def train(options: argparse.Namespace) -> PPO:
             run.resume_from(checkpoint["steps"])
         else:
             save(0)
-        envs.seed(options.seed + run.steps_done)  # a resumed run plays new episodes
-        torch.manual_seed(options.seed + run.steps_done)
+        seed = options.seed + run.steps_done  # a resumed run plays new episodes
+        envs.seed(seed)
+        torch.manual_seed(seed)
+        np.random.seed(seed)  # for the order of minibatches
         buffer = VectorReplayBuffer(ROLLOUT * len(envs), len(envs))
         collector = Collector(ppo, envs, buffer, collect_stats_class=tianshou.SuccessStats)
         collector.reset()

@@ -12,6 +12,10 @@ from __future__ import annotations
 
 import warnings
 
+from DroneSwarmSearch import training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
+
 import torch
 from tensordict.nn import TensorDictModule
 from torch import nn
@@ -20,7 +24,7 @@ from torchrl.envs import RewardSum, TransformedEnv
 from torchrl.modules import MLP
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from DroneSwarmSearch import Action, training
+from DroneSwarmSearch import Action
 from DroneSwarmSearch.adapters.torchrl import (
     LOGITS,
     OBSERVATION,

@@ -10,6 +10,7 @@ import random
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +19,18 @@ import numpy as np
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
 from DroneSwarmSearch.planning import SuccessBound
+from DroneSwarmSearch.rendering import Frame
+
+TWO_DRONES: dict[str, Any] = {
+    "grid_size": 5,
+    "n_drones": 2,
+    "vector": (0.1, 0.1),
+    "person_initial_position": (2, 2),
+    "disperse_constant": 2,
+    "timestep_limit": 12,
+    "bayesian_update": True,
+}
+"""A search with short episodes, of which random actions end many with a find or a crash."""
 
 MOVES = {
     Action.LEFT: (-1, 0),
@@ -85,6 +98,12 @@ def plain(value: Any) -> Any:
 def whole_state(env: DroneSwarmSearch) -> bytes:
     """The full state of the environment, including the random streams."""
     return pickle.dumps(env)
+
+
+def without_history(frame: Frame) -> dict[str, Any]:
+    """What a batch knows of a frame, as plain data."""
+    data: dict[str, Any] = plain(vars(replace(frame, trails=(), searched=())))
+    return data
 
 
 def overwrite(array: Any) -> None:

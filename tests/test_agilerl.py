@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import TWO_DRONES
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch import DroneSwarmSearch
@@ -29,22 +30,12 @@ def needs_agilerl(test: Any) -> Any:
     return pytest.mark.slow(test)
 
 
-SMALL: dict[str, Any] = {
-    "grid_size": 5,
-    "n_drones": 2,
-    "vector": (0.1, 0.1),
-    "person_initial_position": (2, 2),
-    "disperse_constant": 2,
-    "timestep_limit": 12,
-    "bayesian_update": True,
-}
-
 NETWORK = {"encoder_config": {"hidden_size": [16]}, "head_config": {"hidden_size": [16]}}
 
 
 def wrapped(masked: bool = True) -> ParallelEnv[str, Any, int]:
     """The environment, wrapped as in the documentation for AgileRL."""
-    env = FlatObservation(ScaledRewards(SeparateFlags(DroneSwarmSearch(**SMALL))))
+    env = FlatObservation(ScaledRewards(SeparateFlags(DroneSwarmSearch(**TWO_DRONES))))
     return SharedNames(ActionMask(env, right_of_way=True) if masked else env)
 
 
@@ -72,7 +63,7 @@ def changed(before: list[np.ndarray], agent: Any) -> bool:
 
 
 def test_drones_are_renamed() -> None:
-    env, plain = wrapped(), DroneSwarmSearch(**SMALL)
+    env, plain = wrapped(), DroneSwarmSearch(**TWO_DRONES)
     parallel_api_test(env, num_cycles=30)
     assert env.possible_agents == ["drone_0", "drone_1"]
     observations, infos = env.reset(seed=3)
@@ -108,7 +99,7 @@ def test_ppo_learns_on_the_batch_and_respects_the_masks() -> None:
         action_mask="info",
         right_of_way=True,
         autoreset_mode="SameStep",
-        **SMALL,
+        **TWO_DRONES,
     )
     agent = PPO(
         envs.single_observation_space,

@@ -118,7 +118,7 @@ def test_every_command_has_help(capsys):
         command.main(["--help"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
-    names = ("play", "evaluate", "leaderboard", "bound", "record")
+    names = ("play", "evaluate", "leaderboard", "bound", "record", "export")
     for name in names:
         assert re.search(rf"^ +{name}\b", text, re.MULTILINE)
     for name in names[1:]:
@@ -194,6 +194,7 @@ def test_all_means_the_whole_suite(capsys, monkeypatch):
         ("leaderboard", True),
         ("bound", True),
         ("record", True),
+        ("export", True),
     ],
 )
 def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(capsys, tmp_path, name, reaches):
@@ -208,6 +209,7 @@ def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(capsys, tmp_pat
         + ["--searches", storm, "--out", tmp_path / "board", *few],
         "bound": [storm],
         "record": [storm, "--policy", "random", "--out", tmp_path / "storm.gif"],
+        "export": [storm, "--policies", "random", "--out", tmp_path / "out.json"],
     }
     printed = answer(capsys, name, *arguments[name]).err
     warning = "warning: storm: 4.8% of a person's forecast lies beyond the grid of 7 x 7 cells"
@@ -348,7 +350,7 @@ def test_wrong_arguments_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
 
 
-@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard", "record"])
+@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard", "record", "export"])
 def test_help_says_that_code_is_executed(capsys, command_name):
     with pytest.raises(SystemExit):
         command.main([command_name, "--help"])

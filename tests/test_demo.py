@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import runpy
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -17,13 +19,14 @@ import pytest
 
 from DroneSwarmSearch import DroneSwarmSearch, Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
+from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.film import SUFFIXES
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.player import Player
 from DroneSwarmSearch.rendering.terminal import fitted
 from DroneSwarmSearch.rendering.text import render_text
-from DroneSwarmSearch.rendering.window import Window
 from DroneSwarmSearch.rules import Ending
 
 pygame = pytest.importorskip("pygame")
@@ -75,30 +78,66 @@ def dummy_video(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     pygame.quit()
 
 
-def script(monkeypatch: pytest.MonkeyPatch, *events: Any) -> list[Frame]:
-    """After each frame shown in the window, post the next event; returns the frames.
+Script = Callable[[Player], Iterator[str]]
 
-    After the last of several events, and after the end of the episode, the window is
-    closed, so that nothing waits forever.
+
+def perform(monkeypatch: pytest.MonkeyPatch, script: Script) -> list[Frame]:
+    """Let a script press keys in the window, without waiting for the clock.
+
+    The script yields names of keys, each pressed before the next picture; "" waits for it. The
+    window is closed after the last one.
+
+    Returns:
+        The frames as they are drawn, each once in a row.
     """
     shown: list[Frame] = []
-    close = pygame.event.Event(pygame.QUIT)
-    waiting = iter([*events, close] if events else [])
-    show = Window.show
+    pressed: dict[Player, Iterator[str]] = {}
+    advance, paint = Player.advance, Painter.paint
 
-    def show_and_act(window: Window, frame: Frame) -> None:
-        show(window, frame)
-        shown.append(frame)
-        event = next(waiting, None) if frame.ending is None else close
-        if event is not None:
-            pygame.event.post(event)
+    class Clock:
+        def tick(self, fps: float) -> int:
+            time.sleep(0.001)  # for the thread that plays ahead
+            return 1000
 
-    monkeypatch.setattr(Window, "show", show_and_act)
+    def advance_and_press(player: Player, seconds: float) -> None:
+        advance(player, seconds)
+        key = next(pressed.setdefault(player, script(player)), None)
+        if key is None:
+            pygame.event.post(pygame.event.Event(pygame.QUIT))
+        elif key:
+            code = pygame.key.key_code(key)
+            for kind in (pygame.KEYDOWN, pygame.KEYUP):
+                pygame.event.post(pygame.event.Event(kind, key=code, unicode="", mod=0))
+
+    def paint_and_note(painter: Painter, frame: Frame, **moment: Any) -> Any:
+        if not (shown and shown[-1] is frame):
+            shown.append(frame)
+        return paint(painter, frame, **moment)
+
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "visible")
+    monkeypatch.setattr(pygame.time, "Clock", Clock)
+    monkeypatch.setattr(Player, "advance", advance_and_press)
+    monkeypatch.setattr(Painter, "paint", paint_and_note)
     return shown
 
 
-def key(which: int) -> Any:
-    return pygame.event.Event(pygame.KEYDOWN, key=which, unicode="", mod=0)
+def watch(player: Player) -> Iterator[str]:
+    """Wait for the end."""
+    while not player.is_at_end:
+        yield ""
+    yield ""
+
+
+def keys(*names: str) -> Script:
+    """Press keys, wait for a flight to end, and close the window."""
+
+    def script(player: Player) -> Iterator[str]:
+        for name in names:
+            yield name
+            yield ""
+        yield from [""] * 30
+
+    return script
 
 
 class TestText:
@@ -108,7 +147,7 @@ class TestText:
         assert re.fullmatch(
             r"no window can be opened \(.*none_such.*\): showing text\n", done.stderr
         )
-        assert "step 0/100" in done.stdout
+        assert "step 0/80" in done.stdout
         assert "The target was found" in figures(done.stdout)["outcome"]
 
     def test_the_module_plays_in_the_terminal_without_a_display(self) -> None:
@@ -125,6 +164,14 @@ class TestText:
         assert summary["steps"] == "8 of at most 8"
         assert summary["persons found"] == "0 of 1"
         assert re.fullmatch(r"[\d,]+ steps/s \(the environment alone\)", summary["speed"])
+
+    def test_missing_persons_can_be_hidden(self, capsys: pytest.CaptureFixture[str]) -> None:
+        shown = []
+        for hide in ([], ["--hide-person"]):
+            demo.main(["--text", "--grid-size", "12", *hide])
+            output = capsys.readouterr().out
+            shown.append((" P@" in output, bool(re.search(r"F\d[.:;=oO%#@]", output))))
+        assert shown == [(True, True), (False, True)]
 
     def test_the_seed_determines_the_episode(self, capsys: pytest.CaptureFixture[str]) -> None:
         outputs = []
@@ -218,22 +265,30 @@ class TestOptions:
         assert stop.value.code == 0
         text = capsys.readouterr().out
         for option in (
-            *("--manual", "--drones", "--grid-size", "--persons", "--vector", "--record"),
+            *(
+                "--manual",
+                "--hide-person",
+                "--drones",
+                "--grid-size",
+                "--persons",
+                "--vector",
+                "--record",
+            ),
             *("--disperse-constant", "--timestep-limit", "--probability-of-detection"),
             *("--seed", "--fps", "--grid", "--no-grid", "--gradient", "--no-gradient"),
             *("--prior", "--text", "--policy", "--palette", "--mission", "--object-class"),
             *("--wind", "--current", "--position-sd", "--adrift", "--diffusivity"),
             *("--cell", "--drone-speed"),
         ):
-            assert re.search(rf"^ +.*{option}\b(?!-).*\S", text, re.MULTILINE), option
+            assert re.search(rf"^ +.*{option}\b(?!-).*\n? +\S", text, re.MULTILINE), option
 
     @pytest.mark.parametrize(
         ("option", "values", "problem"),
         [
             ("--grid-size", ["1"], "must be an integer of at least 2, got 1"),
             ("--grid-size", ["7.5"], "invalid int value: '7.5'"),
-            ("--drones", ["0"], "must be an integer from 1 to 400, got 0"),
-            ("--drones", ["401"], "must be an integer from 1 to 400, got 401"),
+            ("--drones", ["0"], "must be an integer from 1 to 576, got 0"),
+            ("--drones", ["577"], "must be an integer from 1 to 576, got 577"),
             ("--persons", ["0"], "must be an integer of at least 1, got 0"),
             ("--persons", ["many"], "invalid int value: 'many'"),
             ("--vector", ["nan", "0"], "must be a finite number, got nan"),
@@ -333,13 +388,13 @@ class TestOptions:
         with pytest.raises(ValueError, match="something else"):
             demo.main(["--text"])
 
-    @pytest.mark.usefixtures("dummy_video")
     @pytest.mark.parametrize(("drones", "size"), [(1, 2), (4, 2), (4, 20), (7, 5), (76, 20)])
     def test_drones_start_around_the_border(
         self, drones: int, size: int, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        shown = script(monkeypatch, pygame.event.Event(pygame.QUIT))
-        demo.main(["--drones", str(drones), "--grid-size", str(size)])
+        shown: list[Frame] = []
+        monkeypatch.setattr(demo.terminal, "show", lambda frames, fps: shown.append(next(frames)))
+        demo.main(["--text", "--drones", str(drones), "--grid-size", str(size)])
         cells = shown[0].drones
         assert len(set(cells)) == len(cells) == drones
         assert all({x, y} & {0, size - 1} for x, y in cells)
@@ -480,38 +535,52 @@ class TestIncident:
 
 @pytest.mark.usefixtures("dummy_video")
 class TestWindow:
-    def test_plays_to_the_end_and_closes(
+    def test_it_plays_to_the_end_and_stays_open(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        shown = script(monkeypatch)
+        opened = []
+
+        def script(player: Player) -> Iterator[str]:
+            yield from watch(player)
+            for _ in range(200):
+                opened.append(pygame.display.get_surface() is not None)
+                yield ""
+            yield "return"
+            raise AssertionError("Enter closes the window at the end")
+
+        shown = perform(monkeypatch, script)
         assert demo.main(["--fps", "50", *FOUND]) == 0
         captured = capsys.readouterr()
         assert captured.err == ""
+        assert all(opened)
         assert shown[-1].ending is Ending.FOUND
-        assert [frame.step for frame in shown] == list(range(len(shown)))
         assert "The target was found" in figures(captured.out)["outcome"]
         assert not pygame.display.get_init()
 
+    def test_a_hidden_window_closes_at_the_end(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["--fps", "50", *SHORT]) == 0
+        assert figures(capsys.readouterr().out)["steps"] == "8 of at most 8"
+
+    def test_it_shows_every_step(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        shown = perform(monkeypatch, watch)
+        assert demo.main(["--fps", "10", *SHORT]) == 0
+        assert [frame.step for frame in shown] == [*range(9)]
+
     @pytest.mark.parametrize(
-        ("event", "reason"),
-        [
-            (pygame.event.Event(pygame.QUIT), "the window was closed"),
-            (key(pygame.K_ESCAPE), "you quit"),
-            (key(pygame.K_q), "you quit"),
-        ],
+        ("key", "reason"),
+        [("", "the window was closed"), ("escape", "you quit"), ("q", "you quit")],
     )
     @pytest.mark.parametrize("manual", [[], ["--manual"]])
     def test_quitting(
         self,
         capsys: pytest.CaptureFixture[str],
         monkeypatch: pytest.MonkeyPatch,
-        event: Any,
+        key: str,
         reason: str,
         manual: list[str],
     ) -> None:
-        shown = script(monkeypatch, event)
+        perform(monkeypatch, lambda player: iter([key] if key else []))
         assert demo.main(manual) == 0
-        assert len(shown) == 1
         assert figures(capsys.readouterr().out)["outcome"] == f"stopped: {reason}"
         assert not pygame.display.get_init()
 
@@ -522,68 +591,231 @@ class TestWindow:
         monkeypatch: pytest.MonkeyPatch,
         command: list[str],
     ) -> None:
-        shown = script(monkeypatch, key(pygame.K_ESCAPE))
+        shown = perform(monkeypatch, keys("escape"))
         assert command_line.main(command) == 0
-        assert len(shown) == 1
+        assert len(shown) >= 1
         captured = capsys.readouterr()
         assert captured.err == ""
         assert figures(captured.out)["outcome"] == "stopped: you quit"
 
-    def test_manual_control(
+    def test_the_default_search_is_worth_watching(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        shown = perform(monkeypatch, watch)
+        assert demo.main(["--fps", "50"]) == 0
+        first, last = shown[0], shown[-1]
+        ((x, y),) = first.persons
+        assert min(abs(x - a) + abs(y - b) for a, b in first.drones) > 10
+        assert last.ending is Ending.FOUND
+        assert 20 <= last.step <= 40
+        assert np.hypot(*last.vector) * last.step > 5, "the map drifts"
+        assert last.matrix.max() < 0.05, "and spreads"
+
+    def test_frames_hold_the_prior_the_policy_and_the_return(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        keys = [
-            *(pygame.K_RIGHT, pygame.K_DOWN, pygame.K_SPACE, pygame.K_i, pygame.K_PERIOD),
-            *(pygame.K_LEFT, pygame.K_UP, pygame.K_LEFT),
-        ]
-        shown = script(monkeypatch, *map(key, keys))
-        assert demo.main(["--manual", "--fps", "50"]) == 0
-        path = [frame.drones[0] for frame in shown]
-        assert path == [(0, 0), (1, 0), *[(1, 1)] * 4, (0, 1), (0, 0), (0, 0)]
-        assert [frame.searching[0] for frame in shown].index(True) == 3
-        assert shown[-1].ending is Ending.LEFT_GRID, "the last key led out of the grid"
-        assert shown[-1].drones[1] != shown[0].drones[1], "the policy flies the others"
-        output = capsys.readouterr().out
-        assert output.startswith("keys in the window")
-        assert "a drone left the grid" in figures(output)["outcome"]
+        shown = perform(monkeypatch, watch)
+        assert demo.main(["--fps", "50", "--policy", "greedy-posterior"]) == 0
+        last = shown[-1]
+        assert last.policy == "greedy-posterior"
+        assert last.prior is not None
+        searched = [cell for frame in shown for cell in compress(frame.drones, frame.searching)]
+        where = tuple(np.transpose(searched)[::-1])
+        assert last.matrix[where].sum() < last.prior[where].sum()
+        assert figures(capsys.readouterr().out)["return"].startswith(f"{last.total_return:,.1f}")
 
-    def test_other_keys_do_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def press() -> None:
-            for each in (pygame.K_x, pygame.K_RIGHT):
-                pygame.event.post(key(each))
+    def test_the_prior_beside_the_posterior(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        sizes = []
 
-        shown = script(monkeypatch)
-        show = Window.show
+        def script(player: Player) -> Iterator[str]:
+            for key in ("", "p", "p"):
+                yield key
+                yield ""
+                surface = pygame.display.get_surface()
+                sizes.append(surface and surface.get_size())
 
-        def show_and_press(window: Window, frame: Frame) -> None:
-            show(window, frame)
-            press()
+        perform(monkeypatch, script)
+        assert demo.main(SHORT) == 0
+        assert sizes[0] == sizes[2]
 
-        monkeypatch.setattr(Window, "show", show_and_press)
-        assert demo.main(["--manual", "--fps", "50", "--drones", "1", *SHORT]) == 0
-        assert [frame.drones[0][0] for frame in shown] == [*range(9)]
-
-    def test_the_other_drones_avoid_the_piloted_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        shown = script(monkeypatch, *[key(pygame.K_RIGHT), key(pygame.K_LEFT)] * 20)
-        arguments = ["--manual", "--fps", "50", "--drones", "6", "--grid-size", "4"]
-        demo.main([*arguments, "--timestep-limit", "40", "--probability-of-detection", "0"])
-        assert shown[-1].ending is Ending.TIME_LIMIT
-
-    def test_manual_without_a_display(
+    def test_the_next_seed_is_that_of_the_option(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
-        assert "--manual needs a display" in refusal(capsys, "--manual")
+        def script(player: Player) -> Iterator[str]:
+            yield from watch(player)
+            yield "n"
+            yield from watch(player)
+
+        shown = perform(monkeypatch, script)
+        assert demo.main(["--fps", "50", "--seed", "4"]) == 0
+        reports = capsys.readouterr().out.split("\n\n")
+        assert [figures(each)["search"][-6:] for each in reports] == ["seed 4", "seed 5"]
+        demo.main(["--text", "--seed", "5"])
+        assert figures(reports[1])["steps"] == figures(capsys.readouterr().out)["steps"]
+        assert shown[-1].step == int(figures(reports[1])["steps"].split()[0])
+
+    def test_resizing_keeps_the_proportions(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        pictures = []
+
+        def script(player: Player) -> Iterator[str]:
+            for size in ((1500, 700), (300, 900), (120, 40)):
+                pygame.display.set_mode(size, pygame.RESIZABLE)
+                pygame.event.post(pygame.event.Event(pygame.VIDEOEXPOSE))
+                yield ""
+                yield ""
+                pictures.append(pygame.surfarray.array3d(pygame.display.get_surface()))
+
+        perform(monkeypatch, script)
+        assert demo.main(["--fps", "0.1"]) == 0
+        for picture in pictures:
+            dark_red = (picture[..., 0] > 80) & (picture[..., 1:] < 60).all(axis=2)
+            counts = dark_red.sum(axis=1), dark_red.sum(axis=0)
+            width, height = ((count > count.max() / 2).sum() for count in counts)
+            assert abs(width - height) <= 0.05 * height + 2, "the map is square"
+
+    def test_an_interrupt(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def script(player: Player) -> Iterator[str]:
+            yield ""
+            raise KeyboardInterrupt
+
+        perform(monkeypatch, script)
+        assert demo.main([]) == 130
+        assert capsys.readouterr().err == "\ninterrupted\n"
+        assert not pygame.display.get_init()
 
     def test_script(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        script(monkeypatch)
+        perform(monkeypatch, watch)
         monkeypatch.setattr(sys, "argv", ["basic_env.py", "--fps", "50", *SHORT])
         with pytest.raises(SystemExit) as stop:
             runpy.run_path(str(ROOT / "basic_env.py"), run_name="__main__")
         assert stop.value.code == 0
         assert figures(capsys.readouterr().out)["steps"] == "8 of at most 8"
+
+
+@pytest.mark.usefixtures("dummy_video")
+class TestManual:
+    def test_keys_fly_drone_0(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = perform(monkeypatch, keys("right", "s", "space", "i", ".", "left", "w", "left"))
+        assert demo.main(["--manual"]) == 0
+        path = [frame.drones[0] for frame in shown]
+        assert path == [(0, 0), (1, 0), *[(1, 1)] * 4, (0, 1), (0, 0)]
+        assert [frame.searching[0] for frame in shown].index(True) == 3
+        assert shown[-1].ending is None, "the last key leads out of the grid, so it is refused"
+        assert shown[-1].drones[1] != shown[0].drones[1], "the policy flies the others"
+        summary = figures(capsys.readouterr().out)
+        assert summary["policy"] == "you fly drone 0, greedy-matrix the others"
+        assert summary["outcome"] == "stopped: the window was closed"
+
+    def test_the_other_drones_avoid_drone_0(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        shown = perform(monkeypatch, keys(*["right", "i", "left", "down", "i", "up"] * 20))
+        arguments = ["--manual", "--drones", "6", "--grid-size", "4", "--timestep-limit", "40"]
+        demo.main([*arguments, "--probability-of-detection", "0"])
+        assert {frame.ending for frame in shown} == {None, Ending.TIME_LIMIT}
+
+    def test_a_game_against_the_policies(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = perform(monkeypatch, keys(*["space"] * 40))
+        arguments = ["--drones", "2", "--grid-size", "12", "--timestep-limit", "40"]
+        assert demo.main(["--manual", "--hide-person", *arguments]) == 0
+        assert {frame.hide_persons for frame in shown if frame.ending is None} == {True}
+        assert shown[-1].hide_persons is False
+        output = capsys.readouterr().out
+        rows = re.findall(r"^([\w() -]+?)  +((?:not )?found in \d+ steps?)", output, re.MULTILINE)
+        results = dict(rows)
+        assert set(results) == {"you (drone 0)", *demo.RIVALS}
+        for policy in demo.RIVALS:
+            assert demo.main(["--text", "--policy", policy, *arguments]) == 0
+            steps = figures(capsys.readouterr().out)["steps"].split()[0]
+            assert re.search(r"\d+", results[policy])[0] == steps
+
+    def test_the_result_is_compared_only_if_the_person_is_hidden(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        perform(monkeypatch, keys(*["space"] * 8))
+        assert demo.main(["--manual", *SHORT]) == 0
+        assert "greedy-posterior" not in capsys.readouterr().out
+
+    def test_without_a_display(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
+        assert "--manual needs a display" in refusal(capsys, "--manual")
+
+
+class TestNamedSearch:
+    def test_a_search_of_the_suite(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["pond", "--text", "--policy", "greedy-posterior", "--seed", "3"]) == 0
+        summary = figures(capsys.readouterr().out)
+        assert summary["search"] == "pond, seed 3"
+        assert summary["policy"] == "greedy-posterior"
+        (pond,) = evaluate("greedy-posterior", "pond", episodes=1, seed=3).episodes.steps
+        assert summary["steps"] == f"{pond} of at most 40"
+
+    def test_a_search_at_sea(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert command_line.main(["play", "gale", "--text", "--timestep-limit", "9"]) == 0
+        output = capsys.readouterr().out
+        assert output.startswith("gale: A life raft ")
+        summary = figures(output)
+        assert summary["steps"] == "9 of at most 9"
+        assert summary["scale"].startswith("44 x 44 cells of 300 m")
+
+    def test_another_mission(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert demo.main(["pond", "--text", "--mission", "coverage"]) == 0
+        assert "cells searched" in figures(capsys.readouterr().out)
+
+    def test_a_file(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        path = tmp_path / "mine.json"
+        path.write_text('{"grid_size": 6, "timestep_limit": 3}')
+        assert demo.main([str(path), "--text"]) == 0
+        assert figures(capsys.readouterr().out)["search"] == "mine, seed 0"
+
+    def test_an_unknown_name(self, capsys: pytest.CaptureFixture[str]) -> None:
+        line = refusal(capsys, "gael", "--text")
+        assert "error: argument SEARCH: must be one of pond, " in line
+        assert "did you mean gale" in line
+
+    def test_a_missing_file(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert "there is no 'none.json'" in refusal(capsys, "none.json", "--text")
+
+    @pytest.mark.parametrize("option", ["--drones", "--grid-size", "--persons"])
+    def test_options_of_another_search(
+        self, option: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        line = refusal(capsys, "pond", option, "2")
+        assert line.endswith(f"error: argument {option}: not allowed with a SEARCH")
+
+
+class TestNote:
+    """The note on searches in which a drone need not fly."""
+
+    def note(self, capsys: pytest.CaptureFixture[str], tmp_path: Path, **search: Any) -> str:
+        path = tmp_path / "search.json"
+        path.write_text(json.dumps(search))
+        assert demo.main([str(path), "--text"]) == 0
+        return capsys.readouterr().err
+
+    def test_the_default_search_of_the_environment(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        note = self.note(capsys, tmp_path, grid_size=7)
+        assert note.startswith("note: drone 0 starts on the likeliest cell")
+        assert note.count("\n") == 1
+
+    def test_a_person_who_drifts_away_is_no_such_case(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        search = {"grid_size": 7, "vector": [0.5, 0.5], "probability_of_detection": 0.3}
+        assert self.note(capsys, tmp_path, **search) == ""
+
+    def test_nor_is_a_start_elsewhere(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert self.note(capsys, tmp_path, grid_size=7, drones_positions=[[1, 0]]) == ""
 
 
 class TestFilm:

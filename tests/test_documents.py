@@ -42,7 +42,7 @@ SLOW_PAGES = (
 )
 """Pages whose commands may take minutes or need optional packages."""
 
-QUICK_COMMANDS = ("bound", "evaluate", "play", "record")
+QUICK_COMMANDS = ("bound", "evaluate", "export", "play", "record")
 """Sub-commands that take seconds, on these pages too."""
 
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)

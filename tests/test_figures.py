@@ -95,6 +95,15 @@ def test_a_page_shows_each_figure_with_an_alternative_text(name: str) -> None:
     assert descriptions and all(len(description) > 40 for description in descriptions)
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
+def test_the_first_pages_state_the_results_of_the_leaderboard(page: str) -> None:
+    (text,) = re.findall(r"[Bb]ound \d.*random.*%", (ROOT / page).read_text("utf-8"))
+    stated = dict(re.findall(r"([\w-]+)(?: moves)? (\d+)%", text.lower()))
+    results = figures.suite_results()
+    for name in ("bound", "planner", "ppo", "greedy-posterior", "random"):
+        assert float(stated[name]) == round(100 * results[name].mean())
+
+
 def test_unknown_names_are_errors(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         figures.main(["gaussain"])

@@ -211,6 +211,17 @@ def test_num_envs_counts_drones() -> None:
         ({"num_envs": 7, "n_drones": 3}, ValueError, "num_envs must be a multiple of n_drones, 3,"),
         ({"num_envs": 3, "scenario": scenario}, ValueError, "num_envs must be a multiple of n_dr"),
         ({"num_envs": 0}, ValueError, "num_envs must be an integer of at least 1, got 0"),
+        ({"num_envs": 2.5}, TypeError, "num_envs must be an integer .* got 2.5"),
+        (
+            {"num_envs": 2 * 10**12, "n_drones": 2},
+            ValueError,
+            "num_envs or n_drones must be smaller: with num_envs=2000000000000, n_drones=2,",
+        ),
+        (
+            {"num_envs": 10**6, "grid_size": 500, "bayesian_update": True},
+            ValueError,
+            "num_envs or grid_size must be smaller: with num_envs=1000000, grid_size=500,",
+        ),
         ({"num_envs": 2, "n_drones": 0}, ValueError, "n_drones must be an integer .* got 0"),
         ({"num_envs": 2, "n_drones": "2"}, TypeError, "n_drones must be an integer .* got '2'"),
         (

@@ -66,13 +66,13 @@ def test_the_notebook_has_no_links_to_other_places_without_an_address(
 
 def test_a_public_address_adds_links() -> None:
     page = make_notebook.PAGE.read_text("utf-8")
-    first, install, *_ = make_notebook.cells(page, "github.com/me/it")
+    first, install, *_ = make_notebook.cells(page, "https://github.com/me/it")
     assert (
         "https://colab.research.google.com/github/me/it/blob/main/docs/tutorial.ipynb"
         in "".join(first["source"])
     )
     assert "git+https://github.com/me/it" in "".join(install["source"])
-    text = json.dumps(make_notebook.cells(page, "github.com/me/it"))
+    text = json.dumps(make_notebook.cells(page, "https://github.com/me/it"))
     assert "](https://github.com/me/it/blob/main/docs/model.md)" in text
     assert "](model.md)" not in text
 

@@ -183,9 +183,11 @@ def test_the_sdist_contains_the_sources_and_the_tests(built):
     assert {file.split("/")[0] for file in held} == {
         *(*tops, *texts, "pyproject.toml", "PKG-INFO", ".gitignore")
     }
-    # All tests, examples and documentation except pictures.
+    # All tests, examples and documentation except pictures and episodes.
     assert {file for file in held if file.startswith(("docs/", "examples/", "tests/"))} == {
-        path for path in tracked("docs", "examples", "tests") if Path(path).suffix not in PICTURES
+        path
+        for path in tracked("docs", "examples", "tests")
+        if Path(path).suffix not in PICTURES and not path.startswith("docs/static/episodes/")
     }
 
 

@@ -23,7 +23,7 @@ from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.evaluation import Film, NamedSearch, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
+from DroneSwarmSearch.rendering.film import SUFFIXES, pictures_per_step, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.palette import NOT_FOUND
@@ -34,7 +34,7 @@ pytest.importorskip("pygame")
 Image = pytest.importorskip("PIL.Image")
 imageio = pytest.importorskip("imageio.v2")
 
-from DroneSwarmSearch.rendering.side_by_side import SideBySide  # noqa: E402 (needs pygame)
+from DroneSwarmSearch.rendering.painter import HEAD, Painter  # noqa: E402 (needs pygame)
 
 
 def small(**changed: Any) -> NamedSearch:
@@ -95,8 +95,13 @@ class TestFrames:
         search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
         pairs = list(frames("greedy-posterior", search, seed=4))
         for prior, posterior in pairs:
-            known = {"probability_of_success": None, "hypotheses": prior.hypotheses}
-            same = replace(posterior, matrix=prior.matrix, **known)
+            same = replace(
+                posterior,
+                matrix=prior.matrix,
+                probability_of_success=None,
+                hypotheses=prior.hypotheses,
+                prior=None,
+            )
             assert vars(same) == vars(prior)
             assert posterior.hypotheses == (pytest.approx((1.0,)),)
         forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
@@ -156,30 +161,16 @@ class TestFrames:
 
 
 class TestPicture:
-    @pytest.mark.parametrize("grid_size", [2, 7, 40, 61])
-    def test_lengths_are_even(self, grid_size: int) -> None:
-        pair = frame(grid_size), frame(grid_size)
-        height, width, channels = SideBySide(grid_size, "title").pixels(*pair).shape
-        assert (height % 2, width % 2, channels) == (0, 0, 3)
-
-    def test_each_board_shows_its_own_matrix(self) -> None:
-        flat, peak = frame(6), frame(6, likeliest=(4, 4))
-        side_by_side = SideBySide(6, "title")
-        left, right = halves(side_by_side.pixels(flat, peak))
-        assert np.array_equal(left, halves(side_by_side.pixels(flat, flat))[0])
-        assert np.array_equal(right, halves(side_by_side.pixels(peak, peak))[1])
-        assert not np.array_equal(left, right)
-
     def test_a_long_title_fits(self) -> None:
         title = "a_package_with_a_name.and_a_module_with_another:AndAPolicyThatIsNamedToo"
-        side_by_side, shown = SideBySide(6, f"{title} searching long-watch, seed 123456"), frame(6)
-        ended = replace(shown, ending=Ending.COLLISION)
-        short = SideBySide(6, "short").pixels(ended, ended)
-        picture = side_by_side.pixels(ended, ended)
-        changed = np.flatnonzero((picture != short).any(axis=(0, 2)))
-        # What is written on the right, the outcome, is not overwritten.
-        outcome = np.flatnonzero((picture[:74] == NOT_FOUND).all(axis=2).any(axis=0)).min()
-        assert 0.9 * outcome < changed.max() < outcome
+        ended = replace(frame(6), ending=Ending.COLLISION)
+        painter = Painter(6, view="both")
+        picture = painter.pixels(replace(ended, policy=f"{title} searching wreck, seed 123456"))
+        changed = (picture != painter.pixels(replace(ended, policy="short")))[:HEAD]
+        outcome = np.flatnonzero((picture[:HEAD] == NOT_FOUND).all(axis=2).any(axis=0))
+        assert len(outcome) > 300
+        title_end = np.flatnonzero(changed[:, : outcome.min()].any(axis=(0, 2))).max()
+        assert 0.9 * outcome.min() < title_end < outcome.min()
 
     @pytest.mark.parametrize(
         ("ending", "step", "words"),
@@ -204,7 +195,7 @@ class TestFilm:
         assert (made.last.step, made.last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as film:
             # Equal pictures are kept as one that stays longer.
-            assert 1 < film.n_frames <= 9
+            assert 1 < film.n_frames <= 9 * pictures_per_step(recording.FPS)
             assert film.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
 
@@ -213,9 +204,11 @@ class TestFilm:
         path = tmp_path / "film.mp4"
         record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
         with imageio.get_reader(path) as film:
-            assert film.count_frames() == 4 + round(2.0 * recording.HOLD)
-            assert film.get_meta_data()["fps"] == 2
-            assert film.get_data(0).shape == SideBySide(5, "title").pixels(frame(5), frame(5)).shape
+            rate = 2 * pictures_per_step(2.0)
+            assert 20 <= rate <= 30
+            assert film.get_meta_data()["fps"] == rate
+            assert film.count_frames() == 1 + 3 * rate // 2 + round(rate * recording.HOLD)
+            assert film.get_data(0).shape == Painter(5, view="both").pixels(frame(5)).shape
 
     @pytest.mark.parametrize(
         ("name", "tag", "kind"), [("a.GIF", "img", "image/gif"), ("a.mp4", "video", "video/mp4")]
@@ -500,7 +493,7 @@ class TestCommand:
         assert captured.out == f"{path}: greedy-posterior searching storm, {outcome}\n"
         assert captured.err == ""
         with Image.open(path) as film:
-            assert film.n_frames == len(pairs)
+            assert len(pairs) < film.n_frames <= len(pairs) * pictures_per_step(recording.FPS)
 
     def test_it_writes_the_film_and_prints_the_outcome(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -615,9 +608,3 @@ def frame(grid_size: int, likeliest: tuple[int, int] | None = None) -> Frame:
         vector=(0.5, -0.25),
         ending=None,
     )
-
-
-def halves(picture: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """The left and the right board of a picture, with their captions."""
-    middle = picture.shape[1] // 2
-    return picture[74:-90, :middle], picture[74:-90, middle:]

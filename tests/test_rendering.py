@@ -17,9 +17,10 @@ from helpers import plain, whole_state
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch.rendering import panel
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief, percent, signed, tick_stride
-from DroneSwarmSearch.rendering.painter import GAP, Painter
+from DroneSwarmSearch.rendering.painter import GAP, HEAD, Painter
 from DroneSwarmSearch.rendering.palette import (
     FOUND,
     NOT_FOUND,
@@ -28,7 +29,6 @@ from DroneSwarmSearch.rendering.palette import (
     PROGRESS_LIGHT,
 )
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
-from DroneSwarmSearch.rendering.side_by_side import SideBySide
 from DroneSwarmSearch.rendering.text import RAMP, render_text
 from DroneSwarmSearch.rendering.window import KEYS_KEPT, Window
 from DroneSwarmSearch.rules import Ending
@@ -36,7 +36,34 @@ from DroneSwarmSearch.rules import Ending
 pygame = pytest.importorskip("pygame")
 PIL = pytest.importorskip("PIL.Image")
 
-SIZES = (2, 7, 20, 50, 100)
+MAP_TOP = HEAD + TOP
+SCALE_TOP = MAP_TOP + panel.SCALE_TOP
+
+SIZES = (2, 7, 20, 48)
+
+
+COLOUR_BLIND = {
+    "protanopia": (
+        (0.152286, 1.052583, -0.204868),
+        (0.114503, 0.786281, 0.099216),
+        (-0.003882, -0.048116, 1.051998),
+    ),
+    "deuteranopia": (
+        (0.367322, 0.860646, -0.227968),
+        (0.280085, 0.672501, 0.047413),
+        (-0.011820, 0.042940, 0.968881),
+    ),
+    "tritanopia": (
+        (1.255528, -0.076749, -0.178779),
+        (-0.078411, 0.930809, 0.147602),
+        (0.004733, 0.691367, 0.303900),
+    ),
+}
+"""What colour-blind people see of linear RGB colours, at full severity.
+
+Source: G. Machado, M. Oliveira and L. Fernandes, "A physiologically-based model for simulation of
+color vision deficiency", IEEE Transactions on Visualization and Computer Graphics 15, 2009.
+"""
 
 
 def make_frame(
@@ -79,8 +106,8 @@ def draw(
 
 def cell_of(picture: NDArray[np.int64], grid_size: int, x: int, y: int) -> NDArray[np.int64]:
     """Return the pixels of a cell, shape (side, side, 3)."""
-    side = int(SearchMap(grid_size).pitch)
-    top, left = TOP + y * side, LEFT + x * side
+    side = SearchMap(grid_size).side // grid_size
+    top, left = MAP_TOP + y * side, LEFT + x * side
     return picture[top : top + side, left : left + side]
 
 
@@ -92,7 +119,13 @@ def panel_left(grid_size: int) -> int:
 def map_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
     """Return the pixels of the map, shape (side, side, 3)."""
     side = SearchMap(grid_size).side
-    return picture[TOP : TOP + side, LEFT : LEFT + side]
+    return picture[MAP_TOP : MAP_TOP + side, LEFT : LEFT + side]
+
+
+def head_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
+    """The pixels of the headline above the map."""
+    side = SearchMap(grid_size).side
+    return picture[:HEAD, LEFT : LEFT + side]
 
 
 def luminance(colours: NDArray[np.int64] | NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -341,6 +374,15 @@ class TestCells:
         steps = np.diff(luminance(PALETTES[palette].ramp))
         assert (steps > 0).all() if palette == "classic" else (steps < 0).all()
 
+    @pytest.mark.parametrize("palette", PALETTES)
+    @pytest.mark.parametrize("vision", COLOUR_BLIND)
+    def test_the_ramp_can_be_read_by_colour_blind_eyes(self, palette: str, vision: str) -> None:
+        ramp = PALETTES[palette].ramp / 255
+        linear = np.where(ramp <= 0.04045, ramp / 12.92, ((ramp + 0.055) / 1.055) ** 2.4)
+        seen = np.clip(linear @ np.array(COLOUR_BLIND[vision]).T, 0.0, 1.0)
+        steps = np.diff(seen @ np.array([0.2126, 0.7152, 0.0722]))
+        assert (steps > 0).all() if palette == "classic" else (steps < 0).all()
+
     def test_environments_take_a_palette(self) -> None:
         pictures = []
         for palette in PALETTES:
@@ -387,24 +429,19 @@ class TestCells:
     def test_grid_lines_are_between_cells_only(self, grid_size: int) -> None:
         frame = bare(make_frame(grid_size))
         changed = (draw(frame, grid=True) != draw(frame)).any(axis=2)
-        side = int(SearchMap(grid_size).pitch)
-        board = changed[TOP : TOP + side * grid_size, LEFT : LEFT + side * grid_size]
+        side = SearchMap(grid_size).side // grid_size
+        board = changed[MAP_TOP : MAP_TOP + side * grid_size, LEFT : LEFT + side * grid_size]
         expected = np.zeros_like(board)
         expected[side::side] = True
         expected[:, side::side] = True
         assert (board == expected).all()
         assert changed.sum() == board.sum()
 
-    def test_tiny_cells_have_lines_around_blocks_of_ten(self) -> None:
-        frame = bare(make_frame(400))
-        changed = map_of((draw(frame, grid=True) != draw(frame)), 400).any(axis=2)
-        assert 0.01 < changed.mean() < 0.15
-
     def test_more_cells_than_pixels_can_be_drawn(self) -> None:
         matrix = np.zeros((1300, 1300))
         matrix[:200] = 1.0
         picture = draw(make_frame(1300, matrix=matrix, drones=((1299, 1299),)), grid=True)
-        top, bottom = map_of(picture, 1300)[20, 500], map_of(picture, 1300)[900, 505]
+        top, bottom = map_of(picture, 1300)[20, 500], map_of(picture, 1300)[600, 505]
         assert top[1] > top[0]
         assert bottom[0] > bottom[1]
 
@@ -449,11 +486,11 @@ class TestSymbols:
             change = np.abs(cell_of(draw(one), grid_size, 1, 1) - empty).max(axis=2)
             assert (change > 80).mean() > 0.1
 
-    @pytest.mark.parametrize("grid_size", [20, 50, 100])
+    @pytest.mark.parametrize("grid_size", [20, 48])
     def test_25_adjacent_drones_differ(self, grid_size: int) -> None:
         drones = tuple((i % grid_size, i // grid_size) for i in range(25))
         picture = draw(make_frame(grid_size, drones=drones, persons=()))
-        side = int(SearchMap(grid_size).pitch)
+        side = SearchMap(grid_size).side // grid_size
         middles = np.array(
             [
                 cell_of(picture, grid_size, x, y)[side // 2 - 1 : side // 2 + 2].mean(axis=(0, 1))
@@ -499,7 +536,7 @@ class TestSymbols:
         # A change of either colour changes different pixels.
         second = np.abs(swapped[0, 1] - swapped[0, 2]).max(axis=2) > 40
         first = np.abs(swapped[0, 1] - swapped[3, 1]).max(axis=2) > 40
-        side = int(SearchMap(grid_size).pitch)
+        side = SearchMap(grid_size).side // grid_size
         reach = max(side // 2, 8)
         middle = side + side // 2
         near = np.s_[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
@@ -514,8 +551,8 @@ class TestSymbols:
             frame = make_frame(grid_size, drones=crowd, searching=(0, 2, 4), persons=())
             changed = (draw(frame) != draw(bare(frame))).any(axis=2)
             side = SearchMap(grid_size).side
-            assert changed[TOP : TOP + side, LEFT : LEFT + side].any()
-            changed[TOP - 2 : TOP + side + 2, LEFT - 2 : LEFT + side + 2] = False
+            assert changed[MAP_TOP : MAP_TOP + side, LEFT : LEFT + side].any()
+            changed[MAP_TOP - 2 : MAP_TOP + side + 2, LEFT - 2 : LEFT + side + 2] = False
             changed[:, panel_left(grid_size) :] = False
             assert not changed.any()
 
@@ -570,7 +607,7 @@ class TestPanel:
 
     def test_the_parts_of_a_bar_are_as_wide_as_the_hypotheses_are_likely(self) -> None:
         frame = replace(make_frame(), hypotheses=((0.25, 0.75),))
-        bar = draw(frame)[TOP + 520 + 22, panel_left(7) : panel_left(7) + 232]
+        bar = draw(frame)[MAP_TOP + panel.FOOT_TOP + 22, panel_left(7) : panel_left(7) + 232]
         assert (bar == PROGRESS).all(axis=1).mean() == pytest.approx(0.25, abs=0.02)
         assert (bar == PROGRESS_LIGHT).all(axis=1).mean() == pytest.approx(0.75, abs=0.02)
 
@@ -627,7 +664,7 @@ class TestPanel:
     def test_the_numbers_of_the_scale_do_not_touch(self, top_value: float) -> None:
         matrix = np.full((7, 7), top_value)
         picture = draw(make_frame(matrix=matrix), gradient=False)
-        figures = picture[TOP + 332 : TOP + 348, panel_left(7) :].min(axis=2) < 160
+        figures = picture[SCALE_TOP + 44 : SCALE_TOP + 60, panel_left(7) :].min(axis=2) < 160
         used = figures.any(axis=0).astype(int)
         gaps = np.diff(np.flatnonzero(used))
         assert (gaps > 5).sum() == 3
@@ -636,7 +673,10 @@ class TestPanel:
         frame = make_frame()
         left = panel_left(7)
         colours = [
-            {tuple(p) for p in draw(frame, gradient=gradient)[TOP + 318, left + 2 : left + 228]}
+            {
+                tuple(p)
+                for p in draw(frame, gradient=gradient)[SCALE_TOP + 30, left + 2 : left + 228]
+            }
             for gradient in (True, False)
         ]
         assert len(colours[0]) > 100
@@ -661,84 +701,187 @@ class TestEndScreens:
     ) -> None:
         picture = draw(make_frame(grid_size, ending=ending), palette=palette)
         colour = FOUND if ending in (Ending.FOUND, Ending.COVERED) else NOT_FOUND
-        assert 0.04 < (map_of(picture, grid_size) == colour).all(axis=2).mean() < 0.5
         side = SearchMap(grid_size).side
-        assert (picture[TOP - 3, LEFT : LEFT + side] == colour).all()
-        assert (picture[TOP : TOP + side, LEFT + side + 2] == colour).all()
+        assert (head_of(picture, grid_size) == colour).all(axis=2).mean() > 0.4
+        assert (picture[MAP_TOP - 3, LEFT : LEFT + side] == colour).all()
+        assert (picture[MAP_TOP : MAP_TOP + side, LEFT + side + 2] == colour).all()
 
     def test_the_time_limit_of_the_coverage_mission_is_no_failure(self) -> None:
         frame = make_frame(persons=(), ending=Ending.TIME_LIMIT)
-        board = map_of(draw(replace(frame, probability_of_success=0.8)), 7)
-        assert (board == PROGRESS).all(axis=2).mean() > 0.04
-        assert not (board == NOT_FOUND).all(axis=2).any()
+        head = head_of(draw(replace(frame, probability_of_success=0.8)), 7)
+        assert (head == PROGRESS).all(axis=2).mean() > 0.4
+        assert not (head == NOT_FOUND).all(axis=2).any()
 
     @pytest.mark.parametrize("grid_size", SIZES)
     @pytest.mark.parametrize("ending", list(Ending))
-    def test_the_cells_keep_their_colours(self, grid_size: int, ending: Ending) -> None:
-        frame = bare(make_frame(grid_size))
+    def test_the_end_hides_nothing_and_changes_no_colours(
+        self, grid_size: int, ending: Ending
+    ) -> None:
+        frame = make_frame(grid_size)
         before, after = draw(frame), draw(replace(frame, ending=ending))
-        changed = map_of(before != after, grid_size).any(axis=2)
-        rows = np.flatnonzero(changed.any(axis=1))
-        assert (np.diff(rows) == 1).all(), "only the banner covers cells"
-        assert len(rows) < 0.5 * len(changed)
-        assert (before[:, panel_left(grid_size) :] == after[:, panel_left(grid_size) :]).all()
+        assert not map_of(before != after, grid_size).any()
+        assert (
+            before[MAP_TOP:, panel_left(grid_size) :] == after[MAP_TOP:, panel_left(grid_size) :]
+        ).all()
 
     @pytest.mark.parametrize("grid_size", [2, 3, 7, 300, 481])
     def test_the_sentence_fits_with_a_margin(self, grid_size: int) -> None:
         frame = replace(bare(make_frame(grid_size, ending=Ending.FOUND)), step=10**9)
-        board = map_of(draw(frame), grid_size)
-        sentence = (board > 240).all(axis=2)
-        edges = sentence[:, :1] & sentence[:, -1:]  # the lines of the banner reach the edges
-        sentence &= ~edges
-        columns = np.flatnonzero(sentence.any(axis=0))
-        assert len(columns) > board.shape[1] / 3
-        assert columns[0] >= 0.03 * board.shape[1]
-        assert columns[-1] <= 0.97 * board.shape[1]
+        head = head_of(draw(frame), grid_size)
+        columns = np.flatnonzero((head > 240).all(axis=2)[15:-10].any(axis=0))
+        assert len(columns) > head.shape[1] / 3
+        assert columns[0] >= 0.02 * head.shape[1]
+        assert columns[-1] <= 0.98 * head.shape[1]
 
     def test_a_reason_is_given_for_a_failure(self) -> None:
-        pictures = [map_of(draw(bare(make_frame(ending=ending))), 7) for ending in list(Ending)[1:]]
+        heads = [head_of(draw(bare(make_frame(ending=ending))), 7) for ending in list(Ending)[1:]]
+        assert all((a != b).any() for a, b in pairwise(heads))
+
+
+class TestBothMaps:
+    @pytest.mark.parametrize("grid_size", [7, 20, 48])
+    def test_the_prior_is_left_of_the_posterior(self, grid_size: int) -> None:
+        painter = Painter(grid_size, view="both")
+        matrix, prior = np.zeros((2, grid_size, grid_size), np.float32)
+        matrix[1, 1] = prior[4, 4] = 1.0
+        frame = replace(make_frame(grid_size, matrix=matrix), prior=prior)
+        width = painter.size[0]
+        one, other = (
+            painter.pixels(frame) != painter.pixels(replace(frame, **{name: 1 - matrix}))
+            for name in ("prior", "matrix")
+        )
+        left, right = (np.flatnonzero(each.any(axis=(0, 2))) for each in (one, other))
+        assert left.max() < 0.45 * width and right.min() > 0.4 * width
+
+    def test_without_searches_both_maps_show_the_same(self) -> None:
+        picture = Painter(7, view="both").pixels(make_frame())
+        width = SearchMap(7, side=660).size[0]
+        rows = slice(MAP_TOP, MAP_TOP + 600)
+        assert (picture[rows, :width] == picture[rows, width : 2 * width]).all()
+
+    def test_drones_and_persons_are_on_both(self) -> None:
+        frame = make_frame(drones=((5, 5),))
+        painter = Painter(7, view="both")
+        changed = (painter.pixels(frame) != painter.pixels(bare(frame))).any(axis=(0, 2))
+        width = SearchMap(7, side=660).size[0]
+        assert changed[:width].any() and (changed[:width] == changed[width : 2 * width]).all()
+
+
+class TestTrailsAndSearches:
+    def test_trails_are_drawn_and_fade(self) -> None:
+        start = make_frame(20, drones=((9, 3),))
+        trail = tuple((x, 3) for x in range(10))
+        changed = np.abs(draw(replace(start, trails=(trail,))) - draw(start)).sum(axis=2)
+        by_cell = [cell_of(changed[..., None], 20, x, 3).mean() for x in range(9)]
+        assert by_cell[8] > by_cell[4] > by_cell[0] > 0
+        assert not cell_of(changed[..., None], 20, 9, 5).any()
+
+    def test_a_drone_that_stays_has_no_trail(self) -> None:
+        frame = make_frame()
+        assert (draw(replace(frame, trails=(((0, 0),) * 5,))) == draw(frame)).all()
+
+    def test_marks_of_searches_fade(self) -> None:
+        frame = make_frame(20)
+        searched = ((4, 9, 25), (5, 9, 12), (6, 9, 1), (8, 9, 99))
+        changed = np.abs(draw(replace(frame, searched=searched)) - draw(frame)).sum(axis=2)
+        old, middle, new, gone = (
+            cell_of(changed[..., None], 20, x, 9).sum() for x, _, _ in searched
+        )
+        assert new > middle > old > 0 == gone
+
+    def test_missing_persons_can_be_hidden(self) -> None:
+        frame = make_frame(persons=((1, 1), (4, 4)), found=(1,))
+        without = replace(frame, persons=((4, 4),), found_by=(0,))
+        hidden, expected = (
+            map_of(draw(replace(frame, hide_persons=True)), 7),
+            map_of(draw(without), 7),
+        )
+        assert (hidden == expected).all()
+        assert (map_of(draw(frame), 7) != hidden).any()
+
+    def test_the_environment_knows_its_trails_searches_and_return(self) -> None:
+        env = DroneSwarmSearch(
+            grid_size=9,
+            n_drones=2,
+            person_initial_position=(1, 1),
+            bayesian_update=True,
+            mission="coverage",
+        )
+        env.reset(seed=1)
+        total = 0.0
+        for actions in ((3, 1), (4, 1), (1, 4)):
+            _, rewards, *_ = env.step(dict(zip(env.agents, actions, strict=True)))
+            total += rewards["total_reward"]
+        frame = env.frame()
+        assert frame.trails == (((0, 0), (0, 1), (0, 1), (1, 1)), ((1, 0), (2, 0), (3, 0), (3, 0)))
+        assert frame.searched == ((0, 1, 1), (3, 0, 0))
+        assert frame.total_return == total
+        assert frame.prior is not None and abs(frame.prior.sum() - 1.0) < 1e-6
+        assert (frame.prior != frame.matrix).any()
+        env.reset(seed=2)
+        frame = env.frame()
+        assert (frame.trails, frame.searched) == ((((0, 0),), ((1, 0),)), ())
+        assert frame.total_return == 0.0
+
+
+class TestMotion:
+    def test_drones_are_on_their_way_and_the_rest_waits(self) -> None:
+        before = make_frame(20, drones=((3, 3), (9, 9)))
+        matrix = np.full((20, 20), 1 / 400)
+        after = replace(
+            make_frame(20, drones=((4, 3), (9, 9)), matrix=matrix, ending=Ending.FOUND), step=4
+        )
+        painter = Painter(20)
+        pictures = [painter.pixels(after, previous=before, progress=at) for at in (0.0, 0.5, 1.0)]
+        assert (pictures[0] == painter.pixels(before)).all()
+        assert (pictures[2] == painter.pixels(after)).all()
+        changed = (pictures[1] != pictures[0]).any(axis=2)
+        rows, columns = changed.nonzero()
+        side = SearchMap(20).side // 20
+        assert MAP_TOP + 3 * side - 3 <= rows.min() <= rows.max() <= MAP_TOP + 4 * side + 3
+        assert LEFT + 3 * side - 3 <= columns.min() <= columns.max() <= LEFT + 5 * side + 3
+
+    def test_a_film_has_as_many_pictures_per_step_as_asked(self) -> None:
+        frames = [make_frame(drones=((x, 0),)) for x in range(3)]
+        pictures = [*Painter(7).film(frames, 4)]
+        assert len(pictures) == 1 + 2 * 4
         assert all((a != b).any() for a, b in pairwise(pictures))
 
-    def test_the_banner_avoids_symbols_if_possible(self) -> None:
-        for row in (0, 9, 19):
-            frame = make_frame(20, drones=((10, row),), persons=(), ending=Ending.TIME_LIMIT)
-            changed = draw(frame) != draw(replace(frame, searching=(True,)))
-            assert cell_of(changed, 20, 10, row).any(axis=2).mean() > 0.3
 
+class TestLargeGrids:
+    """Of a large grid, the map shows where the search takes place."""
 
-class TestSideBySide:
-    def test_it_shows_the_hypotheses_and_the_probability_of_success(self) -> None:
-        frame = make_frame(persons=((1, 1),) * 5)
-        looks = []
-        for success, hypotheses in (
-            (None, ()),
-            (0.2, ()),
-            (0.2, ((1.0,),) * 5),
-            (0.2, ((0.7, 0.3), *((1.0,),) * 4)),
-            (0.2, ((0.6, 0.4), *((1.0,),) * 4)),
-            (0.2, ((0.5, 0.5),) * 5),
-        ):
-            posterior = replace(frame, probability_of_success=success, hypotheses=hypotheses)
-            looks.append(SideBySide(7, "a title").pixels(frame, posterior))
-        height, width, _ = looks[0].shape
-        assert [look.shape[0] - height for look in looks[:3]] == [0] * 3
-        assert len({look.shape for look in looks[3:]}) == 1
-        assert looks[3].shape[0] > height
-        assert all(side % 2 == 0 for look in looks for side in look.shape[:2])
-        assert (looks[0] != looks[1]).any()
-        assert (looks[1] == looks[2]).all()
-        assert (looks[3][:height] == looks[2]).mean() > 0.99
-        assert (looks[3] != looks[4]).any()
-        assert (looks[5] == looks[5][0, 0])[height:, width - 20 :].all()
+    def frame(self, at: int = 70, spread: int = 3) -> Frame:
+        matrix = np.zeros((100, 100))
+        matrix[at - spread : at + spread, at - spread : at + spread] = 1.0
+        return make_frame(100, drones=((at - 8, at),), persons=((at + 2, at),), matrix=matrix)
 
-    def test_the_coverage_mission(self) -> None:
-        running = replace(make_frame(persons=()), probability_of_success=0.995)
-        looks = [
-            SideBySide(7, "a title").pixels(frame, frame)
-            for frame in (running, replace(running, ending=Ending.COVERED))
-        ]
-        assert not (looks[0] == FOUND).all(axis=2).any()
-        assert (looks[1] == FOUND).all(axis=2).mean() > 0.005
+    def test_cells_are_larger_than_on_the_whole_grid(self) -> None:
+        board = map_of(draw(bare(self.frame())), 100)
+        least = PALETTES["classic"].ramp[0]
+        likely = (board[:, :500] != least).any(axis=2)  # right of the overview
+        side = np.flatnonzero(likely.any(axis=0))
+        assert len(side) > 6 * 12
+
+    def test_drones_and_persons_are_seen_wherever_they_are(self) -> None:
+        for cell in ((0, 0), (99, 0), (50, 99), (70, 70)):
+            frame = self.frame()
+            with_drone = replace(frame, drones=(cell,), persons=(), found_by=())
+            other = replace(with_drone, searching=(True,))
+            assert map_of(draw(with_drone) != draw(other), 100).any()
+
+    def test_a_wide_search_is_shown_whole(self) -> None:
+        matrix = np.full((100, 100), 1e-4)
+        picture = draw(make_frame(100, drones=((0, 0),), matrix=matrix))
+        other = draw(make_frame(100, drones=((99, 99),), matrix=matrix))
+        rows, columns = map_of((picture != other).any(axis=2), 100).nonzero()
+        assert rows.min() < 20 and rows.max() > 700
+        assert columns.min() < 20 and columns.max() > 700
+
+    def test_lines_are_never_closer_than_twelve_pixels(self) -> None:
+        frame = bare(make_frame(400, matrix=np.full((400, 400), 1 / 160_000)))
+        changed = map_of((draw(frame, grid=True) != draw(frame)), 400).any(axis=2)
+        assert 0.01 < changed.mean() < 0.2
 
 
 class TestPainter:

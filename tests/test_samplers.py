@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import CONSTANT, DRONES, NAN, PERSON, SAMPLED, everything_sampled, seen
-from helpers import plain
+from helpers import plain, without_history
 
 from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch._internal.streams import RowGenerator, stream_keys
@@ -62,7 +62,7 @@ def test_sampled_parameters_given_to_single_environments_make_the_same_episodes(
                 drone0, drone1 = actions[row].tolist()
                 rewards = envs[row].step({"drone0": drone0, "drone1": drone1})[1]
                 assert list(rewards.values()) == batch.rewards[row].tolist()
-            assert plain(vars(batch.frame(row))) == plain(vars(envs[row].frame()))
+            assert plain(vars(batch.frame(row))) == without_history(envs[row].frame())
     assert max(episodes) > 3
 
 

@@ -19,6 +19,7 @@ from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
 
 pytest.importorskip("stable_baselines3")
 
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.env_checker import check_env
@@ -410,7 +411,9 @@ def test_a_masked_model_is_evaluated_as_trained(
         "episodes": 40,
     }
     policy = TrainedPolicy(model, deterministic)
+    state = torch.get_rng_state()
     first, second = (evaluate(policy, Scenario(**SMALL), **how) for _ in range(2))
+    assert torch.equal(torch.get_rng_state(), state)
     assert first.episodes.data == second.episodes.data
     assert not first.endings[Ending.COLLISION] and not first.endings[Ending.LEFT_GRID]
     other = evaluate(TrainedPolicy(model, not deterministic), Scenario(**SMALL), **how)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import TWO_DRONES
 
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
@@ -33,17 +34,7 @@ from DroneSwarmSearch.adapters.tianshou import (
 
 pytestmark = pytest.mark.filterwarnings("default")  # from Tianshou
 
-SMALL: dict[str, Any] = {
-    "grid_size": 5,
-    "n_drones": 2,
-    "vector": (0.1, 0.1),
-    "person_initial_position": (2, 2),
-    "disperse_constant": 2,
-    "timestep_limit": 12,
-    "bayesian_update": True,
-}
-
-MASKED = {"observation": "flat", "action_mask": "observation", "right_of_way": True, **SMALL}
+MASKED = {"observation": "flat", "action_mask": "observation", "right_of_way": True, **TWO_DRONES}
 
 INPUTS = 2 * 2 + 1 + 25
 
@@ -152,9 +143,9 @@ def test_some_sub_environments() -> None:
 
 def test_other_environments_are_rejected() -> None:
     with pytest.raises(TypeError, match="env must be a DroneVectorEnv"):
-        DroneVenv(SwarmVectorEnv(2, **SMALL))  # type: ignore[arg-type]
+        DroneVenv(SwarmVectorEnv(2, **TWO_DRONES))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="autoreset_mode='Disabled', got 'NextStep'"):
-        DroneVenv(DroneVectorEnv(2, **SMALL))
+        DroneVenv(DroneVectorEnv(2, **TWO_DRONES))
 
 
 def test_attributes_and_closing() -> None:
@@ -210,10 +201,18 @@ def test_trained_policies_choose_allowed_actions() -> None:
     allowed = observations["action_mask"] == 1
     for algorithm in (ppo_for(envs), dqn_for(envs, 0.0)):
         policy = TrainedPolicy(algorithm.policy)
-        policy.reset(seed=1)
+        state = torch.get_rng_state()
+        policy.reset(seed=[1, 2])
         actions = policy(observations)
         assert actions.shape == (128,) and allowed[np.arange(128), actions].all()
-        policy.reset(seed=1)
+        policy.reset(seed=[1, 2])
         assert (policy(observations) == actions).all()
         sampled = isinstance(algorithm, PPO)
         assert any((policy(observations) != actions).any() for _ in range(3)) == sampled
+        likeliest = TrainedPolicy(algorithm.policy, deterministic=True)
+        best = likeliest(observations)
+        assert allowed[np.arange(128), best].all()
+        assert all((likeliest(observations) == best).all() for _ in range(3))
+        assert (best != actions).any() == sampled
+        assert torch.equal(torch.get_rng_state(), state)
+        assert algorithm.policy.training  # as it was

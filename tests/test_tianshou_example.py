@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from trainer_examples import check_folder, check_table, interrupt, run
+from trainer_examples import check_folder, check_table, interrupt, rows, run
 
 pytestmark = [
     pytest.mark.slow,
@@ -38,6 +38,16 @@ def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
         for name in first["ppo"]
         if name.startswith("policy.")
     )
+
+
+def test_a_seed_determines_the_training(tmp_path: Path) -> None:
+    curves = []
+    for number, seed in enumerate((1, 1, 2)):
+        folder = tmp_path / str(number)
+        short = ("--short", "--num-envs", 8, "--episodes", 5)
+        run(EXAMPLE, *short, "--seed", seed, "--out", folder)
+        curves.append([(row["reward"], row["found"]) for row in rows(folder / "curve.csv")])
+    assert curves[0] == curves[1] != curves[2]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")

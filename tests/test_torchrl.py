@@ -56,6 +56,7 @@ from torchrl.objectives import ClipPPOLoss, ValueEstimators
 from DroneSwarmSearch.adapters.torchrl import (
     ACTION,
     ACTION_MASK,
+    GROUP,
     LOGITS,
     OBSERVATION,
     PPO_KEYS,
@@ -196,6 +197,13 @@ def test_only_the_chosen_swarms_are_reset() -> None:
     unchanged = reset_swarms(env, fresh.clone(), torch.zeros(6, dtype=torch.bool))
     assert torch.equal(unchanged[OBSERVATION], fresh[OBSERVATION])
     assert env.vector_env.batch.steps.tolist() == [0, 3, 0, 3, 3, 0]
+
+    of_drones = torch.tensor([0, 0, 0, 1, 0, 0]).bool().reshape(6, 1, 1).repeat(1, 2, 1)
+    env.reset(fresh.clone().set((GROUP, "_reset"), of_drones))
+    assert env.vector_env.batch.steps.tolist() == [0, 3, 0, 0, 3, 0]
+    of_drones[4, 1] = True
+    with pytest.raises(ValueError, match=r"\('drones', '_reset'\) must be equal for all drones"):
+        env.reset(fresh.clone().set((GROUP, "_reset"), of_drones))
 
 
 def test_an_ended_swarm_must_be_reset() -> None:

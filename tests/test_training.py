@@ -10,6 +10,7 @@ import math
 import os
 import pickle
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -368,13 +369,15 @@ def test_a_curve_without_a_checkpoint_is_not_overwritten(tmp_path: Path) -> None
     assert len(rows(tmp_path)) == 1
 
 
-def test_resuming_needs_a_checkpoint(tmp_path: Path) -> None:
-    with pytest.raises(SystemExit, match=r"nothing to resume in .*: no model; start without"):
-        training.Run(options(tmp_path / "missing", "--resume"), "Trial", "model")
-    assert not (tmp_path / "missing").exists()
-    with training.Run(options(tmp_path), "Trial", "model") as run:
+def test_resuming_without_a_checkpoint_starts_from_the_beginning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with training.Run(options(tmp_path, "--resume"), "Trial", "model") as run:
+        assert not run.resuming and run.steps_done == 0
         run.log(10)
-    with pytest.raises(SystemExit, match=r"no model; delete .*curve\.csv and start without --res"):
+    message = f"nothing to resume in {tmp_path}: the training starts from the beginning"
+    assert message in capsys.readouterr().err
+    with pytest.raises(SystemExit, match=r"a learning curve, but no model to resume from: choose"):
         training.Run(options(tmp_path, "--resume"), "Trial", "model")
 
 
@@ -442,11 +445,10 @@ def test_after_ctrl_c_a_run_resumes_from_its_last_checkpoint(
     if checkpoint is None:
         assert message == (
             f"interrupted before the first checkpoint: there is nothing to resume in {folder}; "
-            "start without --resume"
+            "start again"
         )
         assert not list(folder.iterdir())
-        assert "nothing to resume" in str(exit_code(train, folder, "--resume"))
-        train(folder)
+        train(folder, "--resume")
     else:
         assert message == (
             f"interrupted after {10 * logged} steps; --resume continues from the last "
@@ -514,10 +516,45 @@ def test_ctrl_c_counts_when_a_library_suppresses_it(
 
     assert exit_code(interrupted) == 130
     assert run.steps_done == 2
-    shown = capsys.readouterr().err
-    assert "interrupted before the first checkpoint" in shown
-    assert f"delete {tmp_path / 'curve.csv'} and start without --resume" in shown
+    assert "interrupted before the first checkpoint" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+IMPORTING = """
+import time
+from DroneSwarmSearch import training
+
+training.exit_on_interrupt(__name__)
+try:
+    print("importing", flush=True)
+    time.sleep(60)
+except BaseException:
+    print("suppressed", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
+def test_ctrl_c_before_a_run_ends_a_script_with_one_line() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", IMPORTING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None and process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        shown = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert shown == ("", "interrupted before the training began; nothing has been written\n")
+
+
+def test_a_run_replaces_the_handler_of_ctrl_c_of_a_script(tmp_path: Path) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    training.exit_on_interrupt("a module")
+    assert signal.getsignal(signal.SIGINT) is before
+    training.exit_on_interrupt("__main__")
+    with training.Run(options(tmp_path), "Trial") as run:
+        save(run, 10)
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before is signal.default_int_handler
 
 
 def test_ctrl_c_during_the_comparison(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -552,8 +589,8 @@ def test_progress_shows_the_latest_values_and_the_time_left(
     assert line in capsys.readouterr().err.splitlines()
     with training.Run(options(tmp_path, "--resume"), "Trial") as run:
         clock[0] += 40
-        run.log(3750)
-    line = "Trial: 75%, about 40 s left, 12% found, return -98,765"
+        run.log(3750, reward=0.3251)  # as in a coverage mission
+    line = "Trial: 75%, about 40 s left, 12% found, return 0.33"
     assert line in capsys.readouterr().err.splitlines()
 
 

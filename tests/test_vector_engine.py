@@ -176,8 +176,10 @@ class Twins:
 
 
 def fields_of(frame: Frame) -> dict[str, Any]:
-    """A frame's fields, as data that `==` compares."""
-    return {**vars(frame), "matrix": frame.matrix.tobytes()}
+    """What batches know of a frame, as data that `==` compares."""
+    prior = None if frame.prior is None else frame.prior.tobytes()
+    known = {**vars(frame), "matrix": frame.matrix.tobytes(), "prior": prior}
+    return {**known, "trails": (), "searched": ()}
 
 
 def random_actions(rng: random.Random, twins: Twins) -> list[list[int]]:

@@ -16,7 +16,7 @@ policies that differ between drones; it is several times slower.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ from ray.rllib.core.rl_module.rl_module import RLModule
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.adapters._sampling import SamplingPolicy
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask, ScaledRewards
@@ -213,7 +214,7 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
         metrics_logger.log_value("probability_of_success", float(probability), reduce="mean")
 
 
-class TrainedPolicy:
+class TrainedPolicy(SamplingPolicy):
     """A masked network from a checkpoint, for `evaluate(..., view="drone", action_mask=True)`.
 
     Pass `evaluate` the same `observation` and `right_of_way` as in training.
@@ -231,19 +232,10 @@ class TrainedPolicy:
         module_id: str = DEFAULT_MODULE_ID,
         deterministic: bool = False,
     ) -> None:
+        super().__init__()
         learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
         self.module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)
         self._deterministic = checks.boolean("deterministic", deterministic)
-        self.reset(seed=0)
-
-    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
-
-        Args:
-            seed: one seed, or one for each episode.
-            rows: ignored.
-        """
-        self._generator = np.random.default_rng(seed)
 
     def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:
         """Actions of M drones, int64, shape (M,).

@@ -17,12 +17,10 @@ Every drone is a sub-environment, and all drones share one policy::
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
@@ -31,6 +29,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.adapters._sampling import SamplingPolicy
 from DroneSwarmSearch.training.run import Run
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
@@ -219,12 +218,13 @@ class RunCallback(BaseCallback):
             self.model.save(path)
 
 
-class TrainedPolicy:
+class TrainedPolicy(SamplingPolicy):
     """A trained model as a policy for `evaluation.evaluate`.
 
     If the model was trained with masks, pass `evaluate` the same `action_mask` and
     `right_of_way`. The observations are then {"observation": ..., "action_mask": ...}; the
-    model gets what it was trained with.
+    model gets what it was trained with. The samples follow from the seeds of the episodes, and do
+    not change PyTorch's random state.
 
     Args:
         model: a model of Stable-Baselines3 or sb3-contrib.
@@ -238,20 +238,12 @@ class TrainedPolicy:
     def __init__(self, model: BaseAlgorithm, deterministic: bool = False) -> None:
         if not isinstance(model, BaseAlgorithm):
             raise TypeError(f"model must be one of Stable-Baselines3, got {model!r}")
+        super().__init__()
         self._policy = model.policy
         self._deterministic = checks.boolean("deterministic", deterministic)
         self._takes_masks = "action_masks" in inspect.signature(self._policy.predict).parameters
         space = model.observation_space
         self._entries = [*space.spaces] if isinstance(space, spaces.Dict) else []
-
-    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed PyTorch, which samples the actions; `evaluate` calls this before it plays episodes.
-
-        Args:
-            seed: one seed, or one for each episode.
-            rows: ignored.
-        """
-        torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
 
     def __call__(self, observations: Any) -> NDArray[np.int64]:
         """Actions of M drones, int64, shape (M,); of M swarms, shape (M, n_drones).
@@ -277,7 +269,8 @@ class TrainedPolicy:
                 )
             shown = {name: shown[name] for name in self._entries}
         actions: NDArray[np.int64]
-        actions, _ = self._policy.predict(shown, deterministic=self._deterministic, **masks)
+        with self._seeded_torch():
+            actions, _ = self._policy.predict(shown, deterministic=self._deterministic, **masks)
         return actions
 
 

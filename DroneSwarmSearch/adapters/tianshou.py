@@ -33,8 +33,11 @@ from tianshou.data import Batch, CollectStats
 from tianshou.env import BaseVectorEnv
 from tianshou.utils.net.common import ModuleWithVectorOutput
 from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
+from tianshou.utils.torch_utils import torch_train_mode
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch.adapters._sampling import SamplingPolicy
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 
 __all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "TrainedPolicy"]
@@ -269,28 +272,22 @@ class MaskedCritic(DiscreteCritic):
         return super().forward(obs.obs, state, info)
 
 
-class TrainedPolicy:
+class TrainedPolicy(SamplingPolicy):
     """A trained policy for `evaluate(..., view="drone", action_mask=True)`.
 
-    Pass `evaluate` the same `observation` and `right_of_way` as in training. Actions are chosen as
-    outside training: Q-learning policies take the best action (``eps_inference=0``); actor-critic
-    policies sample, unless they were made with ``deterministic_eval=True``.
+    Pass `evaluate` the same `observation` and `right_of_way` as in training. The samples follow
+    from the seeds of the episodes, and do not change PyTorch's random state.
 
     Args:
         policy: a policy of Tianshou, trained with masks in the observations.
+        deterministic: whether to take the most likely actions. By default, actor-critic policies
+            sample, as PPO does while it learns. Q-learning policies always take the best action.
     """
 
-    def __init__(self, policy: Policy) -> None:
-        self.policy = policy.eval()
-
-    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed PyTorch, which samples the actions; `evaluate` calls this before it plays episodes.
-
-        Args:
-            seed: one seed, or one for each episode.
-            rows: ignored.
-        """
-        torch.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
+    def __init__(self, policy: Policy, deterministic: bool = False) -> None:
+        super().__init__()
+        self.policy = policy
+        self._deterministic = checks.boolean("deterministic", deterministic)
 
     def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:
         """Actions of M drones, int64, shape (M,).
@@ -299,6 +296,9 @@ class TrainedPolicy:
             observations: {"observation": (M, ...), "action_mask": (M, 6)}.
         """
         shown = Batch(obs=observations["observation"], mask=observations["action_mask"])
-        with torch.no_grad():
-            actions = self.policy(Batch(obs=shown, info=Batch())).act
+        with torch.no_grad(), torch_train_mode(self.policy, False), self._seeded_torch():
+            output = self.policy(Batch(obs=shown, info=Batch()))
+            actions = output.act
+            if "dist" in output.get_keys():  # an actor's, whatever its `deterministic_eval`
+                actions = output.dist.mode if self._deterministic else output.dist.sample()
         return np.asarray(actions, np.int64)

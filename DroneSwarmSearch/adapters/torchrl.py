@@ -19,7 +19,7 @@ environments::
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.adapters._sampling import SamplingPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.arguments import shows_keywords_of
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
@@ -113,8 +114,9 @@ class SearchEnv(EnvBase):
     - ("info", ...): "is_success", "Found", "ending" and, if there is one,
       "probability_of_success", as in the infos of `SwarmVectorEnv`: (num_swarms, 1).
 
-    TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
-    swarm i with s + i when it is reset next, and its later episodes follow from that.
+    TorchRL resets swarms whose episodes have ended; "_reset" selects them, or ("drones", "_reset"),
+    which must be equal for all drones of a swarm. `set_seed(s)` seeds swarm i with s + i when it is
+    reset next, and its later episodes follow from that.
 
     The keywords `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and
     those from `grid_size` on are the ones of `DroneVectorEnv`.
@@ -219,10 +221,7 @@ class SearchEnv(EnvBase):
     def _reset(self, tensordict: TensorDictBase | None = None, **arguments: Any) -> TensorDictBase:
         if arguments:
             raise TypeError(f"reset takes a tensordict, and not {', '.join(arguments)}")
-        mask = None if tensordict is None else tensordict.get("_reset", None)
-        chosen = np.ones(self.batch_size[0], np.bool_)
-        if mask is not None:
-            chosen = mask.reshape(-1).cpu().numpy()
+        chosen = self._chosen(tensordict)
         if not chosen.any():
             return self._written(self.vector_env.observe(np.arange(len(chosen))))
         swarms = chosen.nonzero()[0].tolist()
@@ -232,6 +231,18 @@ class SearchEnv(EnvBase):
         for swarm in swarms:
             self._seeds.pop(swarm, None)
         return self._written(observations)
+
+    def _chosen(self, tensordict: TensorDictBase | None) -> NDArray[np.bool_]:
+        """The swarms to reset: bool, (num_swarms,)."""
+        swarms = self.batch_size[0]
+        for key in ("_reset", (GROUP, "_reset")):
+            mask = None if tensordict is None else tensordict.get(key, None)
+            if mask is not None:
+                by_drone: NDArray[np.bool_] = mask.cpu().numpy().reshape(swarms, -1)
+                if (by_drone != by_drone[:, :1]).any():
+                    raise ValueError(f"{key!r} must be equal for all drones of a swarm, got {mask}")
+                return by_drone[:, 0]
+        return np.ones(swarms, np.bool_)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get(ACTION).cpu().numpy().reshape(-1)
@@ -352,7 +363,7 @@ def episode_metrics(
     }
 
 
-class TrainedPolicy:
+class TrainedPolicy(SamplingPolicy):
     """A policy of TorchRL or BenchMARL for `evaluate`.
 
     Pass `evaluate` view="drone", action_mask=True, and the same `observation` and `right_of_way`
@@ -369,21 +380,11 @@ class TrainedPolicy:
     def __init__(
         self, policy: TensorDictModuleBase, n_drones: int, deterministic: bool = False
     ) -> None:
+        super().__init__()
         self._policy = policy
         self._n = checks.integer("n_drones", n_drones, 1)
         is_fixed = checks.boolean("deterministic", deterministic)
         self._exploration = ExplorationType.DETERMINISTIC if is_fixed else ExplorationType.RANDOM
-        self.reset()
-
-    def reset(self, seed: int | Sequence[int] = 0, rows: None = None) -> None:
-        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
-
-        Args:
-            seed: one seed, or one for each episode.
-            rows: ignored.
-        """
-        number = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._random_state = torch.Generator().manual_seed(number).get_state()
 
     def __call__(self, shown: Mapping[str, Any]) -> NDArray[np.int64]:
         """Actions of M drones, int64, shape (M,).
@@ -399,11 +400,8 @@ class TrainedPolicy:
         ).reshape(swarms, self._n)
         drones["action_mask"] = drones["action_mask"].bool()
         batch = TensorDict({GROUP: drones}, batch_size=swarms)
-        with torch.random.fork_rng(devices=[]), torch.no_grad():
-            torch.set_rng_state(self._random_state)
-            with set_exploration_type(self._exploration):
-                actions: torch.Tensor = self._policy(batch)[ACTION]
-            self._random_state = torch.get_rng_state()
+        with torch.no_grad(), set_exploration_type(self._exploration), self._seeded_torch():
+            actions: torch.Tensor = self._policy(batch)[ACTION]
         chosen: NDArray[np.int64] = actions.flatten().numpy()
         return chosen
 

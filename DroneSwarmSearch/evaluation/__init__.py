@@ -10,6 +10,7 @@ print(mine.success, mine.time, compare(mine, greedy))
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation.board import leaderboard
 from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes
+from DroneSwarmSearch.evaluation.exporting import export
 from DroneSwarmSearch.evaluation.recording import Film, record
 from DroneSwarmSearch.evaluation.results import (
     Comparison,
@@ -37,6 +38,7 @@ __all__ = [
     "WorkerCrashed",
     "compare",
     "evaluate",
+    "export",
     "leaderboard",
     "record",
     "save_csv",

@@ -1,4 +1,4 @@
-"""The commands evaluate, leaderboard, bound and record; `cli` parses their arguments."""
+"""The commands evaluate, leaderboard, bound, record and export; `cli` parses their arguments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
-from DroneSwarmSearch.evaluation import page, recording, search_file
+from DroneSwarmSearch.evaluation import exporting, page, recording, search_file
 from DroneSwarmSearch.evaluation import workers as work
 from DroneSwarmSearch.evaluation.board import Contest, Leaderboard
 from DroneSwarmSearch.evaluation.bounds import BoundTask
@@ -40,7 +40,7 @@ from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["bound", "evaluate", "leaderboard", "record"]
+__all__ = ["bound", "evaluate", "export", "leaderboard", "record"]
 
 FAILED, INTERRUPTED = 1, 130
 """Exit codes; 130 is the shells' code for Ctrl-C."""
@@ -176,6 +176,31 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except (ImportError, TypeError, ValueError) as error:
         parser.error(str(error))
     print(f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(film.last)}")
+    return 0
+
+
+def export(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    """Write episodes as JSON."""
+    with _refusing(parser):
+        (search,) = _searches([options.search])
+    _warn_of_small_grids([search])
+    try:
+        data = exporting.export(
+            options.policies,
+            search,
+            options.out,
+            seeds=options.seeds,
+            bayesian_update=True if options.posterior else None,
+        )
+    except KeyboardInterrupt:
+        print("\ninterrupted: no file was written", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        parser.error(f"cannot write {options.out}: {error.strerror or error}")
+    except (ImportError, TypeError, ValueError) as error:
+        parser.error(str(error))
+    episodes = data["episodes"]
+    print(f"{options.out}: {len(episodes)} episode{'s' * (len(episodes) > 1)} of {search.name}")
     return 0
 
 

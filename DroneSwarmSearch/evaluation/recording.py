@@ -9,12 +9,9 @@ from __future__ import annotations
 import base64
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, NamedTuple
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import Progress
@@ -23,10 +20,10 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
-from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
+from DroneSwarmSearch.rendering.film import SUFFIXES, pictures_per_step, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 
-__all__ = ["FPS", "Film", "frames", "record"]
+__all__ = ["FPS", "Film", "Moment", "frames", "moments", "record"]
 
 FPS = 6.0
 """Steps shown per second."""
@@ -97,7 +94,7 @@ def record(
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of range, or a name is unknown.
     """
-    from DroneSwarmSearch.rendering.side_by_side import SideBySide
+    from DroneSwarmSearch.rendering.painter import Painter
 
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"path must be the path of a file, got {path!r}")
@@ -108,17 +105,19 @@ def record(
     spec, where = PolicySpec.of(policy, name), as_named(search)
     pairs = frames(spec, where, seed=seed, bayesian_update=bayesian_update)
     title = f"{spec.name} searching {where.name}, seed {seed}"
-    side_by_side = SideBySide(where.scenario.grid_size, title)
+    painter = Painter(where.scenario.grid_size, render_grid=True, view="both")
     last: list[Frame] = []
 
-    def pictures() -> Iterator[NDArray[np.uint8]]:
+    def titled() -> Iterator[Frame]:
         for prior, posterior in pairs:
             last[:] = [posterior]
             bar(posterior.step)
-            yield side_by_side.pixels(prior, posterior)
+            yield replace(posterior, prior=prior.matrix, policy=title)
 
+    per_step = pictures_per_step(rate)
     with Progress(f"film of {title}", where.scenario.timestep_limit) as bar:
-        write_film(target, pictures(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
+        pictures = painter.film(titled(), per_step)
+        write_film(target, pictures, fps=rate * per_step, hold=HOLD, gif_width=GIF_WIDTH)
     return Film(target, last[0])
 
 
@@ -150,19 +149,51 @@ def frames(
         bayesian_update = checks.boolean("bayesian_update", bayesian_update)
     with no_exit(f"the policy on {where.name}"):
         made = PolicySpec.of(policy).make(scenario)
-    return _frames(made, where, first, bayesian_update)
+    played = moments(made, where, first, bayesian_update)
+    return ((moment.prior, moment.posterior) for moment in played)
 
 
-def _frames(
+class Moment(NamedTuple):
+    """One moment of an episode.
+
+    Attributes:
+        prior: the frame with the prior as its matrix.
+        posterior: the frame with the posterior as its matrix.
+        actions: each drone's last action; empty after `reset`.
+    """
+
+    prior: Frame
+    posterior: Frame
+    actions: tuple[int, ...]
+
+
+def moments(
     policy: Callable[..., Any], search: NamedSearch, seed: int, bayesian_update: bool
-) -> Iterator[tuple[Frame, Frame]]:
+) -> Iterator[Moment]:
+    """Play one episode in two environments; the arguments are those of `record`, validated.
+
+    Returns:
+        An iterator over the steps, from the state after `reset`. Returns are those of the
+        environment that the policy observes.
+    """
     with no_exit(f"the policy on {search.name}"):
         scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
-        prior, posterior = (DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios)
-        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in (prior, posterior)]
+        prior, posterior = envs = [
+            DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios
+        ]
+        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in envs]
         reset_policy(policy, seed)
-        yield prior.frame(), posterior.frame()
+
+        def moment(actions: tuple[int, ...]) -> Moment:
+            pair = prior.frame(), posterior.frame()
+            earned = pair[bayesian_update].total_return
+            before, after = (replace(frame, total_return=earned) for frame in pair)
+            return Moment(before, after, actions)
+
+        yield moment(())
         while prior.agents:
             actions = policy(shown[bayesian_update])
-            shown = [env.step(actions)[0] for env in (prior, posterior)]
-            yield prior.frame(), posterior.frame()
+            results = [env.step(actions) for env in envs]
+            chosen = tuple(int(actions[drone]) for drone in prior.get_agents())
+            shown = [result[0] for result in results]
+            yield moment(chosen)

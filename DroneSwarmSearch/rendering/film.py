@@ -28,7 +28,7 @@ from DroneSwarmSearch._internal import checks
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["SUFFIXES", "write_film"]
+__all__ = ["SUFFIXES", "pictures_per_step", "write_film"]
 
 INSTALL = 'pip install "DroneSwarmSearchEnvironment[video]"'
 
@@ -36,6 +36,9 @@ SUFFIXES = (".gif", ".mp4")
 
 GIF_WIDTH = 600
 """The default width of a GIF in pixels; wider pictures are scaled down."""
+
+SMOOTH = 25.0
+"""Pictures per second of smooth motion. A GIF's delays are multiples of 1/100 s."""
 
 GIF_SAMPLES = 8
 """The number of pictures, evenly spread over the film, from which its palette is chosen."""
@@ -47,6 +50,11 @@ GIF_LONGEST = 655_350
 """The longest duration of a frame of a GIF, in milliseconds."""
 
 Picture = NDArray[np.uint8]
+
+
+def pictures_per_step(steps_per_second: float) -> int:
+    """The pictures of each step that make motion smooth."""
+    return max(1, round(SMOOTH / steps_per_second))
 
 
 def write_film(

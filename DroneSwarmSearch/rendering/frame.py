@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Frame"]
+__all__ = ["HISTORY_STEPS", "TRAIL_STEPS", "Frame"]
+
+HISTORY_STEPS = 30
+"""Searches of this many steps are shown; older ones have faded."""
+
+TRAIL_STEPS = 12
+"""The moves in a drone's trail."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +41,13 @@ class Frame:
         ending: how the episode ended; None before its end.
         hypotheses: for every person, the probability of each hypothesis.
         probability_of_success: of all searches so far; None if it is not known.
+        prior: what `matrix` would be without the searches, where that differs.
+        trails: for every drone, its last cells (x, y), oldest first, the present one last;
+            empty if they are not known.
+        searched: the last searches as (x, y, steps since then), oldest first.
+        total_return: the sum of all drones' rewards in this episode; None if not known.
+        policy: a name to show; empty for none.
+        hide_persons: missing persons are not drawn.
     """
 
     matrix: NDArray[np.float32]
@@ -48,6 +61,12 @@ class Frame:
     ending: Ending | None
     hypotheses: tuple[tuple[float, ...], ...] = ()
     probability_of_success: float | None = None
+    prior: NDArray[np.float32] | None = None
+    trails: tuple[tuple[tuple[int, int], ...], ...] = ()
+    searched: tuple[tuple[int, int, int], ...] = ()
+    total_return: float | None = None
+    policy: str = ""
+    hide_persons: bool = False
 
     @property
     def grid_size(self) -> int:

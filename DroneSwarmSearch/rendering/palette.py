@@ -88,7 +88,9 @@ class Palette:
 
 PALETTES = {
     # Red, yellow, green: the hues of the 2023 package.
-    "classic": Palette(((126, 18, 28), (228, 178, 48), (134, 248, 130))),
+    "classic": Palette(
+        ((88, 20, 30), (176, 58, 34), (230, 172, 56), (196, 222, 88), (150, 254, 152))
+    ),
     "sea": Palette(((240, 246, 250), (168, 205, 230), (66, 134, 190), (8, 44, 104))),
 }
 

@@ -29,7 +29,7 @@ from DroneSwarmSearch.rendering.sprites import text_line, write
 
 __all__ = ["Layout", "Panel", "draw_weights", "symbol_images", "vector_component"]
 
-WIDTH, LEAST_HEIGHT = 232, 690
+WIDTH, LEAST_HEIGHT = 232, 704
 
 HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42
 """Font sizes."""
@@ -38,13 +38,13 @@ PROGRESS_TOP, PROGRESS_HEIGHT = 54, 7
 FOUND_TOP = 92
 SUCCESS_TOP = 144
 DRIFT_TOP = 160
-SCALE_TOP = 288
-SYMBOLS_TOP = 376
-FOOT_TOP = 520
+SCALE_TOP = 272
+SYMBOLS_TOP = 360
+FOOT_TOP = 504
 """Distances from the upper edge in pixels; see also `Layout`."""
 
-SUCCESS_HEIGHT = 36
-"""Of the probability of success, where it is below the persons found."""
+SUCCESS_HEIGHT, RETURN_HEIGHT = 36, 24
+"""Of the probability of success, where it is below the persons found, and of the return."""
 
 HYPOTHESES_HEAD = 44
 HYPOTHESES_ROW = 22
@@ -53,7 +53,7 @@ DRONES_LEAST = 49
 """The heading and one row of drones."""
 
 RULE_ABOVE = 16
-COMPASS = 78
+COMPASS = 62
 SCALE_HEIGHT = 16
 LABEL_GAP = 6
 SYMBOL_ROW = 30
@@ -79,17 +79,28 @@ class Layout(NamedTuple):
     Attributes:
         persons: whether there are persons to find.
         success: whether the probability of success is known.
+        returns: whether the return is known.
         rows: lines with hypotheses.
     """
 
     persons: bool
     success: bool
+    returns: bool
     rows: int
+
+    @property
+    def success_below(self) -> bool:
+        """Whether the probability of success is below the persons found."""
+        return self.persons and self.success
+
+    @property
+    def return_top(self) -> int:
+        return SUCCESS_TOP + (SUCCESS_HEIGHT if self.success_below else 0)
 
     @property
     def shift(self) -> int:
         """How far the sections below the results move down."""
-        return SUCCESS_HEIGHT if self.persons and self.success else 0
+        return self.return_top - SUCCESS_TOP + (RETURN_HEIGHT if self.returns else 0)
 
     @property
     def hypotheses_top(self) -> int:
@@ -122,7 +133,8 @@ class Panel:
 
     def layout(self, frame: Frame) -> Layout:
         """The layout for a frame."""
-        layout = Layout(bool(frame.persons), frame.probability_of_success is not None, 0)
+        success, returns = frame.probability_of_success, frame.total_return
+        layout = Layout(bool(frame.persons), success is not None, returns is not None, 0)
         room = self.size[1] - layout.hypotheses_top - HYPOTHESES_HEAD - DRONES_LEAST
         most = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW)
         return layout._replace(rows=min(len(frame.uncertain_persons), most))
@@ -135,6 +147,9 @@ class Panel:
             self._draw_found(canvas, frame)
         if frame.probability_of_success is not None:
             self._draw_success(canvas, frame.probability_of_success, below=layout.persons)
+        if frame.total_return is not None:
+            text = _return(frame.total_return)
+            write(canvas, text, BODY, INK, topright=(WIDTH, layout.return_top - 2))
         self._draw_drift(canvas, frame.vector, DRIFT_TOP + layout.shift)
         self._draw_limits(canvas, float(frame.matrix.max()), SCALE_TOP + layout.shift)
         if layout.rows:
@@ -157,8 +172,10 @@ class Panel:
         for heading, top in headings:
             pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
             write(canvas, heading, HEADING, GREY, topleft=(0, top))
-        if shift:
+        if layout.success_below:
             write(canvas, "PROBABILITY OF SUCCESS", HEADING, GREY, topleft=(0, SUCCESS_TOP))
+        if layout.returns:
+            write(canvas, "RETURN", HEADING, GREY, topleft=(0, layout.return_top))
         shares = np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32)
         colours = self._palette.ramp[shades(shares, self._gradient)]
         bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
@@ -213,8 +230,8 @@ class Panel:
         canvas.blit(sprites.compass(COMPASS, vector), (0, top))
         left = COMPASS + 22
         for name, value, middle in (
-            ("x", vector[0], top + COMPASS // 2 - 14),
-            ("y", vector[1], top + COMPASS // 2 + 14),
+            ("x", vector[0], top + COMPASS // 2 - 13),
+            ("y", vector[1], top + COMPASS // 2 + 13),
         ):
             write(canvas, name, BODY, GREY, midleft=(left, middle))
             write(canvas, vector_component(value), BODY + 4, INK, midleft=(left + 22, middle))
@@ -317,6 +334,12 @@ def draw_weights(
         label = text_line(f"{weights[number]:.0%}", font, readable_on(colour))
         if label.get_width() + LABEL_GAP <= part.width:
             canvas.blit(label, label.get_rect(center=part.center))
+
+
+def _return(value: float) -> str:
+    """A return with a typographic minus sign and separated thousands."""
+    digits = 3 if abs(value) < 10 else 0
+    return f"{value:,.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def _percentage(probability: float) -> str:

@@ -1,17 +1,21 @@
-"""The map: coloured cells with coordinates, the drones and persons on it, and the outcome."""
+"""The map: coloured cells with coordinates, searches so far, trails, drones and persons.
+
+Of a large grid, the map shows the part where the search takes place, and a small overview.
+"""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.rendering.labels import tick_stride
 from DroneSwarmSearch.rendering.palette import (
     FOUND,
@@ -35,17 +39,24 @@ __all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap", "outcome_colour"]
 LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24
 """Margins around the cells; the first two hold the coordinates."""
 
-SIDE_GOAL = 720
-"""The side of all cells together, rounded so that a cell has whole pixels."""
+WHOLE_MOST = 48
+"""Of grids with more cells along a side than this, only a part may be shown."""
 
-SIDE_MOST = 1000
-"""The side of grids with more cells along a side than this."""
+PART_LEAST, PART_STEP, PART_MARGIN = 40, 10, 3
+"""In cells: the smallest side of a part, the multiple that its place and side are of, and
+what is around everything that it must show."""
+
+PART_FROM = 0.02
+"""A part contains all cells with at least this share of the maximum of the matrix."""
+
+OVERVIEW_SHARE, OVERVIEW_INSET = 0.2, 10
+"""The side of the overview as a share of the map's, and its distance from the corner."""
 
 TICK_ROOM = 26
 TICK_FONT = 18
 
-GRID_FINEST = 4
-"""With cells smaller than this, only every tenth line is drawn."""
+GRID_FINEST = 12
+"""Lines closer than this would look like a pattern; only every fifth, tenth, ... is drawn."""
 
 GRID_OPACITY = 0.45
 GRID_FULL_FROM = 16
@@ -61,7 +72,7 @@ SMALL_SHARE, SMALL_MOST = 1.15, 16
 PAIR_SHARE = 0.58
 """The room of each of two symbols in a cell, as a share of the cell's side."""
 
-DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST = 9, 11, 160
+DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST = 13, 14, 160
 LEAST_APART = 8
 """Limits of sizes and distances, which hold even if symbols then leave their cell."""
 
@@ -77,17 +88,37 @@ NUMBER_FROM = 24
 NUMBER_SHARES = (1.1, 1.0, 0.75)
 """Font sizes of numbers with one, two or three digits, as shares of the drone's body."""
 
-SENTENCE_FONT, REASON_FONT = 60, 30
-BANNER_TEXT_SHARE = 0.9
-BANNER_PADDING = 20
-BANNER_STEP = 12
-LINE_GAP = 10
+TRAIL_SHARE, TRAIL_LEAST, TRAIL_RIM = 0.13, 3, 1
+"""The width of a trail as a share of a cell, its least width, and the rim on both sides."""
+
+TRAIL_OPACITY = 230
+"""Of the last move; earlier ones fade."""
+
+SEARCHED_SHARE, SEARCHED_SIZES = 0.3, (5, 14)
+"""The mark of a search as a share of a cell, and its limits."""
+
+FADES = 6
+"""The opacities of marks that fade."""
+
 FRAME_WIDTH = 5
-"""The outcome is a banner, placed in steps, and a frame around the cells."""
+"""The frame around the cells at the end of an episode."""
 
 Point = tuple[float, float]
 Sprite = tuple[pygame.Surface, Point]
 """An image and the place of its middle."""
+
+
+class Part(NamedTuple):
+    """A square part of the grid, in cells."""
+
+    left: float
+    top: float
+    cells: float
+
+    def towards(self, other: Part, progress: float) -> Part:
+        """The part on the way to another one."""
+        left, top, cells = (a + (b - a) * progress for a, b in zip(self, other, strict=True))
+        return Part(left, top, cells)
 
 
 class SearchMap:
@@ -98,12 +129,13 @@ class SearchMap:
         render_grid: draw lines between the cells.
         render_gradient: colour the cells smoothly; otherwise in three colours.
         palette: a name in `PALETTES`.
+        side: the side of all shown cells together in pixels, about; if the whole grid is
+            shown, it is rounded so that a cell has whole pixels.
 
     Attributes:
-        side: side of all cells together, in pixels.
-        pitch: side of a cell in pixels; an integer up to `SIDE_MOST` cells.
+        side: side of all shown cells together, in pixels.
         size: width and height in pixels, margins included.
-        symbol: side of a drone alone in its cell, in pixels.
+        symbol: side of a drone alone in its cell, in pixels, at the largest scale.
     """
 
     def __init__(
@@ -113,98 +145,261 @@ class SearchMap:
         render_grid: bool = False,
         render_gradient: bool = True,
         palette: str = "classic",
+        side: int = 720,
     ) -> None:
         self._grid_size = grid_size
         self._render_grid = render_grid
         self._render_gradient = render_gradient
         self._palette = PALETTES[palette]
-        if grid_size > SIDE_MOST:
-            self.side = SIDE_MOST
-        else:
-            self.side = grid_size * max(1, round(SIDE_GOAL / grid_size))
-        self.pitch = self.side / grid_size
+        self._whole = Part(0.0, 0.0, grid_size)
+        self.side = side
+        if grid_size <= WHOLE_MOST:
+            self.side = grid_size * max(1, round(side / grid_size))
         self.size = LEFT + self.side + RIGHT, TOP + self.side + BOTTOM
-        self.symbol = _symbol_side(SYMBOL_SHARE, self.pitch, DRONE_LEAST)
-        self._lines: pygame.Surface | None = None
+        finest = self.side / min(grid_size, PART_LEAST)
+        self.symbol = _symbol_side(SYMBOL_SHARE, finest, DRONE_LEAST)
 
-    def __getstate__(self) -> dict[str, object]:
-        """Everything but the prepared surface, which cannot be copied."""
-        return {**self.__dict__, "_lines": None}
-
-    def draw_fixed(self, canvas: pygame.Surface) -> None:
-        """Draw the coordinates, which are the same for every frame."""
-        self._draw_frame(canvas, INK, 1)
-        for cell in range(0, self._grid_size, tick_stride(TICK_ROOM, self.pitch)):
-            across, down = self.centre(cell, cell)
-            write(canvas, f"{cell}", TICK_FONT, GREY, midbottom=(round(across), TOP - 7))
-            write(canvas, f"{cell}", TICK_FONT, GREY, midright=(LEFT - 8, round(down)))
-        write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + self.side + 8, TOP - 20))
-        write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
-
-    def draw(self, canvas: pygame.Surface, frame: Frame, *, banner: bool = True) -> None:
-        """Draw the cells of a frame and everything on them.
+    def draw(
+        self,
+        canvas: pygame.Surface,
+        frame: Frame,
+        *,
+        towards: Frame | None = None,
+        progress: float = 0.0,
+    ) -> None:
+        """Draw the map of a frame.
 
         Args:
-            canvas: a surface with the coordinates.
+            canvas: a surface of `size`, filled with the background.
             frame: a frame of this grid size.
-            banner: at the end of an episode, write the outcome across the map.
+            towards: the next frame, to draw drones and persons on their way.
+            progress: the part of the way that lies behind them, 0 to 1.
 
         Raises:
-            ValueError: the frame is of another grid size.
+            ValueError: a frame is of another grid size.
         """
-        if frame.grid_size != self._grid_size:
-            raise ValueError(
-                f"this painter draws grids of size {self._grid_size},"
-                f" got a frame of size {frame.grid_size}"
-            )
-        self._draw_cells(canvas, frame.matrix)
-        if self._render_grid:
-            self._draw_lines(canvas)
-        self._draw_symbols(canvas, frame)
-        if frame.ending is not None:
-            colour = outcome_colour(frame)
-            self._draw_frame(canvas, colour, FRAME_WIDTH)
-            if banner:
-                self._draw_banner(canvas, frame, frame.ending, colour)
+        for each in (frame, towards):
+            if each is not None and each.grid_size != self._grid_size:
+                raise ValueError(
+                    f"this painter draws grids of size {self._grid_size},"
+                    f" got a frame of size {each.grid_size}"
+                )
+        part = self._part(frame)
+        if towards is not None:
+            part = part.towards(self._part(towards), progress)
+        _Drawing(self, canvas, part).draw(frame, towards, progress)
 
-    def centre(self, x: float, y: float) -> Point:
+    def _part(self, frame: Frame) -> Part:
+        """The part of the grid that a frame shows: all of it, unless it is large."""
+        size = self._grid_size
+        if size <= WHOLE_MOST:
+            return self._whole
+        maps = [each for each in (frame.matrix, frame.prior) if each is not None]
+        rows, columns = np.logical_or.reduce(
+            [each >= PART_FROM * each.max() for each in maps]
+        ).nonzero()
+        persons = () if frame.hide_persons else frame.persons
+        cells = [*frame.drones, *persons, *((x, y) for x, y, _ in frame.searched)]
+        across = [*(x for x, _ in cells), int(columns.min()), int(columns.max())]
+        down = [*(y for _, y in cells), int(rows.min()), int(rows.max())]
+        extents = [(min(along), max(along) + 1) for along in (across, down)]
+        need = max(high - low for low, high in extents) + 2 * PART_MARGIN
+        count = min(max(math.ceil(need / PART_STEP) * PART_STEP, PART_LEAST), size)
+        corner: list[int] = []
+        for low, high in extents:
+            middle = (low + high - count) / 2
+            left = round(middle / PART_STEP) * PART_STEP
+            if left > low or left + count < high:  # rounding has cut something off
+                left = round(middle)
+            corner.append(min(max(left, 0), size - count))
+        left, top = corner
+        return Part(left, top, count)
+
+
+class _Drawing:
+    """One picture of a map.
+
+    Args:
+        of: the map.
+        canvas: a surface of its size.
+        part: what it shows.
+    """
+
+    def __init__(self, of: SearchMap, canvas: pygame.Surface, part: Part) -> None:
+        self._of = of
+        self._canvas = canvas
+        self._part = part
+        self._pitch = of.side / part.cells  # the side of a cell in pixels
+
+    def draw(self, frame: Frame, towards: Frame | None, progress: float) -> None:
+        """See `SearchMap.draw`."""
+        of, canvas = self._of, self._canvas
+        self._draw_coordinates()
+        canvas.set_clip((LEFT, TOP, of.side, of.side))
+        self._draw_cells(frame.matrix)
+        if of._render_grid:
+            self._draw_lines()
+        end = frame if towards is None else towards
+        drones = _on_the_way(frame.drones, end.drones, progress)
+        persons = _on_the_way(frame.persons, end.persons, progress)
+        self._draw_trails(frame, drones)
+        self._draw_searched(frame)
+        canvas.set_clip((LEFT - 2, TOP - 2, of.side + 4, of.side + 4))
+        self._draw_symbols(frame, drones, persons, end.searching)
+        if self._part.cells < of._grid_size:
+            self._draw_overview(frame)
+        canvas.set_clip(None)
+        if frame.ending is not None:
+            self._draw_frame(outcome_colour(frame), FRAME_WIDTH)
+
+    def _at(self, x: float, y: float) -> Point:
+        """The pixel of a point of the grid, in cells from its upper left corner."""
+        part = self._part
+        return LEFT + (x - part.left) * self._pitch, TOP + (y - part.top) * self._pitch
+
+    def _centre(self, x: float, y: float) -> Point:
         """The middle of a cell in pixels."""
-        return LEFT + (x + 0.5) * self.pitch, TOP + (y + 0.5) * self.pitch
+        return self._at(x + 0.5, y + 0.5)
 
     # Cells.
 
-    def _draw_frame(self, canvas: pygame.Surface, colour: Colour, width: int) -> None:
+    def _draw_frame(self, colour: Colour, width: int) -> None:
         """A frame around the cells."""
-        outer = self.side + 2 * width
-        pygame.draw.rect(canvas, colour, (LEFT - width, TOP - width, outer, outer), width=width)
+        outer = self._of.side + 2 * width
+        place = (LEFT - width, TOP - width, outer, outer)
+        pygame.draw.rect(self._canvas, colour, place, width=width)
 
-    def _draw_cells(self, canvas: pygame.Surface, matrix: NDArray[np.float32]) -> None:
-        count, side = self._grid_size, self.side
-        colours = self._palette.ramp[shades(matrix, self._render_gradient)]
-        cells = pygame.image.frombuffer(colours.tobytes(), (count, count), "RGB")
-        scale = pygame.transform.scale if side >= count else pygame.transform.smoothscale
-        canvas.blit(scale(cells, (side, side)), (LEFT, TOP))
+    def _draw_coordinates(self) -> None:
+        canvas, side, part = self._canvas, self._of.side, self._part
+        self._draw_frame(INK, 1)
+        stride = tick_stride(TICK_ROOM, self._pitch)
+        for low, horizontal in ((part.left, True), (part.top, False)):
+            first = math.ceil(low / stride) * stride
+            for cell in range(first, math.ceil(low + part.cells - 0.5), stride):
+                across, down = self._centre(cell, cell)
+                if horizontal:
+                    place = {"midbottom": (round(across), TOP - 7)}
+                else:
+                    place = {"midright": (LEFT - 8, round(down))}
+                write(canvas, f"{cell}", TICK_FONT, GREY, **place)
+        write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + side + 8, TOP - 20))
+        write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + side + 5))
 
-    def _draw_lines(self, canvas: pygame.Surface) -> None:
-        if self._lines is None:
-            self._lines = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
-            stride = 1 if self.pitch >= GRID_FINEST else 10
-            opacity = GRID_OPACITY * min(1.0, stride * self.pitch / GRID_FULL_FROM)
-            colour = (*GREY, round(255 * opacity))
-            for cell in range(stride, self._grid_size, stride):
-                at = round(cell * self.pitch)
-                self._lines.fill(colour, (at, 0, 1, self.side))
-                self._lines.fill(colour, (0, at, self.side, 1))
-        canvas.blit(self._lines, (LEFT, TOP))
+    def _colours(self, matrix: NDArray[np.float32]) -> pygame.Surface:
+        """An image with a pixel per cell."""
+        colours = self._of._palette.ramp[shades(matrix, self._of._render_gradient)]
+        return pygame.image.frombuffer(colours.tobytes(), matrix.shape[::-1], "RGB")
+
+    def _draw_cells(self, matrix: NDArray[np.float32]) -> None:
+        left, top, count = self._part
+        first_x, first_y = math.floor(left), math.floor(top)
+        last_x, last_y = math.ceil(left + count), math.ceil(top + count)
+        cells = self._colours(matrix).subsurface(
+            (first_x, first_y, last_x - first_x, last_y - first_y)
+        )
+        x, y = self._at(first_x, first_y)
+        right, bottom = self._at(last_x, last_y)
+        size = round(right) - round(x), round(bottom) - round(y)
+        scale = pygame.transform.scale if self._pitch >= 1.0 else pygame.transform.smoothscale
+        self._canvas.blit(scale(cells, size), (round(x), round(y)))
+
+    def _draw_lines(self) -> None:
+        side, part = self._of.side, self._part
+        stride = tick_stride(GRID_FINEST, self._pitch)
+        opacity = GRID_OPACITY * min(1.0, stride * self._pitch / GRID_FULL_FROM)
+        lines = pygame.Surface((side, side), pygame.SRCALPHA, 32)
+        colour = (*GREY, round(255 * opacity))
+        for low, horizontal in ((part.left, False), (part.top, True)):
+            first = math.floor(low / stride + 1) * stride
+            for cell in range(first, math.ceil(low + part.cells), stride):
+                at = round((cell - low) * self._pitch)
+                lines.fill(colour, (0, at, side, 1) if horizontal else (at, 0, 1, side))
+        self._canvas.blit(lines, (LEFT, TOP))
+
+    def _draw_overview(self, frame: Frame) -> None:
+        """The whole grid in the corner that hides the fewest symbols."""
+        of, whole = self._of, self._of._grid_size
+        side = round(OVERVIEW_SHARE * of.side)
+        far = of.side - side - OVERVIEW_INSET
+        corners = [
+            pygame.Rect(LEFT + x, TOP + y, side, side)
+            for y in (far, OVERVIEW_INSET)
+            for x in (OVERVIEW_INSET, far)
+        ]
+        middles = [self._centre(x, y) for x, y in (*frame.drones, *frame.persons)]
+
+        def hidden(corner: pygame.Rect) -> int:
+            room = corner.inflate(of.symbol, of.symbol)
+            return sum(room.collidepoint(middle) for middle in middles)
+
+        place = min(corners, key=hidden)
+        scale = pygame.transform.smoothscale
+        self._canvas.blit(scale(self._colours(frame.matrix), place.size), place)
+        pygame.draw.rect(self._canvas, WHITE, place.inflate(2, 2), width=1)
+        pygame.draw.rect(self._canvas, INK, place.inflate(4, 4), width=1)
+        left, top, count = (value * side / whole for value in self._part)
+        shown = pygame.Rect(place.left + left, place.top + top, count + 1, count + 1)
+        pygame.draw.rect(self._canvas, WHITE, shown, width=2)
+        pygame.draw.rect(self._canvas, INK, shown.inflate(2, 2), width=1)
+
+    # Searches and trails.
+
+    def _draw_searched(self, frame: Frame) -> None:
+        """Marks of the last searches, fading; the latest search of a cell counts."""
+        least, most = SEARCHED_SIZES
+        size = min(max(round(SEARCHED_SHARE * self._pitch), least), most)
+        ages = {(x, y): age for x, y, age in frame.searched}
+        marks = [
+            (sprites.searched(size, opacity), self._centre(*cell))
+            for cell, age in ages.items()
+            if (opacity := _faded(age / HISTORY_STEPS))
+        ]
+        _blit_all(self._canvas, marks)
+
+    def _draw_trails(self, frame: Frame, drones: list[Point]) -> None:
+        """The drones' last moves, fading, up to where the drones are."""
+        side = self._of.side
+        width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
+        layer = pygame.Surface((side, side), pygame.SRCALPHA, 32)
+        for rim in (2 * TRAIL_RIM, 0):
+            for number, (trail, at) in enumerate(zip(frame.trails, drones, strict=False)):
+                colour = WHITE if rim else self._of._palette.drone(number)
+                points: list[Point] = [*trail, at]
+                for index, (start, end) in enumerate(pairwise(points)):
+                    if start != end:
+                        age = len(points) - 2 - index
+                        fade = _faded(age / (TRAIL_STEPS + 1)) * TRAIL_OPACITY // 255
+                        layer.fill((*colour, fade), self._move(start, end, width).inflate(rim, rim))
+        self._canvas.blit(layer, (LEFT, TOP))
+
+    def _move(self, start: Point, end: Point, width: int) -> pygame.Rect:
+        """The pixels of a straight move along one axis, relative to the map."""
+        (x0, y0), (x1, y1) = self._centre(*start), self._centre(*end)
+        left, top = round(min(x0, x1)) - LEFT, round(min(y0, y1)) - TOP
+        right, bottom = round(max(x0, x1)) - LEFT, round(max(y0, y1)) - TOP
+        half = width // 2
+        return pygame.Rect(left - half, top - half, right - left + width, bottom - top + width)
 
     # Drones and persons.
 
-    def _draw_symbols(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """Drones and persons; those in one cell share its room."""
-        cells: dict[tuple[int, int], tuple[list[int], list[int]]] = {}
-        for kind, positions in enumerate((frame.drones, frame.persons)):
-            for number, cell in enumerate(positions):
-                cells.setdefault(cell, ([], []))[kind].append(number)
+    def _draw_symbols(
+        self,
+        frame: Frame,
+        drones_at: list[Point],
+        persons_at: list[Point],
+        searching: tuple[bool, ...],
+    ) -> None:
+        """Drones and persons; those at one place share its room."""
+        shown = [
+            person
+            for person, drone in enumerate(frame.found_by)
+            if drone is not None or not frame.hide_persons
+        ]
+        cells: dict[Point, tuple[list[int], list[int]]] = {}
+        for number, at in enumerate(drones_at):
+            cells.setdefault(at, ([], []))[0].append(number)
+        for number in shown:
+            cells.setdefault(persons_at[number], ([], []))[1].append(number)
         marks: list[Sprite] = []
         symbols: list[Sprite] = []
         for cell, (drones, persons) in cells.items():
@@ -212,41 +407,37 @@ class SearchMap:
             if len(drones) > 1:
                 marks.append(_collision(places[: len(drones)], room))
             for drone, place in zip(drones, places, strict=False):
-                searching = frame.searching[drone]
-                side = _symbol_side(
-                    SEARCHING_SHARE if searching else SYMBOL_SHARE, room, DRONE_LEAST
-                )
-                if searching:
+                share = SEARCHING_SHARE if searching[drone] else SYMBOL_SHARE
+                side = _symbol_side(share, room, DRONE_LEAST)
+                if searching[drone]:
                     ring = max(round(side / SEARCHING_SHARE), side + RING_MARGIN)
                     marks.append((sprites.search_ring(ring), place))
                 symbols += self._drone(drone, side, place)
             side = _symbol_side(SYMBOL_SHARE, room, PERSON_LEAST)
             for person, place in zip(persons, places[len(drones) :], strict=True):
                 symbols.append((self._person(frame.found_by[person], side), place))
-        canvas.set_clip((LEFT - 2, TOP - 2, self.side + 4, self.side + 4))
         # Marks lie below all symbols: in small cells they reach into the neighbours.
-        _blit_all(canvas, marks)
-        _blit_all(canvas, symbols)
-        canvas.set_clip(None)
+        _blit_all(self._canvas, marks)
+        _blit_all(self._canvas, symbols)
 
-    def _places(self, cell: tuple[int, int], count: int) -> tuple[list[Point], float]:
+    def _places(self, cell: Point, count: int) -> tuple[list[Point], float]:
         """Middles of the symbols in one cell, and the side of the room of each, in pixels.
 
         One symbol is in the middle, two are on the diagonal, more form a square.
         """
-        centre = self.centre(*cell)
+        centre = self._centre(*cell)
         if count == 1:
-            return [centre], self.pitch
+            return [centre], self._pitch
         along = math.ceil(math.sqrt(count))
-        room = self.pitch * (PAIR_SHARE if count == 2 else 1 / along)
-        apart = max((self.pitch - room) / (along - 1), LEAST_APART)
+        room = self._pitch * (PAIR_SHARE if count == 2 else 1 / along)
+        apart = max((self._pitch - room) / (along - 1), LEAST_APART)
         left, top = (middle - apart * (along - 1) / 2 for middle in centre)
         squares = [(0, 0), (1, 1)] if count == 2 else [divmod(n, along) for n in range(count)]
         return [(left + apart * column, top + apart * row) for row, column in squares], room
 
     def _drone(self, number: int, side: int, place: Point) -> list[Sprite]:
         """A drone, with its number if it is large enough."""
-        colour = self._palette.drone(number)
+        colour = self._of._palette.drone(number)
         drawn = [(sprites.drone(side, colour), place)]
         if side >= NUMBER_FROM:
             digits = min(len(str(number)), len(NUMBER_SHARES))
@@ -257,43 +448,7 @@ class SearchMap:
     def _person(self, found_by: int | None, side: int) -> pygame.Surface:
         if found_by is None:
             return sprites.person(side)
-        return sprites.found(side, self._palette.drone(found_by))
-
-    # The outcome.
-
-    def _draw_banner(
-        self, canvas: pygame.Surface, frame: Frame, ending: Ending, colour: Colour
-    ) -> None:
-        """The outcome in large type across the map."""
-        lines = [_fitted(frame.outcome, SENTENCE_FONT, BANNER_TEXT_SHARE * self.side)]
-        if ending is not Ending.FOUND or len(frame.persons) > 1:
-            lines.append(_fitted(ending.description, REASON_FONT, BANNER_TEXT_SHARE * self.side))
-        height = sum(line.get_height() + LINE_GAP for line in lines) - LINE_GAP + 2 * BANNER_PADDING
-        top = TOP + self._banner_top(frame, height)
-        canvas.fill(colour, (LEFT, top, self.side, height))
-        for edge in (top, top + height - 2):
-            canvas.fill(WHITE, (LEFT, edge, self.side, 2))
-        y = top + BANNER_PADDING
-        for line in lines:
-            canvas.blit(line, line.get_rect(midtop=(LEFT + self.side // 2, y)))
-            y += line.get_height() + LINE_GAP
-
-    def _banner_top(self, frame: Frame, height: int) -> int:
-        """The place of the banner that hides least of the symbols, nearest to the middle."""
-        half = self.symbol / 2
-        rows = Counter(y for _, y in (*frame.drones, *frame.persons))
-        middles = {self.centre(0, y)[1] - TOP: count for y, count in rows.items()}
-        central = (self.side - height) // 2
-
-        def cost(top: int) -> tuple[float, int]:
-            hidden = 0.0
-            for middle, count in middles.items():
-                shared = min(top + height, middle + half) - max(top, middle - half)
-                hidden += count * max(0.0, shared)
-            return hidden, abs(top - central)
-
-        highest = central % BANNER_STEP + BANNER_STEP
-        return min(range(highest, self.side - height - BANNER_STEP + 1, BANNER_STEP), key=cost)
+        return sprites.found(side, self._of._palette.drone(found_by))
 
 
 def outcome_colour(frame: Frame) -> Colour:
@@ -325,9 +480,16 @@ def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
         canvas.blit(image, (round(x - width / 2), round(y - height / 2)))
 
 
-def _fitted(text: str, font: int, width: float) -> pygame.Surface:
-    """A white line of text in the given font size, or in a smaller one that fits the width."""
-    line = text_line(text, font, WHITE)
-    if line.get_width() > width:
-        line = text_line(text, int(font * width / line.get_width()), WHITE)
-    return line
+def _on_the_way(
+    cells: tuple[tuple[int, int], ...], ends: tuple[tuple[int, int], ...], progress: float
+) -> list[Point]:
+    """Places between cells and those of the next step."""
+    return [
+        (x0 + (x1 - x0) * progress, y0 + (y1 - y0) * progress)
+        for (x0, y0), (x1, y1) in zip(cells, ends, strict=True)
+    ]
+
+
+def _faded(age: float) -> int:
+    """The opacity of a mark, 0 to 255, from 0 (new) to 1 (old) in `FADES` steps."""
+    return 255 * max(0, FADES - math.floor(age * FADES)) // FADES

@@ -29,9 +29,11 @@ __all__ = [
     "collision",
     "compass",
     "drone",
+    "fitted_line",
     "found",
     "person",
     "search_ring",
+    "searched",
     "text_line",
     "write",
 ]
@@ -111,6 +113,14 @@ def text_line(text: str, size: int, colour: Colour) -> pygame.Surface:
     large = pygame.font.Font(None, size * _TEXT_SUPERSAMPLING).render(text, True, colour)
     width, height = (round(side / _TEXT_SUPERSAMPLING) for side in large.get_size())
     return pygame.transform.smoothscale(large, (width, height))
+
+
+def fitted_line(text: str, size: int, width: float, colour: Colour) -> pygame.Surface:
+    """A line of text in the given font size, or in a smaller one that fits the width."""
+    line = text_line(text, size, colour)
+    if line.get_width() > width:
+        line = text_line(text, max(1, int(size * width / line.get_width())), colour)
+    return line
 
 
 def body_share(size: int) -> float:
@@ -215,6 +225,16 @@ def search_ring(size: int) -> pygame.Surface:
     pen.discs((1.0, INK), (1.0 - line, WHITE), (1.0 - line - ring, INK))
     pen.disc((0, 0), 1.0 - 2 * line - ring, SPOTLIGHT, alpha=150)
     return pen.finish()
+
+
+@lru_cache(maxsize=512)
+def searched(size: int, opacity: int) -> pygame.Surface:
+    """The mark of a cell that was searched; `opacity` is from 0 to 255."""
+    pen = _Pen(size, INK)
+    pen.discs((1.0, INK), (0.66, WHITE))
+    mark = pen.finish()
+    mark.set_alpha(opacity)
+    return mark
 
 
 @lru_cache(maxsize=64)

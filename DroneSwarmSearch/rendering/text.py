@@ -105,7 +105,8 @@ def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
         drones.setdefault(cell, []).append(f"{number}{SEARCHING if searching else ''}")
     tokens = {cell: TOGETHER.join(numbers) for cell, numbers in drones.items()}
     finds = list(zip(frame.persons, frame.found_by, strict=True))
-    for cell, count in Counter(cell for cell, drone in finds if drone is None).items():
+    missing = [cell for cell, drone in finds if drone is None and not frame.hide_persons]
+    for cell, count in Counter(missing).items():
         tokens[cell] = tokens.get(cell, "") + MISSING + (str(count) if count > 1 else "")
     for cell, drone in finds:
         if drone is not None:

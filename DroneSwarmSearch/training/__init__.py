@@ -14,6 +14,7 @@ drone of a swarm acts once.
 
 from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.expected_searches import ExpectedSearches
+from DroneSwarmSearch.training.interrupts import exit_on_interrupt
 from DroneSwarmSearch.training.options import arguments
 from DroneSwarmSearch.training.run import Run
 from DroneSwarmSearch.training.task import TRAINING_TASK
@@ -24,4 +25,5 @@ __all__ = [
     "Run",
     "arguments",
     "compare_with_baselines",
+    "exit_on_interrupt",
 ]

@@ -13,7 +13,7 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import resolve_scenario
-from DroneSwarmSearch.training.run import INTERRUPTED
+from DroneSwarmSearch.training.interrupts import INTERRUPTED
 
 __all__ = ["BASELINES", "compare_with_baselines"]
 

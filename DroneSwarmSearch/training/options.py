@@ -51,7 +51,7 @@ def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentP
         "--seed", metavar="S", type=_at_least(0), default=0, help="seed of the training (0)"
     )
     parser.add_argument(
-        "--resume", action="store_true", help="continue from the checkpoint in the folder"
+        "--resume", action="store_true", help="continue from the checkpoint, if there is one"
     )
     parser.add_argument(
         "--short",

@@ -7,7 +7,6 @@ import math
 import shutil
 import signal
 import sys
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -18,11 +17,9 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.training.curve import COLUMNS, HELD_OUT, Curve
+from DroneSwarmSearch.training.interrupts import INTERRUPTED, handle_interrupts
 
 __all__ = ["Run"]
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as in shells."""
 
 
 class Run:
@@ -42,11 +39,13 @@ class Run:
         folder: the run's folder.
         total_steps: environment steps to train, including those before a resume.
         steps_done: environment steps trained so far, including those before a resume.
-        resuming: whether the run continues from a checkpoint.
+        resuming: whether the run continues from a checkpoint: ``--resume`` is given, and the
+            folder holds one.
         checkpoint_name: the argument `checkpoint`.
 
     Raises:
-        SystemExit: the folder holds a run but ``--resume`` is not given, or vice versa.
+        SystemExit: the folder holds a run but ``--resume`` is not given, or a learning curve
+            without a checkpoint.
     """
 
     def __init__(
@@ -54,15 +53,11 @@ class Run:
     ) -> None:
         self.folder: Path = options.out
         self.total_steps: int = options.steps
-        self.resuming: bool = options.resume
         self._title = title
         self.checkpoint_name = checkpoint
         self._file = self.folder / "curve.csv"
         newest = self._newest()
-        if self.resuming and newest is None:
-            raise SystemExit(
-                f"there is nothing to resume in {self.folder}: no {checkpoint}; {self._restart()}"
-            )
+        self.resuming: bool = options.resume and newest is not None
         if not self.resuming and newest is not None:
             raise SystemExit(
                 f"{self.folder} already holds a run: continue it with --resume, or choose "
@@ -73,6 +68,9 @@ class Run:
                 f"{self.folder} holds a learning curve, but no {checkpoint} to resume from: "
                 f"choose another folder with --out, or delete {self._file}"
             )
+        if options.resume and not self.resuming:
+            message = f"nothing to resume in {self.folder}: the training starts from the beginning"
+            print(message, file=sys.stderr)
         self.folder.mkdir(parents=True, exist_ok=True)
         self._interrupted = False
         self._curve = Curve(self._file)
@@ -144,11 +142,6 @@ class Run:
         saved = self.folder.glob(self.checkpoint_name)
         return max(saved, key=lambda path: path.stat().st_mtime_ns, default=None)
 
-    def _restart(self) -> str:
-        """Advice for a folder without a checkpoint."""
-        delete = f"delete {self._file} and " if self._file.exists() else ""
-        return f"{delete}start without --resume"
-
     def resume_from(self, steps: int) -> None:
         """Continue from a checkpoint; later rows of the curve are removed.
 
@@ -206,9 +199,12 @@ class Run:
     def _latest(self) -> str:
         """The latest known values, for the progress bar."""
         parts = []
-        for name, form in (("found", "{:.0%} found"), ("reward", "return {:,.0f}")):
+        for name in ("found", "reward"):
             known = [row[name] for row in self._curve.rows[-20:] if not math.isnan(row[name])]
-            parts += [form.format(known[-1])] if known else []
+            if known and name == "found":
+                parts.append(f"{known[-1]:.0%} found")
+            elif known:  # at most 1 in the coverage mission
+                parts.append(f"return {known[-1]:,.{0 if abs(known[-1]) >= 10 else 2}f}")
         return ", ".join(parts)
 
     def _draw(self) -> None:
@@ -221,9 +217,7 @@ class Run:
             print(error, file=sys.stderr)
 
     def __enter__(self) -> Run:
-        in_main_thread = threading.current_thread() is threading.main_thread()
-        if in_main_thread and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, self._on_interrupt)
+        handle_interrupts(self._on_interrupt)
         return self
 
     def _on_interrupt(self, *_: object) -> None:
@@ -251,7 +245,7 @@ class Run:
         if newest is None:
             message = (
                 f"interrupted before the first checkpoint: there is nothing to resume in "
-                f"{self.folder}; {self._restart()}"
+                f"{self.folder}; start again"
             )
         else:
             message = (

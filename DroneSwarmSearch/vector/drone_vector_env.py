@@ -118,10 +118,15 @@ def make_drones(
             f"num_envs must be a multiple of n_drones, {drones}, because each sub-environment is "
             f"a drone, got {num_envs}"
         )
-    return DroneVectorEnv(
-        num_envs // drones,
-        observation=observation,
-        action_mask=action_mask,
-        separate_flags=separate_flags,
-        **keywords,
-    )
+    swarms = num_envs // drones
+    try:
+        return DroneVectorEnv(
+            swarms,
+            observation=observation,
+            action_mask=action_mask,
+            separate_flags=separate_flags,
+            **keywords,
+        )
+    except ValueError as error:  # name the argument that the caller passed
+        message = str(error).replace(f"num_swarms={swarms}", f"num_envs={num_envs}")
+        raise ValueError(message.replace("num_swarms", "num_envs")) from None

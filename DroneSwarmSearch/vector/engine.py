@@ -27,6 +27,7 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.streams import mixed
+from DroneSwarmSearch.drift.belief import mean_over_missing
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.observations import batch_state_planes
 from DroneSwarmSearch.rendering.frame import Frame
@@ -506,7 +507,7 @@ class SearchBatch:
         return self._world.failure()
 
     def frame(self, row: int) -> Frame:
-        """Everything that a picture of one row shows, including the persons.
+        """Everything that a picture of one row shows, including the persons, but no trails.
 
         Raises:
             ResetNeeded: after an interrupted step or reset.
@@ -517,11 +518,13 @@ class SearchBatch:
         scenario = self.scenario_of(row)
         ending, success = self._drones.endings[row], self.probability_of_success
         hypotheses = [person.weights for person in scenario.situation]
-        shown = self._world.shown_weights(row)
+        missing, step = self._world.missing[:, row], int(self._world.step[row])
+        shown, prior = self._world.shown_weights(row), None
         if shown is not None:
+            forecasts = [forecast.exact(step) for forecast in scenario.forecasts()]
+            prior = mean_over_missing(forecasts, missing.nonzero()[0].tolist()).astype(np.float32)
             pairs = zip(shown.tolist(), hypotheses, strict=True)
             hypotheses = [tuple(weights[: len(own)]) for weights, own in pairs]
-        missing = self._world.missing[:, row]
         finders, find_cells = self._world.finds[..., row]
         persons = np.where(missing, self._world.person_cells[:, row], find_cells)
         found_by = np.where(missing, -1, finders % self._scenario.n_drones)
@@ -533,12 +536,14 @@ class SearchBatch:
             searching=tuple(self.searching[row].tolist()),
             persons=tuple(positions[cell] for cell in persons.tolist()),
             found_by=tuple(None if drone < 0 else drone for drone in found_by.tolist()),
-            step=int(self._world.step[row]),
+            step=step,
             timestep_limit=self._scenario.timestep_limit,
             vector=scenario.mean_vector,
             ending=Ending(ending) if ending else None,
             hypotheses=tuple(hypotheses),
             probability_of_success=None if success is None else float(success[row]),
+            prior=prior,
+            total_return=sum(self._drones.returns[row].tolist()),
         )
 
     # The matrices.

@@ -1,0 +1,209 @@
+"""Write episodes of a search to a file, for pages and scripts that play them without Python."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import zlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import DroneSwarmSearch
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch._internal.progress import Progress
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.recording import Moment, moments
+from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
+from DroneSwarmSearch.evaluation.workers import no_exit
+from DroneSwarmSearch.rendering.palette import shares_of_maximum
+
+__all__ = ["FORMAT", "FORMAT_VERSION", "SUFFIX", "export"]
+
+FORMAT, FORMAT_VERSION = "DroneSwarmSearch episodes", 1
+"""The kind of file, and the version of its format."""
+
+SUFFIX = ".json"
+
+PERCENT = 100
+"""Maps are rounded to per cent of their maximum."""
+
+
+def export(
+    policies: Iterable[object],
+    search: object,
+    path: str | os.PathLike[str],
+    *,
+    seeds: Iterable[int] = (0,),
+    bayesian_update: bool | None = None,
+) -> dict[str, Any]:
+    """Write the episodes of some policies on a search as JSON.
+
+    These are the episodes that `evaluate` and `record` play with the same seeds. An existing
+    file is only replaced when the new one is complete.
+
+    The file is an object with these keys. Cells are numbers, y * grid_size + x. Lists over
+    time begin with the state after `reset`, at step 0.
+
+    - "format", "version": "DroneSwarmSearch episodes" and 1; "package": the version of this
+      package.
+    - "search": "name", "reason", "outline", "mission", "grid_size", "timestep_limit", the
+      start cells of the drones, "drones", and "metres_per_cell" and "seconds_per_step", which
+      are null without a `Scale`.
+    - "maps": every different map of the file, once. "count" is their number, and "maxima"
+      lists the probability of the likeliest cell of each. "data" holds all cells in per cent
+      of this maximum, as Base64 of zlib of uint8, shape (cells, count). Each value is the
+      difference, modulo 256, from the value of the map before it; the first map follows
+      zeros.
+    - "episodes": a list of objects, by policy, then by seed:
+
+      - "policy", "seed", "steps"; "ending": the name of the `Ending` in lower case.
+      - "actions": a string for each drone, with the number of an `Action` for each step.
+      - "persons": for each person, their "cells" until they are found or the episode ends,
+        and the number of the drone that found them, "found_by", or null. The last cell of a
+        found person is that of the find.
+      - "success": the probability of success of all searches so far, to four decimals.
+      - "returns": the sum of all drones' rewards so far, to one decimal.
+      - "prior", "posterior": the number of a map for each step. Both show the persons who
+        are still missing.
+
+    Args:
+        policies: a list of policies, each as for `evaluate`; a callable sees one search, as
+            `DroneSwarmSearch` shows it.
+        search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
+        path: the file, .json.
+        seeds: of the episodes of each policy, different integers >= 0.
+        bayesian_update: whether the policies see the posterior or the prior; None: as in
+            the search.
+
+    Returns:
+        The content of the file.
+
+    Raises:
+        OSError: the file cannot be written.
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of range, a name is unknown or occurs twice.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path must be the path of a file, got {path!r}")
+    if Path(path).suffix.lower() != SUFFIX:
+        raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r}")
+    where = as_named(search)
+    specs = [PolicySpec.of(policy) for policy in _listed("policies", policies)]
+    _all_different("policies", [spec.name for spec in specs])
+    numbers = [checks.integer("seeds", seed, 0) for seed in _listed("seeds", seeds)]
+    _all_different("seeds", numbers)
+    if bayesian_update is None:
+        bayesian_update = where.scenario.bayesian_update
+    else:
+        bayesian_update = checks.boolean("bayesian_update", bayesian_update)
+
+    maps, episodes = _Maps(), []
+    with Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar:
+        for spec in specs:
+            with no_exit(f"the policy on {where.name}"):
+                policy = spec.make(where.scenario)
+            for seed in numbers:
+                played = list(moments(policy, where, seed, bayesian_update))
+                episodes.append({"policy": spec.name, "seed": seed, **_episode(played, maps)})
+                bar(len(episodes))
+    data = {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "package": DroneSwarmSearch.__version__,
+        "search": _description(where, played[0]),
+        "maps": maps.data(),
+        "episodes": episodes,
+    }
+    write_text(Path(path), json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n")
+    return data
+
+
+def _listed(name: str, values: Any) -> list[Any]:
+    """The values of an iterable, which must have some and must not be text."""
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise TypeError(f"{name} must be a list, got {values!r}")
+    listed = list(values)
+    if not listed:
+        raise ValueError(f"{name} must hold at least one item, got {values!r}")
+    return listed
+
+
+def _all_different(name: str, values: Sequence[object]) -> None:
+    if len(set(values)) < len(values):
+        raise ValueError(f"{name} must be different, got {', '.join(map(str, values))}")
+
+
+def _description(search: NamedSearch, start: Moment) -> dict[str, Any]:
+    """The search, for people and for drawing."""
+    scenario, scale = search.scenario, search.scale
+    return {
+        "name": search.name,
+        "reason": search.reason,
+        "outline": search.outline,
+        "mission": scenario.mission,
+        "grid_size": scenario.grid_size,
+        "timestep_limit": scenario.timestep_limit,
+        "drones": [y * scenario.grid_size + x for x, y in start.prior.drones],
+        "metres_per_cell": None if scale is None else scale.metres_per_cell,
+        "seconds_per_step": None if scale is None else scale.seconds_per_step,
+    }
+
+
+def _episode(played: Sequence[Moment], maps: _Maps) -> dict[str, Any]:
+    """One episode, whose maps are added to those of the file."""
+    last = played[-1].posterior
+    assert last.ending is not None
+    return {
+        "ending": last.ending.name.lower(),
+        "steps": last.step,
+        "actions": [
+            "".join(str(moment.actions[drone]) for moment in played[1:])
+            for drone in range(len(last.drones))
+        ],
+        "persons": [_person(played, person) for person in range(len(last.persons))],
+        "success": [round(moment.posterior.probability_of_success or 0.0, 4) for moment in played],
+        "returns": [round(moment.posterior.total_return or 0.0, 1) for moment in played],
+        "prior": [maps.number(moment.prior.matrix) for moment in played],
+        "posterior": [maps.number(moment.posterior.matrix) for moment in played],
+    }
+
+
+def _person(played: Sequence[Moment], person: int) -> dict[str, Any]:
+    """A person's cells and find."""
+    cells = []
+    for frame in (moment.posterior for moment in played):
+        x, y = frame.persons[person]
+        cells.append(y * frame.grid_size + x)
+        if frame.found[person]:
+            break
+    return {"cells": cells, "found_by": frame.found_by[person]}
+
+
+class _Maps:
+    """Numbers the different maps of a file in the order in which they occur."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[float, bytes], int] = {}
+
+    def number(self, matrix: NDArray[np.float32]) -> int:
+        """The number of a map; a new one if it differs from all before it."""
+        percent = np.rint(shares_of_maximum(matrix) * PERCENT).astype(np.uint8)
+        key = float(f"{matrix.max():.4g}"), percent.tobytes()
+        return self._numbers.setdefault(key, len(self._numbers))
+
+    def data(self) -> dict[str, Any]:
+        """The maps as data for the file."""
+        every = np.stack([np.frombuffer(cells, np.uint8) for _, cells in self._numbers], axis=1)
+        differences = np.diff(every, axis=1, prepend=np.zeros((len(every), 1), np.uint8))
+        packed = zlib.compress(differences.tobytes(), 9)
+        return {
+            "count": len(self._numbers),
+            "maxima": [most for most, _ in self._numbers],
+            "data": base64.b64encode(packed).decode("ascii"),
+        }

@@ -1,0 +1,403 @@
+"""The player of searches: its keys, its time, and flying by hand; without a display."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.player import (
+    AHEAD,
+    SPEEDS,
+    Flight,
+    Player,
+    PolicyRecording,
+    Recording,
+    Score,
+    refusal,
+    score_row,
+)
+from DroneSwarmSearch.rules import Action, Ending
+
+LAST = 10
+"""The number of steps in the episodes of these tests."""
+
+FPS = 5.0
+
+
+def frame(step: int = 0, drones: tuple[tuple[int, int], ...] = ((2, 2), (0, 1))) -> Frame:
+    """A frame of a search with 3 x 3 cells, which ends with step `LAST`."""
+    return Frame(
+        matrix=np.full((3, 3), 1 / 9, np.float32),
+        drones=drones,
+        searching=(False,) * len(drones),
+        persons=((1, 1),),
+        found_by=(None,),
+        step=step,
+        timestep_limit=LAST,
+        vector=(0.0, 0.0),
+        ending=Ending.TIME_LIMIT if step == LAST else None,
+        hide_persons=True,
+    )
+
+
+class Whole(Recording):
+    """A recording that is complete from the start."""
+
+    def __init__(self) -> None:
+        super().__init__(frame(), "calm, ")
+        self.frames += [frame(step) for step in range(1, LAST + 1)]
+
+
+def watching(begin: Callable[[int], Recording] = lambda seed: Whole()) -> Player:
+    """A player of complete recordings, by default."""
+    return Player(begin, seed=3, fps=FPS)
+
+
+def step_of(player: Player) -> float:
+    """The moment shown, in steps."""
+    moment = player.moment
+    return moment.frame.step - 1 + moment.progress if moment.previous else moment.frame.step
+
+
+def advance_for_long(player: Player) -> None:
+    """Give the thread of a recording time, until the end is shown."""
+    for _ in range(10_000):
+        time.sleep(0.001)
+        player.advance(1)
+        if player.is_at_end:
+            return
+
+
+class TestWatching:
+    def test_it_plays_to_the_end_and_stays_there(self) -> None:
+        player = watching()
+        assert step_of(player) == 0
+        player.advance(0.3)
+        moment = player.moment
+        assert (moment.frame.step, moment.previous and moment.previous.step) == (2, 1)
+        assert moment.progress == pytest.approx(0.5)
+        assert not player.is_at_end
+        for _ in range(3):
+            player.advance(10)
+        assert player.is_at_end
+        assert step_of(player) == LAST
+        assert "Enter closes the window" in player.status
+        assert not player.quits
+
+    def test_space_pauses_after_the_move_and_goes_on(self) -> None:
+        player = watching()
+        player.advance(0.3)
+        player.press("space")
+        player.advance(10)
+        assert step_of(player) == 2
+        assert "paused" in player.status
+        player.press("space")
+        player.advance(0.2)
+        assert step_of(player) == 3
+        assert "paused" not in player.status
+
+    def test_arrows_step_forward_and_back(self) -> None:
+        player = watching()
+        player.advance(0.3)
+        player.press("right")
+        player.advance(1)
+        assert step_of(player) == 2
+        player.press("right")
+        player.press("right")
+        player.advance(1)
+        assert step_of(player) == 4
+        player.press("left")
+        assert step_of(player) == 3
+        for _ in range(5):
+            player.press("left")
+        player.advance(1)
+        assert step_of(player) == 0
+
+    def test_it_steps_back_from_the_end_and_not_beyond_it(self) -> None:
+        player = watching()
+        player.press("end")
+        player.press("right")
+        player.advance(1)
+        assert player.is_at_end
+        player.press("left")
+        assert step_of(player) == LAST - 1
+        player.press("home")
+        assert step_of(player) == 0
+
+    @pytest.mark.parametrize("key", ["space", "r"])
+    def test_it_plays_again_from_the_end(self, key: str) -> None:
+        player = watching()
+        player.press("end")
+        player.advance(1)
+        recording = player.recording
+        player.press(key)
+        player.advance(0.2)
+        assert step_of(player) == 1
+        assert player.recording is recording
+
+    def test_speeds(self) -> None:
+        player = watching()
+        player.press("up")
+        player.advance(0.2)
+        assert step_of(player) == 2
+        for _ in SPEEDS:
+            player.press("-")
+        assert player.speed == SPEEDS[0]
+        for _ in SPEEDS:
+            player.press("+")
+        assert player.speed == SPEEDS[-1]
+        assert f"speed {SPEEDS[-1]:g}" in player.status
+
+    def test_the_next_seed(self) -> None:
+        seeds = []
+
+        def begin(seed: int) -> Recording:
+            seeds.append(seed)
+            return Whole()
+
+        player = watching(begin)
+        player.press("end")
+        player.press("n")
+        assert seeds == [3, 4]
+        assert step_of(player) == 0
+        assert "calm, seed 4" in player.status
+
+    def test_the_prior(self) -> None:
+        player = watching()
+        views = [player.moment.view]
+        for key in ("p", "tab"):
+            player.press(key)
+            views.append(player.moment.view)
+        assert views == ["matrix", "both", "matrix"]
+
+    def test_the_list_of_keys(self) -> None:
+        player = watching()
+        player.press("h")
+        assert player.shows_keys
+        player.press("h")
+        assert not player.shows_keys
+
+    def test_enter_quits_only_at_the_end(self) -> None:
+        player = watching()
+        player.press("return")
+        assert not player.quits
+        player.press("end")
+        player.press("return")
+        assert player.quits
+
+    @pytest.mark.parametrize("key", ["escape", "q"])
+    def test_quitting(self, key: str) -> None:
+        player = watching()
+        player.press(key)
+        assert player.quits
+
+    def test_keys_that_are_held_down_act_again_if_they_step(self) -> None:
+        player = watching()
+        for key in ("n", "p", "h", "r", "space"):
+            player.press(key, repeated=True)
+        assert (player.seed, player.view, player.shows_keys) == (3, "matrix", False)
+        player.press("right")
+        player.press("right", repeated=True)
+        player.advance(1)
+        assert step_of(player) == 2
+
+    def test_other_keys_do_nothing(self) -> None:
+        player = watching()
+        for key in ("x", "f1", "left shift", ""):
+            player.press(key)
+        player.advance(0.2)
+        assert step_of(player) == 1
+
+    def test_hidden_persons_are_shown_once_the_end_was_seen(self) -> None:
+        player = watching()
+        player.advance(1)
+        assert player.moment.frame.hide_persons
+        player.press("end")
+        player.advance(0)
+        player.press("left")
+        assert not player.moment.frame.hide_persons
+
+
+class TestPolicyRecording:
+    def test_it_plays_a_little_ahead(self) -> None:
+        def frames() -> Iterator[Frame]:
+            for step in range(1000):
+                yield replace(frame(), step=step)
+                reached.release()
+
+        reached = threading.Semaphore(0)
+        recording = PolicyRecording(frames())
+        player = Player(lambda seed: recording, seed=0, fps=1)
+        for _ in range(AHEAD):
+            assert reached.acquire(timeout=10)
+        assert not reached.acquire(timeout=0.05)
+        player.advance(3)
+        for _ in range(3):
+            assert reached.acquire(timeout=10)
+        recording.stop()
+
+    def test_it_waits_for_a_slow_policy(self) -> None:
+        go_on = threading.Event()
+
+        def frames() -> Iterator[Frame]:
+            yield frame()
+            assert go_on.wait(10)
+            yield frame(LAST)
+
+        player = watching(lambda seed: PolicyRecording(frames()))
+        player.advance(10)
+        assert step_of(player) == 0
+        assert "planning" in player.status
+        go_on.set()
+        advance_for_long(player)
+        assert player.is_at_end
+
+    def test_an_error_of_the_policy_reaches_the_player(self) -> None:
+        def frames() -> Iterator[Frame]:
+            yield frame()
+            raise ValueError("no plan")
+
+        player = watching(lambda seed: PolicyRecording(frames()))
+        with pytest.raises(ValueError, match="no plan"):
+            advance_for_long(player)
+
+
+class TestFlying:
+    @pytest.fixture
+    def actions(self) -> list[Action]:
+        """The actions of drone 0 so far."""
+        return []
+
+    @pytest.fixture
+    def player(self, actions: list[Action]) -> Player:
+        """A player of flights in which drone 0 goes where the keys send it."""
+
+        def begin(seed: int) -> Recording:
+            def fly(action: Action) -> Frame:
+                actions.append(action)
+                (x, y), other = flight.frames[-1].drones
+                x += (action == Action.RIGHT) - (action == Action.LEFT)
+                y += (action == Action.DOWN) - (action == Action.UP)
+                return frame(len(flight.frames), ((x, y), other))
+
+            flight = Flight(frame(), fly)
+            return flight
+
+        return watching(begin)
+
+    @pytest.mark.parametrize(
+        ("keys", "action"),
+        [
+            (("left", "a"), Action.LEFT),
+            (("up", "w"), Action.UP),
+            (("space",), Action.SEARCH),
+            (("i", "."), Action.IDLE),
+        ],
+    )
+    def test_every_key_is_a_step(
+        self, keys: tuple[str, ...], action: Action, player: Player, actions: list[Action]
+    ) -> None:
+        for key in keys:
+            player.press(key)
+        player.press("x")
+        player.advance(1)
+        assert actions == [action] * len(keys)
+        assert step_of(player) == len(keys)
+
+    def test_moves_back(self, player: Player, actions: list[Action]) -> None:
+        for key in ("left", "right", "up", "down", "a", "d", "w", "s"):
+            player.press(key)
+        assert player.recording.frames[-1].drones[0] == (2, 2)
+        assert len(actions) == 8
+
+    def test_time_alone_plays_no_step(self, player: Player, actions: list[Action]) -> None:
+        player.advance(60)
+        assert actions == []
+
+    def test_a_move_that_would_end_the_search_is_refused(
+        self, player: Player, actions: list[Action]
+    ) -> None:
+        player.press("right")
+        assert (actions, player.hint) == ([], "the grid ends here")
+        player.press("left")
+        assert player.hint == ""
+        player.press("up")
+        player.press("left")
+        assert player.hint == "drone 1 is there"
+        assert player.recording.frames[-1].drones[0] == (1, 1)
+        player.advance(60)
+        assert player.hint == ""
+
+    def test_a_flight_can_be_watched_once_it_has_ended(
+        self, player: Player, actions: list[Action]
+    ) -> None:
+        for _ in range(LAST):
+            player.press("space")
+        assert player.moment.frame.hide_persons
+        player.advance(60)
+        assert player.is_at_end
+        assert not player.moment.frame.hide_persons
+        player.press("left")
+        assert step_of(player) == LAST - 1
+        player.press("home")
+        player.press("space")
+        player.advance(0.2)
+        assert step_of(player) == 1
+        assert len(actions) == LAST
+
+    def test_a_key_pressed_as_the_flight_ends_does_not_leave_the_result(
+        self, player: Player
+    ) -> None:
+        for _ in range(LAST + 1):
+            player.press("space")
+        player.advance(0.5)
+        for key in ("space", "down", "left"):
+            player.press(key)
+        assert player.is_at_end
+        assert player.speed == 1
+        player.advance(1)
+        player.press("left")
+        assert step_of(player) == LAST - 1
+
+    def test_flying_the_same_search_again(self, player: Player) -> None:
+        player.press("left")
+        player.press("r")
+        assert player.seed == 3
+        assert len(player.recording.frames) == 1
+        player.press("n")
+        assert player.seed == 4
+
+    def test_the_keys_on_the_screen_follow_the_flight(self, player: Player) -> None:
+        assert "search" in [each.meaning for each in player.keys]
+        for _ in range(LAST):
+            player.press("space")
+        assert "step" in [each.meaning for each in player.keys]
+
+
+@pytest.mark.parametrize(
+    ("cell", "action", "reason"),
+    [
+        ((0, 0), Action.LEFT, "the grid ends here"),
+        ((0, 0), Action.UP, "the grid ends here"),
+        ((2, 2), Action.DOWN, "the grid ends here"),
+        ((1, 2), Action.UP, "drone 1 is there"),
+        ((1, 2), Action.SEARCH, ""),
+        ((1, 2), Action.RIGHT, ""),
+    ],
+)
+def test_refusals(cell: tuple[int, int], action: Action, reason: str) -> None:
+    assert refusal(frame(drones=(cell, (1, 1))), action) == reason
+
+
+def test_scores_as_rows() -> None:
+    last = replace(frame(LAST), probability_of_success=0.417, total_return=-1234.5)
+    row = ("you", "not found in 10 steps", "41.7%", "-1,234")
+    assert score_row(Score("you", last)) == row
+    assert score_row(Score("greedy", None)) == ("greedy", "...", "", "")
+    assert score_row(Score("you", replace(last, probability_of_success=None)))[2] == ""
