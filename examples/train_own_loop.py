@@ -16,12 +16,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from DroneSwarmSearch import Action, training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.vector import DroneVectorEnv
 
