@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import csv
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from opendrift.models.leeway import Leeway
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scale, Scenario, leeway, policies
-from DroneSwarmSearch.evaluation.plot_style import DOUBLE, LOOKS, OTHERS, save, styled
+from DroneSwarmSearch.evaluation.plot_style import Theme, save
 
 Floats = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -192,10 +193,9 @@ def print_row(
     ]
 
 
-@styled
-def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure:
+def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair], theme: Theme) -> Figure:
     """Map and tracks of the first class, the spread of all, and forecast and success of plans."""
-    drawing = Figure((DOUBLE, 5.4))
+    drawing = Figure((9, 7))
     *pictures, spread, success = drawing.subplots(2, 2).flat
     name, (*_, shown) = next(iter(maps.items()))
     for axes, matrix, source in zip(pictures, shown[2:], ("the map", "OpenDrift"), strict=True):
@@ -203,16 +203,18 @@ def figure(maps: dict[str, list[Snapshot]], searches: dict[str, Pair]) -> Figure
         axes.set(title=f"{name} after {shown.hours} h: {source}", ylabel="y")
         axes.set(xlabel=f"x, in cells of {shown.cell:.0f} m")
         axes.grid(visible=False)
-    for (name, each), look in zip(maps.items(), (*LOOKS.values(), *OTHERS), strict=False):
+    for (name, each), look in zip(
+        maps.items(), (*theme.looks.values(), *theme.others), strict=False
+    ):
         sds = [[e.cell / 1000 * np.hypot(*moments(m)[1]) for m in e[2:]] for e in each]
         by_map, by_tracks = zip(*sds, strict=True)
         spread.plot(HOURS, by_map, color=look.colour, label=name)
         spread.plot(HOURS, by_tracks, look.marker, color=look.colour)
     spread.set(title="Spread: the map (line), OpenDrift (marker)", xlabel="hours", ylabel="km")
-    spread.legend(fontsize=5.5)
+    spread.legend(fontsize=7)
     bars, pairs = np.arange(len(searches)), np.array([*searches.values()]).T
     for shift, heights, name in zip((-0.2, 0.2), pairs, ("forecast", "found"), strict=True):
-        colour = LOOKS["greedy-matrix" if name == "forecast" else "greedy-posterior"].colour
+        colour = theme.looks["greedy-matrix" if name == "forecast" else "greedy-posterior"].colour
         success.bar(bars + shift, heights, 0.38, color=colour, label=name)
     success.set(title="Probability of success of a plan", ylim=(0, 1))
     success.set_xticks(bars, list(searches))
@@ -225,7 +227,7 @@ def main() -> None:
     parser.add_argument("--tracks", type=int, default=200_000, help="per run (200,000)")
     parser.add_argument("--jibing", type=float, default=0.04, help="probability per hour (0.04)")
     parser.add_argument("--policy", default="greedy-posterior", help="makes the plans")
-    parser.add_argument("--figure", type=Path, help="write FIGURE.svg and FIGURE.png")
+    parser.add_argument("--figure", type=Path, help="write FIGURE-light.svg and FIGURE-dark.svg")
     parser.add_argument("--csv", type=Path, help="write the rows to this file")
     parser.add_argument("--fast", action="store_true", help="two classes and one search")
     options = parser.parse_args()
@@ -247,7 +249,7 @@ def main() -> None:
         hours = incident.adrift / 3600
         rows.append(("success", name, *wind, hours, f"{forecast:.4f}", f"{found:.4f}"))
     if options.figure:
-        for path in save(figure(maps, searches), options.figure):
+        for path in save(partial(figure, maps, searches), options.figure):
             print(f"wrote {path}")
     if options.csv:
         with options.csv.open("w", encoding="utf-8", newline="") as file:

@@ -16,19 +16,22 @@ from __future__ import annotations
 
 from typing import Any
 
+from DroneSwarmSearch import Action, training
+
+training.exit_on_interrupt(__name__)  # also during the imports below
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 INPUTS, GRID_SIZE, DRONES, SWARMS = 202, 25, 4, 256
 NUM_STEPS, UPDATE_EPOCHS, MINIBATCH_SIZE, HIDDEN = 32, 3, 4096, 64
-LEARNING_RATE, ENT_COEF = 1e-3, 0.003  # at the start; annealed
-GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 10.0, 0.5
+LEARNING_RATE, ENT_COEF = 3e-3, 0.003  # at the start; annealed
+GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 30.0, 0.5
 TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
 
 
@@ -65,20 +68,24 @@ class Agent(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.actor, self.critic = mlp(len(Action)), mlp(1)
+        hidden = nn.Linear(INPUTS, HIDDEN), nn.ReLU(True), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(True)
+        last = nn.Linear(HIDDEN, len(Action) + 1)
+        nn.init.orthogonal_(last.weight, 0.01)
+        self.network = nn.Sequential(*hidden, last)
 
     def forward(self, obs: torch.Tensor, masks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The log-probability of each action, shape (n, 6), and the values, shape (n,)."""
-        logits = self.actor(obs).masked_fill(masks == 0, -1e9)
-        return logits.log_softmax(dim=1), self.critic(obs)[:, 0]
+        """The log-probability of each action, shape (6, n), and the values, shape (n,)."""
+        outputs = self.network(obs).T.contiguous()  # operations along a long last axis are fast
+        logits = outputs[:-1].masked_fill(masks.T == 0, -1e9)
+        return logits.log_softmax(dim=0), outputs[-1]
 
     @torch.no_grad()
     def act(self, observations: dict[str, NDArray[Any]]) -> dict[str, torch.Tensor]:
         """Sample an action for each drone."""
         obs, masks = (torch.from_numpy(observations[key]) for key in ("observation", "action_mask"))
         logprobs, values = self(obs, masks)
-        actions = (logprobs.exp() / torch.empty_like(logprobs).exponential_()).argmax(dim=1)
-        chosen = logprobs.gather(1, actions[:, None])[:, 0]
+        actions = (logprobs.exp() / torch.empty_like(logprobs).exponential_()).argmax(dim=0)
+        chosen = logprobs.gather(0, actions[None])[0]
         step = {"obs": obs, "masks": masks, "actions": actions}
         return {**step, "logprobs": chosen, "values": values}
 
@@ -88,32 +95,26 @@ class Agent(nn.Module):
         return actions
 
 
-def mlp(outputs: int) -> nn.Sequential:
-    last = nn.Linear(HIDDEN, outputs)
-    nn.init.orthogonal_(last.weight, 0.01)
-    hidden = nn.Linear(INPUTS, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU()
-    return nn.Sequential(*hidden, last)
-
-
 def rollout(
-    envs: DroneVectorEnv, agent: Agent, observations: Any
-) -> tuple[dict[str, torch.Tensor], Any, list[float]]:
-    """Step all searches.
+    envs: DroneVectorEnv, agent: Agent, data: dict[str, torch.Tensor], observations: Any
+) -> tuple[Any, list[float]]:
+    """Step all searches, and write the transitions into `data`, whose arrays are reused.
 
-    Returns the transitions, the next observations, and the probabilities of success of the episodes
-    that ended.
+    Returns the next observations, and the probabilities of success of the episodes that ended.
     """
-    steps, ended = [], []
-    for _ in range(NUM_STEPS):
+    ended: list[float] = []
+    for t in range(NUM_STEPS):
         step = agent.act(observations)
         observations, rewards, dones, _, infos = envs.step(step["actions"].numpy())
         step["rewards"], step["dones"] = torch.from_numpy(rewards).float(), torch.from_numpy(dones)
-        steps.append(step)
+        for key, values in step.items():
+            if key not in data:
+                data[key] = values.new_empty(NUM_STEPS, *values.shape)
+            data[key][t] = values
         if dones.any():
             ended += infos["final_info"]["probability_of_success"][dones].tolist()
-    data = {key: torch.stack([each[key] for each in steps]) for key in steps[0]}
     add_advantages(data, agent.act(observations)["values"])
-    return data, observations, ended
+    return observations, ended
 
 
 def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> None:
@@ -135,14 +136,17 @@ def update(
     optimizer.param_groups[0]["lr"] = LEARNING_RATE * max(frac, 0.05)
     used = "obs", "masks", "actions", "logprobs", "advantages", "returns"
     data = {key: data[key].flatten(0, 1) for key in used}
+    arrays = {key: values[:MINIBATCH_SIZE].clone() for key, values in data.items()}
     for _ in range(UPDATE_EPOCHS):
         for indices in torch.randperm(NUM_STEPS * SWARMS * DRONES).split(MINIBATCH_SIZE):
-            mb = {key: values.index_select(0, indices) for key, values in data.items()}
+            mb = {key: out[: len(indices)] for key, out in arrays.items()}
+            for key, values in data.items():
+                torch.index_select(values, 0, indices, out=mb[key])
             logprobs, values = agent(mb["obs"], mb["masks"])
-            ratio = (logprobs.gather(1, mb["actions"][:, None])[:, 0] - mb["logprobs"]).exp()
+            ratio = (logprobs.gather(0, mb["actions"][None])[0] - mb["logprobs"]).exp()
             clipped = ratio.clamp(1 - CLIP_COEF, 1 + CLIP_COEF)
             pg_loss = -torch.min(ratio * mb["advantages"], clipped * mb["advantages"]).mean()
-            entropy = -(logprobs.exp() * logprobs).sum(dim=1).mean()
+            entropy = -(logprobs.exp() * logprobs).sum(dim=0).mean()
             v_loss = (values - mb["returns"]).square().mean()
             loss = pg_loss - ENT_COEF * frac * entropy + VF_COEF * v_loss
             optimizer.zero_grad()
@@ -167,9 +171,10 @@ def train(run: training.Run, agent: Agent, seed: int) -> None:
 
     save(run.steps_done)
     envs = make_envs()
+    data: dict[str, torch.Tensor] = {}
     observations, _ = envs.reset(seed=seed + run.steps_done)  # a resumed run plays new searches
     while run.steps_done < run.total_steps:
-        data, observations, ended = rollout(envs, agent, observations)
+        observations, ended = rollout(envs, agent, data, observations)
         entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
         save(run.steps_done + NUM_STEPS * SWARMS)
         found = float(np.mean(ended)) if ended else float("nan")

@@ -81,8 +81,11 @@ def train(options: argparse.Namespace) -> PPO:
             with run.saving(CHECKPOINT) as path:
                 torch.save({"steps": steps, "ppo": ppo.state_dict()}, path)
 
+        seed = options.seed + run.steps_done  # a resumed run plays new episodes
+        torch.manual_seed(seed)
+        np.random.seed(seed)  # for the order of minibatches
         envs = make_envs(options.num_envs)
-        torch.manual_seed(options.seed)
+        envs.seed(seed)
         ppo = make_ppo(envs)
         if run.resuming:
             checkpoint = torch.load(run.checkpoint)
@@ -90,10 +93,6 @@ def train(options: argparse.Namespace) -> PPO:
             run.resume_from(checkpoint["steps"])
         else:
             save(0)
-        seed = options.seed + run.steps_done  # a resumed run plays new episodes
-        envs.seed(seed)
-        torch.manual_seed(seed)
-        np.random.seed(seed)  # for the order of minibatches
         buffer = VectorReplayBuffer(ROLLOUT * len(envs), len(envs))
         collector = Collector(ppo, envs, buffer, collect_stats_class=tianshou.SuccessStats)
         collector.reset()

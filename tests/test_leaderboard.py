@@ -7,6 +7,7 @@ import json
 import re
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +27,10 @@ from DroneSwarmSearch.evaluation import (
     leaderboard,
     page,
     run,
-    statistics,
 )
-from DroneSwarmSearch.evaluation.board import (
-    EXPECTED_ORDER,
-    Calibration,
-    Leaderboard,
-    PairwiseComparison,
-)
+from DroneSwarmSearch.evaluation.board import EXPECTED_ORDER, Leaderboard, PairwiseComparison
 from DroneSwarmSearch.evaluation.episodes import Reliability
-from DroneSwarmSearch.evaluation.statistics import ExactValue, wilson
+from DroneSwarmSearch.evaluation.statistics import ExactValue
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -112,8 +107,11 @@ class TestFigures:
         pond, night = (SUITE[name].scenario.timestep_limit for name in ("pond", "night"))
         times = 0.8 * 10 / pond + 0.2, 0.4 * 50 / night + 0.6
         assert summary.time.value == pytest.approx(sum(times) / 2)
-        assert summary.share_of_bound is not None
-        assert summary.share_of_bound.value == pytest.approx((0.8 / 1.0 + 0.4 / 0.5) / 2)
+        assert summary.gap is not None
+        assert summary.gap.value == pytest.approx((1.0 + 0.5) / 2 - (0.8 + 0.4) / 2)
+        assert summary.gap.high - summary.gap.value == pytest.approx(
+            summary.success.value - summary.success.low
+        )
         assert summary.success.low < summary.success.value < summary.success.high
 
     def test_differences_are_paired(self) -> None:
@@ -167,35 +165,31 @@ class TestFigures:
         assert planner.success.is_exact
         assert not last.success.is_exact
 
-    def test_calibration_compares_forecasts_with_shares(self) -> None:
+    def test_calibration_counts_the_intervals_of_exact_policies(self) -> None:
         board = Leaderboard(
             (
                 made_up("planner", "pond", 52, exact=0.5),
                 made_up("random", "pond", 10),
-                made_up("planner", "fog", 80, exact=0.6),
+                made_up("planner", "fog", 80, exact=0.6),  # outside the interval
                 made_up("random", "fog", 10),
                 made_up("planner", "night", 0, exact=0.0),
                 made_up("random", "night", 10),
             )
         )
-        (planner,) = board.calibrations
-        assert planner.policy == "planner"
-        assert planner.forecasts == {"pond": 0.5, "fog": 0.6, "night": 0.0}
-        assert planner.found["fog"] == wilson(80, 100).at(())
-        assert planner.holding == 2  # not fog, where 80 of 100 are found
-        name, deviation = planner.largest_deviation
-        assert (name, deviation) == ("fog", pytest.approx(0.2))
+        assert board.calibration == (2, 3)
 
     def test_one_interval_in_twenty_misses_a_true_forecast(self) -> None:
         """By the binomial distribution, without an evaluation."""
         rng = np.random.default_rng(0)
         truths = rng.uniform(0.05, 0.95, 2000)
-        counts = rng.binomial(2000, truths).tolist()
-        names = [str(place) for place in range(2000)]
-        shares = [wilson(count, 2000).at(()) for count in counts]
-        forecasts = dict(zip(names, truths.tolist(), strict=True))
-        calibration = Calibration("planner", forecasts, dict(zip(names, shares, strict=True)))
-        assert 1860 <= calibration.holding <= 1940
+        counts = rng.binomial(100, truths).tolist()
+        made = [
+            made_up("planner", "pond", count, exact=truth)
+            for count, truth in zip(counts, truths.tolist(), strict=True)
+        ]
+        holding, total = Leaderboard(tuple(made)).calibration
+        assert total == 2000
+        assert 1860 <= holding <= 1940
 
     @pytest.mark.parametrize(
         ("success", "time", "verdict"),
@@ -233,26 +227,26 @@ class TestPage:
             )
         )
         text = page.markdown(board, "python -m something")
-        overview, times, suite, order, limits = tables_of(text)
-        assert overview == [
-            ["search", "planner", "random", "bound"],
-            ["pond", "**~80**", "~20", "90.0"],
-            ["fog", "**~50**", "**~50**", "80.0"],
-        ]
-        assert times[0] == ["search", "planner", "random", "limit"]
-        assert times[1] == ["pond", "**~16**", "~34", "40"]
-        assert [row[0] for row in suite] == ["policy", "planner", "random"]
+        suite, overview, order = tables_of(text)
+        assert suite[0] == ["policy", "success, %", "gap, points", "time, % of limit"]
+        assert [row[0] for row in suite[1:]] == ["planner", "random", "bound"]
         assert suite[1][1].startswith("65.0 (")
+        assert suite[1][2:] == ["~20", "~48"]
+        assert suite[3] == ["bound", "85.0", "", ""]
+        assert overview == [
+            ["search", "bound", "planner", "random"],
+            ["pond", "90.0", "**~80**", "~20"],
+            ["fog", "80.0", "**~50**", "**~50**"],
+        ]
         assert order[1][:2] == ["planner", "random"]
-        assert order[1][2] == "more successful, faster"
-        assert order[1][3].startswith("+30.0 (+")
-        assert order[1][4].startswith("-")
-        assert limits[1] == ["pond", "planner", "~80", "90.0", "~89", "0.10", "exact"]
+        assert order[1][2].startswith("+30.0 (+")
+        assert order[1][3].startswith("-")
         assert "```sh\npython -m something\n```" in text
-        assert "Success and time are estimates" in text.replace("\n", " ")
+        assert "Figures are estimates" in text.replace("\n", " ")
         for search in board.searches:
-            assert f"- **{search.name}**: " in text
-            assert search.reason.split(",")[0] in text.replace("\n  ", " ")
+            sentence = search.reason.split(". ")[0]
+            assert f"- **{search.name}**: {sentence} (" in " ".join(text.split())
+        assert "(10 x 10 cells, 1 drone, 40 steps)." in text.replace("\n  ", " ")
 
     def test_exact_figures_have_no_interval_and_sampled_ones_no_noise(self) -> None:
         board = Leaderboard(
@@ -264,29 +258,32 @@ class TestPage:
             )
         )
         text = page.markdown(board, "command")
-        overview, times, suite, order, limits, calibration = tables_of(text)
+        suite, overview, order = tables_of(text)
         assert overview[1:] == [
-            ["pond", "**80.4**", "~20", "90.0"],
-            ["fog", "50.8", "**~60**", "100.0"],
+            ["pond", "90.0", "**80.4**", "~20"],
+            ["fog", "100.0", "50.8", "**~60**"],
         ]
-        assert times[1] == ["pond", f"**{10 + 0.196 * 30:.1f}**", "~34", "40"]
-        assert suite[1][1] == "65.6"
+        time = ((10 + 0.196 * 30) / 40 + (10 + 0.492 * 90) / 100) / 2
+        assert suite[1][1:] == ["65.6", "29.4", f"{100 * time:.1f}"]
         assert suite[2][1].startswith("40.0 (")
-        assert order[1][3].startswith("+25.6 (+")
-        assert limits[1][:5] == ["pond", "planner", "80.4", "90.0", "89.3"]
-        assert limits[2][:5] == ["fog", "random", "~60", "100.0", "~60"]
-        found = board.calibrations[0].found.values()
-        mean = statistics.mean_of(found).scaled(100.0)
-        assert calibration[1] == [
-            *("planner", "65.6", f"69.0 ({mean.low:.1f}-{mean.high:.1f})"),
-            *("2 of 2", "+6.2 (fog)"),
-        ]
+        assert order[1][2].startswith("+25.6 (+")
         words = " ".join(text.split())
         assert "are exact, without sampling error, unless they are estimates" in words
-        assert "2 of 2 intervals hold the forecast" in words
+        assert "2 of 2 hold the exact success" in words
         assert "The bound is trivial on fog: 100%." in words
-        assert "The mean ratio is 74.7%." in words  # of 80.4 / 90 and 60 / 100
+        assert "the best policy of a search reaches 74.7% of the bound" in words  # 80.4/90, 60/100
         assert "The bounds are exact. No exact value and no interval lies above a bound." in words
+
+    def test_narrow_intervals_become_a_tilde(self) -> None:
+        limit = SUITE["pond"].scenario.timestep_limit
+        curves = np.full((2000, limit + 1), 0.3)
+        curves[::2] += 0.01
+        sampled = replace(made_up("random", "pond", 50), conditional=curves)
+        board = Leaderboard((made_up("planner", "pond", 80, exact=0.8), sampled))
+        assert 0.0 < 100 * (sampled.success.high - sampled.success.low) < 0.5
+        suite, _, order = tables_of(page.markdown(board, "command"))
+        assert suite[2][1] == "~30.5"
+        assert order[1][2] == "~+49.5"
 
     def test_exceptions_to_the_expected_order_are_named(self) -> None:
         names = ("planner", "greedy-posterior", "greedy-matrix", "random")
@@ -306,12 +303,12 @@ class TestPage:
         bounds = [bound_by_time(np.full(each.limit + 1, 0.9), confidence=0.999) for each in made]
         bounded = [each.with_bound(bound) for each, bound in zip(made, bounds, strict=True)]
         text = " ".join(page.markdown(Leaderboard(tuple(bounded)), "command").split())
-        assert "valid together with at least 99.7% confidence" in text
+        assert "The bounds hold together with at least 99.7% confidence." in text
 
     def test_without_bounds_the_page_does_not_mention_them(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 20)))
         text = page.markdown(board, "command")
-        assert "bound" not in text.replace("share of bound", "bound").lower()
+        assert not re.search("bound|gap", text.lower())
 
     def test_tables_are_aligned_as_plain_text(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 5)))
@@ -323,10 +320,11 @@ class TestPage:
 
     def test_the_page_shows_existing_plots_with_alternative_texts(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80),))
-        text = page.markdown(board, "command", {"success", "episode"})
-        assert re.findall(r"!\[(.+)\]\((.+)\)", text) == [
-            (page.PLOTS[name], f"{name}.png") for name in ("success", "episode")
-        ]
+        for names in ({"success"}, {"success", "time"}):
+            text = page.markdown(board, "command", names)
+            assert {*re.findall(r"!\[(.+)\]\((.+)\)", text)} == {
+                (page.PLOTS[name], f"{name}-light.svg") for name in names
+            }
 
 
 class TestRun:
@@ -355,14 +353,13 @@ class TestRun:
             return leaderboard(policies, ["pond", "fog"], episodes=20, store=store, progress=False)
 
         first = board("random")
-        # Two tasks, and the one with the posterior.
-        assert (len(played), len(limited)) == (3, 2)
+        assert (len(played), len(limited)) == (2, 2)
         again = board("random")
-        assert (len(played), len(limited)) == (3, 2)
+        assert (len(played), len(limited)) == (2, 2)
         for one, other in zip(first.evaluations, again.evaluations, strict=True):
             assert one.data == other.data
         board("random", "sector-search")
-        assert (len(played), len(limited)) == (5, 2)
+        assert (len(played), len(limited)) == (4, 2)
 
     def test_every_policy_plays_the_same_episodes_and_has_the_bound(self) -> None:
         board = leaderboard(
@@ -374,8 +371,6 @@ class TestRun:
             assert (each.seed, len(each.episodes)) == (3, 7)
             assert each.bound is not None
             assert each.bound.by_time[-1] == 0.875
-        assert board.posterior is not None
-        assert board.posterior.search.scenario.bayesian_update
 
     def test_policies_have_the_expected_order(self) -> None:
         best, *ranked = [name for group in EXPECTED_ORDER for name in group if name in POLICIES]
@@ -456,7 +451,7 @@ class TestCommand:
             for policy in ("greedy-matrix", "random")
         ]
         assert [(row["policy"], row["search"]) for row in rows] == tasks
-        (overview, *_) = tables_of(text)
+        _, overview, _ = tables_of(text)
         for row, each in zip(rows, data["evaluations"], strict=True):
             assert float(row["success"]) == each["success"]["value"]
             value = 100 * each["success"]["value"]
@@ -473,9 +468,9 @@ class TestCommand:
         assert data["command"] in text
         assert data["command"].startswith("python -m DroneSwarmSearch leaderboard --episodes 30")
         for name in page.PLOTS:
-            assert f"({name}.png)" in text
-            assert (out / f"{name}.png").stat().st_size > 5_000
-            assert (out / f"{name}.svg").stat().st_size > 5_000
+            assert f"({name}-light.svg)" in text
+            for theme in ("light", "dark"):
+                assert (out / f"{name}-{theme}.svg").stat().st_size > 5_000
         assert not list(out.glob(".*"))
 
     @pytest.mark.usefixtures("_no_plots")
@@ -485,7 +480,7 @@ class TestCommand:
         assert (
             command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
         )
-        overview, _, suite, order, *_ = tables_of((out / "leaderboard.md").read_text("utf-8"))
+        suite, overview, order = tables_of((out / "leaderboard.md").read_text("utf-8"))
         assert overview[0] == ["search", idler, "greedy-matrix", "random"]
         assert overview[1][1] == "~0"
         assert suite[1][:2] == [idler, "0.0 (0.0-43.4)"]
@@ -498,13 +493,13 @@ class TestCommand:
         capsys: pytest.CaptureFixture[str],
     ) -> None:
         monkeypatch.setitem(sys.modules, "matplotlib", None)
-        for name in ("maps", "plots", "plot_style"):
+        for name in ("plots", "plot_style"):
             monkeypatch.delitem(sys.modules, f"DroneSwarmSearch.evaluation.{name}", raising=False)
             monkeypatch.delattr(f"DroneSwarmSearch.evaluation.{name}", raising=False)
         assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(tmp_path)]) == 0
         assert "pip install" in capsys.readouterr().err
         assert "![" not in (tmp_path / "leaderboard.md").read_text("utf-8")
-        assert not list(tmp_path.glob("*.png"))
+        assert not list(tmp_path.glob("*.svg"))
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
@@ -555,8 +550,8 @@ class TestCommand:
         # The exact values of two tasks, two portions, and the conditional success of one.
         assert len(Store(tmp_path / "portions")) == 5
         assert command.main(["leaderboard", *arguments]) == 0
-        # Five tasks, of which two were stored; one was interrupted.
-        assert played == 3 + 3
+        # Four tasks, of which two were stored; one was interrupted.
+        assert played == 3 + 2
 
     def test_a_full_disk_is_reported(
         self,

@@ -47,7 +47,7 @@ def with_bounds(board: Any) -> Any:
         )
         for each in board.evaluations
     ]
-    return Leaderboard(tuple(bounded), board.added, board.posterior)
+    return Leaderboard(tuple(bounded), board.added)
 
 
 def files_of(folder: Path) -> tuple[str, list[Row]]:
@@ -65,7 +65,7 @@ def files(request: pytest.FixtureRequest) -> tuple[str, list[Row]]:
 
 def table(text: str, section: str) -> list[list[str]]:
     """The table of a section of the page."""
-    (part,) = re.findall(rf"^## {section}\n(.*?)(?=^## |\Z)", text, re.M | re.S)
+    (part,) = re.findall(rf"^#+ {section}\n(.*?)(?=^## |\Z)", text, re.M | re.S)
     return tables_of(part)[0]
 
 
@@ -86,32 +86,45 @@ def mean(rows: list[Row], policy: str, key: str = "success") -> float:
     return fmean(float(row[key]) for row in rows if row["policy"] == policy)
 
 
-def shown(row: Row, key: str, factor: float) -> str:
-    value = factor * float(row[key])
+def shown(row: Row) -> str:
+    value = 100 * float(row["success"])
     if row["method"] == "exact":
         return f"{value:.1f}"
-    width = factor * (float(row[f"{key}_high"]) - float(row[f"{key}_low"]))
+    width = 100 * (float(row["success_high"]) - float(row["success_low"]))
     return f"~{value:.{int(width < 0.5)}f}"
 
 
-@pytest.mark.parametrize(
-    ("section", "key", "factor", "best_of"),
-    [("Success", "success", 100.0, max), ("Time", "restricted_mean_time", 1.0, min)],
-)
-def test_every_figure_is_that_of_the_file(
-    files: tuple[str, list[Row]], section: str, key: str, factor: float, best_of: Any
-) -> None:
+def test_every_figure_is_that_of_the_file(files: tuple[str, list[Row]]) -> None:
     text, rows = files
-    heading, *lines = table(text, section)
+    heading, *lines = table(text, "Searches")
     policies = names_in(rows, "policy")
-    assert heading[1 : len(policies) + 1] == policies
+    assert heading == ["search", "bound", *policies]
     assert [line[0] for line in lines] == names_in(rows, "search")
-    for line in lines:
-        best = best_of(float(of(rows, policy, line[0])[key]) for policy in policies)
-        for policy, cell in zip(policies, line[1:], strict=False):
-            row = of(rows, policy, line[0])
-            assert cell.strip("*") == shown(row, key, factor)
-            assert cell.startswith("**") == (abs(float(row[key]) - best) < 1e-9)
+    for search, bound, *cells in lines:
+        best = max(float(of(rows, policy, search)["success"]) for policy in policies)
+        for policy, cell in zip(policies, cells, strict=True):
+            row = of(rows, policy, search)
+            assert cell.strip("*") == shown(row)
+            assert cell.startswith("**") == (abs(float(row["success"]) - best) < 1e-9)
+            assert float(bound) == pytest.approx(100 * float(row["bound"]), abs=0.0501)
+            assert float(row["success_low"]) <= float(row["bound"]) + 1e-9
+
+
+def test_the_first_table_has_the_means(files: tuple[str, list[Row]]) -> None:
+    text, rows = files
+    heading, *lines, bound = table(text, "Leaderboard")
+    assert heading == ["policy", "success, %", "gap, points", "time, % of limit"]
+    assert [line[0] for line in lines] == names_in(rows, "policy")
+    for policy, *cells in lines:
+        mine = [row for row in rows if row["policy"] == policy]
+        times = [float(r["restricted_mean_time"]) / int(r["timestep_limit"]) for r in mine]
+        gaps = [float(row["bound"]) - float(row["success"]) for row in mine]
+        means = mean(rows, policy), fmean(gaps), fmean(times)
+        for cell, mean_value in zip(cells, means, strict=True):
+            figure = cell.split()[0].strip("~")
+            rounding = 0.0501 if "." in figure else 0.501
+            assert float(figure) == pytest.approx(100 * mean_value, abs=rounding)
+    assert float(bound[1]) == pytest.approx(100 * mean(rows, policy, "bound"), abs=0.0501)
 
 
 def test_exact_and_sampled_policies_are_marked(files: tuple[str, list[Row]]) -> None:
@@ -122,67 +135,61 @@ def test_exact_and_sampled_policies_are_marked(files: tuple[str, list[Row]]) -> 
     for row in rows:
         has_no_interval = row["success_low"] == row["success_high"] == row["success"]
         assert has_no_interval == (row["method"] == "exact")
-    for line in table(text, "All searches")[1:]:
-        assert ("(" in line[1]) == (line[0] in sampled)
-        assert float(line[1].split()[0]) == pytest.approx(100 * mean(rows, line[0]), abs=0.0501)
+    for policy, *cells in table(text, "Leaderboard")[1:]:
+        for cell in cells:
+            assert bool(re.search(r"~|\(", cell)) == (policy in sampled)
 
 
 def test_the_order_is_that_of_the_means(files: tuple[str, list[Row]]) -> None:
     text, rows = files
     pairs = table(text, "Pairwise comparisons")[1:]
     ranked = {name for group in EXPECTED_ORDER for name in group}
-    for first, second, verdict, points, _ in pairs:
+    clear = total = 0
+    for first, second, points, _ in pairs:
         difference = 100 * (mean(rows, first) - mean(rows, second))
-        assert float(points.split()[0]) == pytest.approx(difference, abs=0.0501)
-        assert ("more successful" in verdict) <= (difference > 0)
-        assert ("less successful" in verdict) <= (difference < 0)
-    expected = [pair for pair in pairs if pair[0] in ranked]
-    clear = sum("more successful" in verdict for _, _, verdict, *_ in expected)
-    words = paragraphs(text)
-    assert re.search(rf"\b{clear} of {len(expected)} pairs? (is|are) in this order", words)
-    for first, second, verdict, *_ in expected:
-        is_exception = f"{first} is {verdict} than {second}" in words
-        assert is_exception == ("less successful" in verdict)
+        assert float(points.split()[0].strip("~")) == pytest.approx(difference, abs=0.0501)
+        total += first in ranked
+        clear += first in ranked and difference > 0
+        is_exception = f"{first} is less successful" in paragraphs(text)
+        assert not is_exception or difference < 0
+    assert re.search(rf"\b{clear} of {total} pairs? (is|are) in this order", paragraphs(text))
 
 
 def test_bounds_and_best_known_values(files: tuple[str, list[Row]]) -> None:
     text, rows = files
-    words, ratios, trivial = paragraphs(text), [], []
-    for search, policy, best, bound, *_ in table(text, "Bounds")[1:]:
+    words, ratios, trivial, confidences = paragraphs(text), [], [], []
+    for search in names_in(rows, "search"):
         here = [row for row in rows if row["search"] == search]
-        largest = max(here, key=lambda row: float(row["success"]))
-        assert (policy, best) == (largest["policy"], shown(largest, "success", 100.0))
-        limit = float(largest["bound"])
-        assert float(bound) == pytest.approx(100 * limit, abs=0.0501)
-        ratios.append(float(largest["success"]) / limit)
+        limit = float(here[0]["bound"])
+        ratios.append(max(float(row["success"]) for row in here) / limit)
         trivial += [search] * (limit >= 0.9995)
-        for row in here:
-            assert float(row["success_low"]) <= float(row["bound"]) + 1e-9
-    assert f"The mean ratio is {100 * fmean(ratios):.1f}%." in words
+        confidences.append(float(here[0]["bound_confidence"]))
+        assert 0.0 <= float(here[0]["bound_gap"]) < limit
+    assert f"the best policy of a search reaches {100 * fmean(ratios):.1f}% of the bound" in words
     assert (f"The bound is trivial on {', '.join(trivial)}: 100%." in words) == bool(trivial)
     assert ("is trivial on" in words) == bool(trivial)
+    together = 1.0 - sum(1.0 - each for each in confidences)
+    assert f"The bounds hold together with at least {100 * together:.4g}% confidence." in words
     assert "No exact value and no interval lies above a bound." in words
 
 
 def test_calibration_is_counted(files: tuple[str, list[Row]]) -> None:
     text, rows = files
-    lines = table(text, "Calibration")[1:]
-    held_by_all = total = 0
-    for policy, forecast, found, held, deviation in lines:
-        mine = [row for row in rows if row["policy"] == policy]
-        holding = sum(
-            float(row["sampled_success_low"])
-            <= float(row["success"])
-            <= float(row["sampled_success_high"])
-            for row in mine
-        )
-        assert held == f"{holding} of {len(mine)}"
-        assert float(forecast) == pytest.approx(100 * mean(rows, policy), abs=0.0501)
-        share = 100 * mean(rows, policy, "sampled_success")
-        assert float(found.split()[0]) == pytest.approx(share, abs=0.0501)
-        off = {r["search"]: float(r["sampled_success"]) - float(r["success"]) for r in mine}
-        largest = max(off, key=lambda search: abs(off[search]))
-        assert deviation == f"{100 * off[largest]:+.1f} ({largest})"
-        held_by_all, total = held_by_all + holding, total + len(mine)
-    assert {line[0] for line in lines} == {r["policy"] for r in rows if r["method"] == "exact"}
-    assert f"{held_by_all} of {total} intervals hold the forecast" in paragraphs(text)
+    holds = [
+        float(row["sampled_success_low"])
+        <= float(row["success"])
+        <= float(row["sampled_success_high"])
+        for row in rows
+        if row["method"] == "exact"
+    ]
+    assert f"{sum(holds)} of {len(holds)} hold the exact success" in paragraphs(text)
+
+
+def test_the_published_page_is_short_and_has_its_plots() -> None:
+    text, _ = files_of(PUBLISHED)
+    assert len(text.split()) < 1450
+    plots = re.findall(r"!\[[^\]]{40,}\]\((\S+)\)", text)
+    assert plots == [f"{name}-light.svg" for name in page.PLOTS]
+    for name in page.PLOTS:
+        for theme in ("light", "dark"):
+            assert 5_000 < (PUBLISHED / f"{name}-{theme}.svg").stat().st_size < 150_000

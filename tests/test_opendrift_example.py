@@ -71,4 +71,4 @@ def test_map_and_plan_agree_with_opendrift(tmp_path: Path) -> None:
     for *_, forecast, found in searches:
         assert 40 < float(found) <= float(forecast) + 1
         assert float(forecast) < float(found) + 5
-    assert (tmp_path / "figure.svg").exists() and (tmp_path / "figure.png").exists()
+    assert all((tmp_path / f"figure-{theme}.svg").exists() for theme in ("light", "dark"))

@@ -43,11 +43,11 @@ def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
 
 def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) -> None:
     torch.manual_seed(0)
-    envs, agent, ended = example.make_envs(), example.Agent(), []
+    envs, agent, data, ended = example.make_envs(), example.Agent(), {}, []
     observations, _ = envs.reset(seed=0)
     total = 0.0
     for _ in range(3):  # an episode has 80 steps
-        data, observations, some = example.rollout(envs, agent, observations)
+        observations, some = example.rollout(envs, agent, data, observations)
         ended += some
         assert data["masks"].gather(2, data["actions"][..., None]).all()
         assert (data["rewards"][data["actions"] != Action.SEARCH] == 0).all()
@@ -89,7 +89,7 @@ def test_updates_make_rewarded_actions_more_likely(example: ModuleType) -> None:
     def logprobs() -> torch.Tensor:
         with torch.no_grad():
             all_logprobs, _ = agent(data["obs"].flatten(0, 1), data["masks"].flatten(0, 1))
-        return all_logprobs.gather(1, data["actions"].reshape(-1, 1)).reshape(shape)
+        return all_logprobs.gather(0, data["actions"].reshape(1, -1)).reshape(shape)
 
     before = logprobs()
     for _ in range(5):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,15 +14,12 @@ from helpers import bound_by_time
 
 from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, evaluate
 from DroneSwarmSearch.evaluation.episodes import Reliability
-from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.rendering.labels import outcome_in_brief
 
 pytest.importorskip("matplotlib")
-Image = pytest.importorskip("PIL.Image")
 
-from matplotlib.colors import to_hex  # noqa: E402 (needs the package)
+from matplotlib.colors import to_hex, to_rgb
 
-from DroneSwarmSearch.evaluation import maps, plot_style, plots  # noqa: E402
+from DroneSwarmSearch.evaluation import plot_style, plots
 
 
 def evaluation(
@@ -41,13 +39,10 @@ def evaluation(
     return Evaluation(policy, where, 0, "swarm", "dict", episodes, upper)
 
 
-def table(*bins: tuple[float, int, int]) -> Reliability:
-    """A reliability table from (forecast, searches, finds)."""
-    counted = Reliability.empty()
-    for forecast, searches, finds in bins:
-        outcomes = np.arange(searches) < finds
-        counted.count(np.full(searches, forecast), outcomes.astype(np.int64))
-    return counted
+def draw(theme: Any) -> Any:
+    """A plot of two policies."""
+    several = [evaluation("planner", bound=0.9), evaluation("random")]
+    return plots.success_by_search(several, theme)
 
 
 def texts(figure: Any) -> str:
@@ -58,62 +53,67 @@ def texts(figure: Any) -> str:
 
 
 class TestCurves:
-    def test_each_policy_has_a_curve_a_band_and_an_entry_in_the_legend(self) -> None:
-        several = [evaluation("random", share=0.1), evaluation("planner", share=0.9)]
+    def test_each_policy_has_the_mean_curve_of_all_searches(self) -> None:
+        several = [
+            evaluation(policy, search, share=share)
+            for search, factor in (("pond", 1.0), ("fog", 0.5))
+            for policy, share in (("random", 0.1 * factor), ("planner", 0.9 * factor))
+        ]
         figure = plots.success_over_time(several)
         (axes,) = figure.axes
-        assert len(axes.lines) == len(axes.collections) == 2
-        for line, band, each in zip(axes.lines, axes.collections, several, strict=True):
-            assert np.array_equal(line.get_ydata(), each.success_by_time.value)
-            assert np.array_equal(line.get_xdata(), np.arange(41))
-            (path,) = band.get_paths()
-            assert path.vertices[:, 1].max() == each.success_by_time.high.max()
         (legend,) = figure.legends
-        assert [each.get_text() for each in legend.texts] == ["planner 90.0%", "random 10.0%"]
-        assert "pond" in texts(figure)
+        assert [each.get_text() for each in legend.texts] == ["planner 67.5%", "random 7.5%"]
+        for line, name in zip(axes.lines, ("planner", "random"), strict=True):
+            pond, fog = (each.success_by_time.value for each in several if each.policy == name)
+            assert line.get_ydata()[0] == 0.0
+            assert line.get_ydata()[50] == (pond[20] + fog[50]) / 2  # half of 40 and of 100 steps
+            assert line.get_ydata()[-1] == (pond[-1] + fog[-1]) / 2
+            assert line.get_xdata()[[0, -1]].tolist() == [0.0, 1.0]
 
-    def test_the_bound_is_a_dashed_line(self) -> None:
-        figure = plots.success_over_time([evaluation("planner", bound=0.75)])
+    def test_the_mean_bound_is_a_dashed_line(self) -> None:
+        several = [evaluation("planner", "pond", bound=0.75), evaluation("planner", "fog", bound=1)]
+        figure = plots.success_over_time(several)
         bound, curve = figure.axes[0].lines
         assert bound.is_dashed()
         assert not curve.is_dashed()
-        assert np.array_equal(bound.get_ydata(), np.linspace(0.0, 0.75, 41))
-        assert "bound 75.0%" in texts(figure)
+        assert {*bound.get_ydata()} == {0.875}
+        assert "bound 87.5%" in texts(figure)
+        assert "bound" not in texts(plots.success_over_time([*several, evaluation("ppo", "gale")]))
 
-    def test_a_policy_looks_the_same_in_every_plot(self) -> None:
-        alone = plots.success_over_time([evaluation("random")])
-        last = plots.success_over_time([evaluation(name) for name in ("mine", "planner", "random")])
+    @pytest.mark.parametrize("theme", [plot_style.LIGHT, plot_style.DARK])
+    def test_a_policy_looks_the_same_in_every_plot(self, theme: Any) -> None:
+        alone = plots.success_over_time([evaluation("random", share=0.1)], theme)
+        names = ("mine", "planner", "random")
+        shares = dict(zip(names, (0.9, 0.5, 0.1), strict=True))
+        last = plots.success_over_time([evaluation(n, share=shares[n]) for n in names], theme)
         colours = [to_hex(figure.axes[0].lines[-1].get_color()) for figure in (alone, last)]
-        assert colours[0] == colours[1]
+        assert colours == [theme.looks["random"].colour] * 2
         assert len({to_hex(line.get_color()) for line in last.axes[0].lines}) == 3
 
-    def test_all_looks_differ(self) -> None:
-        looks = [*plot_style.LOOKS.values(), *plot_style.OTHERS]
+    @pytest.mark.parametrize("theme", [plot_style.LIGHT, plot_style.DARK])
+    def test_all_looks_differ_and_stand_out(self, theme: Any) -> None:
+        looks = [*theme.looks.values(), *theme.others]
         assert len({look.colour for look in looks}) == len(looks)
         assert len({look.marker for look in looks}) == len(looks)
+        assert list(theme.looks) == list(plot_style.LIGHT.looks)
+        for look in looks:  # WCAG asks for a contrast of 3; light colours on white stay below
+            assert contrast(look.colour, theme.ground) > (1.9 if theme.name == "light" else 4.5)
 
-    def test_each_search_has_a_panel(self) -> None:
-        several = [
-            evaluation(policy, search, bound=1.0)
-            for search in ("fog", "pond", "wreck")
-            for policy in ("planner", "random")
-        ]
-        figure = plots.suite_over_time(several, columns=2)
-        assert [axes.get_title("left") for axes in figure.axes] == ["fog", "pond", "wreck"]
-        assert [len(axes.lines) for axes in figure.axes] == [3, 3, 3]
-        for axes, each in zip(figure.axes, several[::2], strict=True):
-            assert axes.get_xlim() == (0, each.limit)
-        for name in ("planner", "random", "bound: no policy can exceed it"):
-            assert texts(figure).count(name) == 1
-
-    def test_evaluations_of_several_searches_or_none_are_refused(self) -> None:
-        with pytest.raises(ValueError, match=r"evaluations must be of one search, got pond, fog"):
-            plots.success_over_time([evaluation("planner"), evaluation("planner", "fog")])
-        for draw in (plots.success_over_time, plots.suite_over_time, plots.success_by_search):
+    def test_no_evaluations_are_refused(self) -> None:
+        for draw in (plots.success_over_time, plots.success_by_search):
             with pytest.raises(ValueError, match=r"evaluations must be at least one, got none"):
                 draw([])
-        with pytest.raises(ValueError, match=r"columns must be an integer of at least 1, got 0"):
-            plots.suite_over_time([evaluation("planner")], columns=0)
+
+
+def contrast(one: str, other: str) -> float:
+    """The contrast of two colours as WCAG defines it, from 1 to 21."""
+
+    def luminance(colour: str) -> float:
+        linear = [((c + 0.055) / 1.055) ** 2.4 if c > 0.04 else c / 12.92 for c in to_rgb(colour)]
+        return float(np.dot((0.2126, 0.7152, 0.0722), linear))
+
+    darker, lighter = sorted((luminance(one), luminance(other)))
+    return (lighter + 0.05) / (darker + 0.05)
 
 
 def test_rows_show_success_interval_and_bound() -> None:
@@ -134,94 +134,43 @@ def test_rows_show_success_interval_and_bound() -> None:
     assert bars == [pytest.approx([each.success.low, each.success.high]) for each in several]
 
 
-class TestEpisode:
-    def test_it_shows_the_tracks_the_searches_and_the_persons(self) -> None:
-        past = list(frames("greedy-posterior", "harbour", seed=2))
-        figure = maps.episode("greedy-posterior", "harbour", seed=2)
-        last = past[-1][1]
-        for axes, frame in zip(figure.axes[:2], past[-1], strict=True):
-            assert np.array_equal(axes.images[0].get_array(), frame.matrix)
-            drawn = [line.get_xydata() for line in axes.lines]
-            for drone in range(2):
-                track = [each.drones[drone] for _, each in past]
-                assert any(np.array_equal(track, each) for each in drawn)
-                searched = [each.drones[drone] for _, each in past if each.searching[drone]]
-                assert any(np.array_equal(searched, each) for each in drawn)
-            person = [each.persons[0] for _, each in past]
-            assert any(np.array_equal(person, each) for each in drawn)
-        title = f"greedy-posterior searching harbour, seed 2: {outcome_in_brief(last)}"
-        assert title in texts(figure)
-
-    def test_it_shows_any_step(self) -> None:
-        figure = maps.episode("random", "pond", seed=1, step=5, name="chance")
-        assert "chance searching pond, seed 1, step 5 of 40" in texts(figure)
-        _, frame = list(frames("random", "pond", seed=1))[5]
-        assert np.array_equal(figure.axes[1].images[0].get_array(), frame.matrix)
-
-    def test_bad_input_is_refused(self) -> None:
-        with pytest.raises(ValueError, match=r"step must be an integer of at least 0, got -1"):
-            maps.episode("random", "pond", step=-1)
-        with pytest.raises(ValueError, match=r"search must be one of pond"):
-            maps.episode("random", "pnd")
-
-
-class TestReliability:
-    def test_points_are_forecasts_and_outcomes(self) -> None:
-        tables = {
-            "prior": table((0.04, 200, 4), (0.3, 100, 10)),
-            "posterior": table((0.03, 100, 3), (0.15, 0, 0), (0.003, 40, 0)),
-        }
-        figure = plots.reliability(tables)
-        (axes,) = figure.axes
-        points = [line.get_xydata() for line in axes.lines if line.get_marker() in ("D", "o")]
-        prior, posterior = (each for each in points if len(each))
-        assert prior == pytest.approx(np.array([(0.04, 0.02), (0.3, 0.1)]))
-        assert posterior == pytest.approx(np.array([(0.03, 0.03)]))
-        triangles = [line.get_xydata() for line in axes.lines if line.get_marker() == "v"]
-        ((forecast, high),) = np.concatenate(triangles)
-        assert forecast == pytest.approx(0.003)
-        assert 0.0 < high < 0.1
-        error = (200 * 0.02 + 100 * 0.2) / 300
-        assert f"prior (mean error {100 * error:.2f}%)" in texts(figure)
-
-    def test_tables_without_searches_are_refused(self) -> None:
-        with pytest.raises(ValueError, match=r"tables must hold at least one search, got \['a'\]"):
-            plots.reliability({"a": Reliability.empty()})
-
-
 class TestFiles:
-    def test_equal_plots_make_equal_files(self, tmp_path: Path) -> None:
-        def figure() -> Any:
-            return plots.success_over_time([evaluation("planner", bound=0.9), evaluation("random")])
-
-        png, svg = plot_style.save(figure(), tmp_path / "new" / "curves")
-        assert (png.name, svg.name) == ("curves.png", "curves.svg")
-        with Image.open(png) as picture:
-            assert picture.size == (1002, 500)
-        for one, other in zip(
-            (png, svg), plot_style.save(figure(), tmp_path / "again"), strict=True
-        ):
+    def test_equal_plots_make_equal_files_in_both_themes(self, tmp_path: Path) -> None:
+        files = plot_style.save(draw, tmp_path / "new" / "curves")
+        assert [path.name for path in files] == ["curves-light.svg", "curves-dark.svg"]
+        for one, other in zip(files, plot_style.save(draw, tmp_path / "again"), strict=True):
             assert one.read_bytes() == other.read_bytes()
+        for path, theme in zip(files, (plot_style.LIGHT, plot_style.DARK), strict=True):
+            text = path.read_text("utf-8")
+            assert theme.ground in text and theme.looks["planner"].colour in text
+            assert "<text" not in text  # glyphs are paths, independent of fonts
+
+    def test_text_is_legible_on_a_phone(self, tmp_path: Path) -> None:
+        """A page of 390 pixels leaves 358 for a plot."""
+        for path in plot_style.save(draw, tmp_path / "curves"):
+            (width,) = re.findall(r'<svg [^>]*width="([\d.]+)pt"', path.read_text("utf-8"))
+            assert 9.5 * 358 / float(width) > 9.0
 
     def test_the_users_settings_have_no_effect_and_stay(self, tmp_path: Path) -> None:
         import matplotlib
 
-        plain = plot_style.save(plots.success_over_time([evaluation("planner")]), tmp_path / "a")
+        plain = plot_style.save(draw, tmp_path / "a")
         with matplotlib.rc_context({"font.size": 20, "lines.linewidth": 9}):
-            own = plot_style.save(plots.success_over_time([evaluation("planner")]), tmp_path / "b")
+            own = plot_style.save(draw, tmp_path / "b")
             assert matplotlib.rcParams["font.size"] == 20
         assert plain[1].read_bytes() == own[1].read_bytes()
 
     def test_a_file_that_cannot_be_written_is_named(self, tmp_path: Path) -> None:
         (tmp_path / "file").touch()
-        figure = plots.success_over_time([evaluation("planner")])
-        with pytest.raises(StorageError, match=r"curves\.png"):
-            plot_style.save(figure, tmp_path / "file" / "curves")
+        with pytest.raises(StorageError, match=r"curves-light\.svg"):
+            plot_style.save(draw, tmp_path / "file" / "curves")
 
-    def test_pyplot_is_not_imported(self) -> None:
+    def test_pyplot_is_not_imported(self, tmp_path: Path) -> None:
         code = (
-            "import sys; from DroneSwarmSearch.evaluation import maps;"
-            "maps.episode('random', 'pond'); sys.exit('matplotlib.pyplot' in sys.modules)"
+            "import sys; from matplotlib.figure import Figure;"
+            "from DroneSwarmSearch.evaluation import plot_style, plots;"
+            f"plot_style.save(lambda theme: Figure(), {str(tmp_path / 'empty')!r});"
+            "sys.exit('matplotlib.pyplot' in sys.modules)"
         )
         assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -229,32 +178,26 @@ class TestFiles:
         code = (
             "import importlib, sys\n"
             "sys.modules['matplotlib'] = None\n"
-            "for module in ('maps', 'plots'):\n"
-            "    try:\n"
-            "        importlib.import_module(f'DroneSwarmSearch.evaluation.{module}')\n"
-            "    except ImportError as error:\n"
-            "        print(error)\n"
+            "try:\n"
+            "    importlib.import_module('DroneSwarmSearch.evaluation.plots')\n"
+            "except ImportError as error:\n"
+            "    print(error)\n"
         )
         done = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
-        assert done.stdout.count("DroneSwarmSearchEnvironment[evaluation]") == 2
+        assert done.stdout.count("DroneSwarmSearchEnvironment[evaluation]") == 1
 
 
-class TestCoverage:
-    def test_labels_name_the_measure_of_the_mission(self) -> None:
-        rescue = evaluation("planner")
-        scenario = rescue.search.scenario.replace(mission="coverage")
-        coverage = evaluate("parallel-sweep", scenario, episodes=2)
-        curves = plots.success_over_time([coverage])
-        assert curves.axes[0].get_ylabel() == "POS"
-        assert np.array_equal(curves.axes[0].lines[0].get_ydata(), coverage.success_by_time.value)
-        assert plots.success_over_time([rescue]).axes[0].get_ylabel() == "found"
-        both = [rescue, coverage]
-        assert plots.suite_over_time(both).axes[0].get_ylabel() == "found, or POS"
-        label = plots.success_by_search(both).axes[0].get_xlabel()
-        assert label == "every person found, or probability of success by the time limit"
-
-    def test_a_map_without_persons_has_none_in_its_legend(self) -> None:
-        scenario = SUITE["pond"].scenario.replace(mission="coverage", timestep_limit=3)
-        assert "person" not in texts(maps.episode("parallel-sweep", scenario))
+def test_labels_name_the_measure_of_the_mission() -> None:
+    rescue = evaluation("planner")
+    scenario = rescue.search.scenario.replace(mission="coverage")
+    coverage = evaluate("parallel-sweep", scenario, episodes=2)
+    curves = plots.success_over_time([coverage])
+    assert curves.axes[0].get_ylabel() == "POS"
+    assert curves.axes[0].lines[0].get_ydata()[-1] == coverage.success_by_time.value[-1]
+    assert plots.success_over_time([rescue]).axes[0].get_ylabel() == "found"
+    both = [rescue, coverage]
+    assert plots.success_over_time(both).axes[0].get_ylabel() == "found, or POS"
+    label = plots.success_by_search(both).axes[0].get_xlabel()
+    assert label == "every person found, or probability of success"

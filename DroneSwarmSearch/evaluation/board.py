@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from DroneSwarmSearch._internal import checks
@@ -20,19 +21,23 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, compare
 from DroneSwarmSearch.evaluation.rollout import checked_masks, checked_view
 from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
-from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, mean_of
+from DroneSwarmSearch.evaluation.statistics import (
+    ROUNDING,
+    Estimate,
+    ExactValue,
+    difference,
+    mean_of,
+)
 from DroneSwarmSearch.evaluation.store import Store, as_store
 from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, as_named
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 
 __all__ = [
-    "Calibration",
     "Contest",
     "Leaderboard",
     "PairwiseComparison",
     "PolicySummary",
-    "example_search",
     "in_expected_order",
     "leaderboard",
 ]
@@ -50,13 +55,6 @@ With one person, the only news before the end is "not found", so an optimal poli
 plan, which the planner approximates. The rest is an expectation: effort that ignores what is known
 is worth less. No theorem ranks these policies, since drones must fly between cells."""
 
-EXAMPLE = "gale"
-"""The search of the plots that show only one, if it was evaluated."""
-
-CALIBRATION = "night"
-"""The search of the reliability diagram, if it was evaluated: most cells are searched again, so the
-prior is far from the posterior."""
-
 
 def in_expected_order(names: Sequence[str]) -> list[str]:
     """Sort policies by `EXPECTED_ORDER`; those that it does not name follow its first group."""
@@ -66,11 +64,6 @@ def in_expected_order(names: Sequence[str]) -> list[str]:
     return [*first, *unranked, *ranked]
 
 
-def example_search(searches: Sequence[NamedSearch]) -> NamedSearch:
-    """Return the search for plots that show only one."""
-    return next((each for each in searches if each.name == EXAMPLE), searches[0])
-
-
 @dataclass(frozen=True)
 class PolicySummary:
     """A policy's results over all searches, each with equal weight.
@@ -78,14 +71,14 @@ class PolicySummary:
     Attributes:
         policy: its name.
         success: the mean success.
+        gap: the mean distance from the success to the bound; None without bounds.
         time: the mean of the restricted mean times, each divided by the time limit.
-        share_of_bound: the mean share of the bound; None without bounds.
     """
 
     policy: str
     success: Estimate
+    gap: Estimate | None
     time: Estimate
-    share_of_bound: Estimate | None
 
 
 @dataclass(frozen=True)
@@ -118,35 +111,6 @@ class PairwiseComparison:
         return ", ".join(words) or ("equal" if is_exact else "not clearly different")
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """The forecast probability of success of a policy, against the share that it found.
-
-    Attributes:
-        policy: its name.
-        forecasts: the exact success on each search, by name.
-        found: the share of successful episodes on each of them.
-    """
-
-    policy: str
-    forecasts: Mapping[str, float]
-    found: Mapping[str, Estimate]
-
-    @property
-    def holding(self) -> int:
-        """The number of intervals of the shares that hold their forecast."""
-        return sum(
-            share.low - ROUNDING <= self.forecasts[name] <= share.high + ROUNDING
-            for name, share in self.found.items()
-        )
-
-    @property
-    def largest_deviation(self) -> tuple[str, float]:
-        """The search with the largest deviation, and found minus forecast on it."""
-        off = {name: share.value - self.forecasts[name] for name, share in self.found.items()}
-        return max(off.items(), key=lambda item: abs(item[1]))
-
-
 @dataclass(frozen=True, eq=False)
 class Leaderboard:
     """Policies evaluated on searches; what is sampled, in the same episodes.
@@ -154,13 +118,10 @@ class Leaderboard:
     Attributes:
         evaluations: of every policy on every search, search by search.
         added: the names of the policies that are not from this package.
-        posterior: an evaluation of a policy that saw the posterior, to compare its calibration
-            with that of the prior; None if there is none.
     """
 
     evaluations: tuple[Evaluation, ...]
     added: tuple[str, ...] = ()
-    posterior: Evaluation | None = None
 
     @cached_property
     def policies(self) -> tuple[str, ...]:
@@ -207,21 +168,16 @@ class Leaderboard:
         return tuple(self._comparison(*pair) for pair in pairs)
 
     @cached_property
-    def calibrations(self) -> tuple[Calibration, ...]:
-        """The calibration of every policy on the searches where its success is exact."""
-        found = []
-        for policy in self.policies:
-            exact = [
-                (each.search.name, each.success.value, each.sampled_success)
-                for each in self.of_policy(policy)
-                if each.is_exact and each.sampled_success is not None
-            ]
-            if exact:
-                forecasts = {name: forecast for name, forecast, _ in exact}
-                found.append(
-                    Calibration(policy, forecasts, {name: share for name, _, share in exact})
-                )
-        return tuple(found)
+    def calibration(self) -> tuple[int, int]:
+        """How many 95% intervals of the sampled shares of finds hold the exact success, of all."""
+        holds = [
+            each.sampled_success.low - ROUNDING
+            <= each.success.value
+            <= each.sampled_success.high + ROUNDING
+            for each in self.evaluations
+            if each.is_exact and each.sampled_success is not None
+        ]
+        return sum(holds), len(holds)
 
     def best_known(self, search: str) -> Evaluation:
         """The evaluation with the largest success on a search."""
@@ -254,12 +210,16 @@ class Leaderboard:
 
     def _summary(self, policy: str) -> PolicySummary:
         evaluations = self.of_policy(policy)
-        shares = [each.share_of_bound for each in evaluations if each.share_of_bound is not None]
+        success = mean_of(each.success for each in evaluations)
+        gap = None
+        if len(self.bounds) == len(self.searches):
+            bound = fmean(each.by_limit for each in self.bounds.values())
+            gap = difference(ExactValue.of(bound), success)
         return PolicySummary(
             policy,
-            mean_of(each.success for each in evaluations),
+            success,
+            gap,
             mean_of(each.time.scaled(1.0 / each.limit) for each in evaluations),
-            mean_of(shares) if len(shares) == len(evaluations) else None,
         )
 
     def _comparison(self, first: str, second: str) -> PairwiseComparison:
@@ -387,17 +347,11 @@ class Contest:
             for search in named
             for each in (*of_user, *of_package)
         ]
-        pair = _for_calibration(of_package, named)
-        self._posterior = None
-        if pair:  # only for its calibration
-            self._posterior = EvaluationTask(*pair, bayesian_update=True, **shared)
         self._bounds = {each.name: BoundTask(each, store) for each in named if bounds}
 
     def run(self, *, workers: int, ray: str | None, progress: bool) -> Leaderboard:
         """Do the work that is left."""
         tasks: list[EvaluationTask | BoundTask] = [*self._bounds.values(), *self._tasks]
-        if self._posterior is not None:
-            tasks.append(self._posterior)
         tasks.sort(key=_expected_duration, reverse=True)
         run_tasks(tasks, "leaderboard", workers=workers, ray=ray, progress=progress)
         bounds = {name: each.bound for name, each in self._bounds.items()}
@@ -406,7 +360,6 @@ class Contest:
                 each.evaluation().with_bound(bounds.get(each.search.name)) for each in self._tasks
             ),
             self._added,
-            None if self._posterior is None else self._posterior.evaluation(),
         )
 
 
@@ -416,26 +369,6 @@ def _check_unique(what: str, names: Sequence[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ValueError(f"{what} must all be different, got more than once: {', '.join(twice)}")
-
-
-def _for_calibration(
-    specs: Sequence[PolicySpec], searches: Sequence[NamedSearch]
-) -> tuple[PolicySpec, NamedSearch] | None:
-    """The policy and search that show the calibration of prior and posterior.
-
-    With one person, the forecast probability of success is exact. Nobody is found in coverage
-    missions.
-    """
-    single = [
-        each
-        for each in searches
-        if len(each.scenario.situation) == 1 and each.scenario.mission == "rescue"
-    ]
-    if not single or not specs:
-        return None
-    by_name = {each.name: each for each in specs}
-    search = next((each for each in single if each.name == CALIBRATION), example_search(single))
-    return by_name.get("greedy-posterior", specs[0]), search
 
 
 def _expected_duration(task: EvaluationTask | BoundTask) -> tuple[bool, bool, int, int]:

@@ -349,7 +349,10 @@ class Evaluation:
         ):
             value, low, high = estimate or ("", "", "")
             row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-        row["bound"] = "" if self.bound is None else self.bound.by_limit
+        bound = self.bound
+        row["bound"] = "" if bound is None else bound.by_limit
+        row["bound_gap"] = "" if bound is None else bound.gap
+        row["bound_confidence"] = "" if bound is None else bound.confidence
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
         row["calibration_error"] = self.reliability.expected_error if self.coverage is None else ""
         return row

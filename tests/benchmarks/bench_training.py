@@ -4,7 +4,8 @@
     python tests/benchmarks/bench_training.py
 
 All cases share the grid, the observations (crops), the network and the settings of PPO. They
-take turns within one process; rates are environment steps per second, updates included:
+take turns within one process; rates are environment steps per second, updates included. On a busy
+machine, measure CPU time with one thread: OMP_NUM_THREADS=1 and --cpu-time.
 
 - SB3: Stable-Baselines3's PPO on a single environment, through SuperSuit;
 - SB3, batched: the same on a batch, through `SB3VecEnv`;
@@ -17,14 +18,15 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import supersuit
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from timing import Run, Spread, take_turns
-from torch import nn
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.adapters.sb3 import SB3VecEnv
@@ -35,7 +37,6 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import train_own_loop as example
 
 GRID_SIZE = 20
-HIDDEN = example.HIDDEN  # units in each of the two hidden layers
 NUM_STEPS = example.NUM_STEPS  # of each environment between updates
 UPDATE_EPOCHS = example.UPDATE_EPOCHS
 MINIBATCH_SIZE = example.MINIBATCH_SIZE
@@ -49,27 +50,33 @@ SEARCH: dict[str, Any] = {
 }
 
 
+class Network(BaseFeaturesExtractor):
+    """The example's network, whose features SB3's actor and critic share."""
+
+    def __init__(self, observation_space: Any) -> None:
+        super().__init__(observation_space, example.HIDDEN)
+        self.network = example.Agent().network[:-1]  # without its last layer
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        features: torch.Tensor = self.network(observations)
+        return features
+
+
 def network_only(num_swarms: int, n_drones: int) -> Run:
     """The network's share of the above, on random data."""
-    length = DroneVectorEnv(1, observation="crops").single_observation_space.shape[0]
-    actor, critic = (
-        nn.Sequential(
-            *(nn.Linear(length, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU()),
-            nn.Linear(HIDDEN, outputs),
-        )
-        for outputs in (len(Action), 1)
-    )
-    optimizer = torch.optim.Adam([*actor.parameters(), *critic.parameters()], fused=True)
-    obs = torch.rand(NUM_STEPS * num_swarms * n_drones, length)
+    agent = example.Agent()
+    optimizer = torch.optim.Adam(agent.parameters(), fused=True)
+    obs = torch.rand(NUM_STEPS * num_swarms * n_drones, example.INPUTS)
+    masks = torch.ones(1, len(Action))
 
     def forward_and_update() -> None:
         with torch.no_grad():
             for part in obs.split(num_swarms * n_drones):
-                actor(part)
-                critic(part)
+                agent(part, masks)
         for _ in range(UPDATE_EPOCHS):
             for part in obs.split(MINIBATCH_SIZE):
-                loss = actor(part).log_softmax(dim=1).square().mean() + critic(part).square().mean()
+                logprobs, values = agent(part, masks)
+                loss = logprobs.square().mean() + values.square().mean()
                 optimizer.zero_grad()
                 loss.backward()
                 optimizer.step()
@@ -82,11 +89,12 @@ def own_loop(num_swarms: int, n_drones: int) -> Run:
     example.GRID_SIZE, example.DRONES, example.SWARMS = GRID_SIZE, n_drones, num_swarms
     agent, envs = example.Agent(), example.make_envs()
     optimizer = torch.optim.Adam(agent.parameters(), fused=True)
+    data: dict[str, torch.Tensor] = {}
     observations, _ = envs.reset(seed=0)
 
     def collect_and_update() -> None:
         nonlocal observations
-        data, observations, _ = example.rollout(envs, agent, observations)
+        observations, _ = example.rollout(envs, agent, data, observations)
         example.update(agent, optimizer, data, 1.0)
 
     return repeated(collect_and_update, NUM_STEPS * num_swarms)
@@ -104,18 +112,17 @@ def repeated(function: Any, steps_per_call: int) -> Run:
 
 def sb3(env: Any, n_drones: int, transitions: int) -> Run:
     """PPO of Stable-Baselines3 with the shared network and settings."""
-    hidden = [HIDDEN, HIDDEN]
     model = PPO(
         "MlpPolicy",
         env,
-        learning_rate=1e-3,
+        learning_rate=example.LEARNING_RATE,
         n_steps=max(transitions // env.num_envs, 1),
         batch_size=min(MINIBATCH_SIZE, transitions),
         n_epochs=UPDATE_EPOCHS,
-        gamma=0.99,
-        gae_lambda=0.95,
-        ent_coef=0.003,
-        policy_kwargs={"net_arch": {"pi": hidden, "vf": hidden}, "activation_fn": nn.ReLU},
+        gamma=example.GAMMA,
+        gae_lambda=example.GAE_LAMBDA,
+        ent_coef=example.ENT_COEF,
+        policy_kwargs={"features_extractor_class": Network, "net_arch": []},
         device="cpu",
     )
 
@@ -162,6 +169,7 @@ def measure(n_drones: int, options: argparse.Namespace) -> None:
         rounds=options.rounds,
         seconds=options.seconds,
         warm_up=MINIBATCH_SIZE // n_drones,
+        clock=time.process_time if options.cpu_time else time.perf_counter,
     )
     print(f"{n_drones} drones; medians (quartiles)")
     for name, values in rates.items():
@@ -180,6 +188,7 @@ def main() -> None:
     )
     parser.add_argument("--rounds", type=int, default=7, help="turns per case (7)")
     parser.add_argument("--seconds", type=float, default=4.0, help="per turn (4)")
+    parser.add_argument("--cpu-time", action="store_true", help="steps per second of CPU time")
     parser.add_argument("--num-swarms", type=int, default=512, help="searches in a batch (512)")
     parser.add_argument("--n-drones", type=int, nargs="+", default=[1, 2, 4], help="1 2 4")
     options = parser.parse_args()

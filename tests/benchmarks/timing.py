@@ -28,7 +28,12 @@ class Spread(NamedTuple):
 
 
 def take_turns(
-    runs: Mapping[Key, Run], *, rounds: int, seconds: float, warm_up: int
+    runs: Mapping[Key, Run],
+    *,
+    rounds: int,
+    seconds: float,
+    warm_up: int,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> dict[Key, list[float]]:
     """Measure the environment steps per second of every case in every round.
 
@@ -37,20 +42,21 @@ def take_turns(
         rounds: turns per case; every second round runs in reverse order.
         seconds: approximate length of a turn.
         warm_up: steps before timing starts, so that batched episodes no longer end together.
+        clock: in seconds. `time.process_time` suits a busy machine, but counts all threads.
     """
     counts: dict[Key, int] = {}
     for key, run in runs.items():
         run(1)  # one-time costs such as compilation
-        start = time.perf_counter()
+        start = clock()
         run(warm_up)
         # At least two: a single step of a batch may consist of resets only.
-        counts[key] = max(2, round(warm_up * seconds / (time.perf_counter() - start)))
+        counts[key] = max(2, round(warm_up * seconds / (clock() - start)))
     rates: dict[Key, list[float]] = {key: [] for key in runs}
     order = list(runs)
     for _ in range(rounds):
         for key in order:
-            start = time.perf_counter()
+            start = clock()
             steps = runs[key](counts[key])
-            rates[key].append(steps / (time.perf_counter() - start))
+            rates[key].append(steps / (clock() - start))
         order.reverse()
     return rates
