@@ -8,6 +8,7 @@ import re
 import runpy
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from itertools import compress
@@ -732,6 +733,15 @@ class TestManual:
             assert demo.main(["--text", "--policy", policy, *arguments]) == 0
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
             assert re.search(r"\d+", results[policy])[0] == steps
+
+    def test_quitting_stops_the_policies_of_the_game(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        perform(monkeypatch, keys("n", "n"))
+        before = set(threading.enumerate())
+        long = ["--timestep-limit", "100000", "--probability-of-detection", "0"]
+        assert demo.main(["--manual", "--hide-person", *long]) == 0
+        for thread in set(threading.enumerate()) - before:
+            thread.join(5.0)
+            assert not thread.is_alive()
 
     def test_the_result_is_compared_only_if_the_person_is_hidden(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
