@@ -354,6 +354,9 @@ def _play_in_window(
             parser.error(f"--manual needs a display, and no window can be opened ({reason})")
         print(f"no window can be opened ({reason}): showing text", file=sys.stderr)
         return False
+    if options.manual and window.is_hidden:
+        window.close()
+        parser.error("--manual needs a display, and SDL_VIDEODRIVER names one that shows nothing")
     with window, _Performances(search, options) as performances:
         player = Player(performances.begin, seed=options.seed, fps=options.fps)
         stopped = window.play(player)

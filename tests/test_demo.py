@@ -756,6 +756,10 @@ class TestManual:
         monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
         assert "--manual needs a display" in refusal(capsys, "--manual")
 
+    def test_with_a_hidden_window(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert "--manual needs a display" in refusal(capsys, "--manual")
+        assert not pygame.display.get_init()
+
 
 class TestNamedSearch:
     def test_a_search_of_the_suite(self, capsys: pytest.CaptureFixture[str]) -> None:
