@@ -384,6 +384,19 @@ class TestWriting:
         for seen, wanted in zip(shown, [0, 1, 2, 5, 6], strict=True):
             assert np.abs(seen.astype(int) - pictures[wanted]).max() <= 8
 
+    @pytest.mark.parametrize("fps", [7, 16.7, 26, 28, 33, 49])
+    def test_a_gif_is_as_fast_as_asked(self, tmp_path: Path, fps: float) -> None:
+        path = tmp_path / "video.gif"
+        pictures = [np.full((2, 2, 3), 200 * (number % 2), np.uint8) for number in range(100)]
+        write_video(path, pictures, fps=fps, hold=0)
+        total = 0
+        with Image.open(path) as video:
+            for number in range(video.n_frames):
+                video.seek(number)
+                total += video.info["duration"]
+                assert video.info["duration"] >= 20  # browsers slow shorter delays down
+        assert total == pytest.approx(100_000 / fps, abs=10)
+
     def test_a_picture_that_stays_too_long_for_a_gif_is_repeated(self, tmp_path: Path) -> None:
         path = tmp_path / "video.gif"
         same = np.full((20, 30, 3), 77, np.uint8)

@@ -841,6 +841,17 @@ class TestMotion:
         assert MAP_TOP + 3 * side - 3 <= rows.min() <= rows.max() <= MAP_TOP + 4 * side + 3
         assert LEFT + 3 * side - 3 <= columns.min() <= columns.max() <= LEFT + 5 * side + 3
 
+    def test_drones_that_change_places_do_not_collide_halfway(self) -> None:
+        before, after = (
+            make_frame(5, drones=drones, persons=())
+            for drones in (((1, 2), (2, 2)), ((2, 2), (1, 2)))
+        )
+        painter = Painter(5)
+        halfway, nearly = (
+            painter.pixels(after, previous=before, progress=at) for at in (0.5, 0.5001)
+        )
+        assert (halfway == nearly).all()
+
     def test_a_video_has_as_many_pictures_per_step_as_asked(self) -> None:
         frames = [make_frame(drones=((x, 0),)) for x in range(3)]
         pictures = [*Painter(7).video(frames, 4)]
@@ -869,6 +880,12 @@ class TestLargeGrids:
             with_drone = replace(frame, drones=(cell,), persons=(), found_by=())
             other = replace(with_drone, searching=(True,))
             assert map_of(draw(with_drone) != draw(other), 100).any()
+
+    @pytest.mark.parametrize("person", [(99, 99), (53, 86), (70, 70)])
+    def test_nothing_depends_on_a_hidden_person(self, person: tuple[int, int]) -> None:
+        frame = replace(self.frame(), hide_persons=True)
+        hidden, elsewhere = (draw(replace(frame, persons=(at,))) for at in ((50, 50), person))
+        assert (hidden == elsewhere).all()
 
     def test_a_wide_search_is_shown_whole(self) -> None:
         matrix = np.full((100, 100), 1e-4)

@@ -198,7 +198,7 @@ class SearchMap:
         rows, columns = np.logical_or.reduce(
             [each >= PART_FROM * each.max() for each in maps]
         ).nonzero()
-        persons = () if frame.hide_persons else frame.persons
+        persons = (frame.persons[person] for person in _shown_persons(frame))
         cells = [*frame.drones, *persons, *((x, y) for x, y, _ in frame.searched)]
         across = [*(x for x, _ in cells), int(columns.min()), int(columns.max())]
         down = [*(y for _, y in cells), int(rows.min()), int(rows.max())]
@@ -239,13 +239,13 @@ class _Drawing:
         self._draw_cells(frame.matrix)
         if of._render_grid:
             self._draw_lines()
-        end = frame if towards is None else towards
+        end = frame if towards is None or progress == 0.0 else towards
         drones = _on_the_way(frame.drones, end.drones, progress)
         persons = _on_the_way(frame.persons, end.persons, progress)
         self._draw_trails(frame, drones)
         self._draw_searched(frame)
         canvas.set_clip((LEFT - 2, TOP - 2, of.side + 4, of.side + 4))
-        self._draw_symbols(frame, drones, persons, end.searching)
+        self._draw_symbols(frame, drones, persons, end)
         if self._part.cells < of._grid_size:
             self._draw_overview(frame)
         canvas.set_clip(None)
@@ -326,7 +326,8 @@ class _Drawing:
             for y in (far, OVERVIEW_INSET)
             for x in (OVERVIEW_INSET, far)
         ]
-        middles = [self._centre(x, y) for x, y in (*frame.drones, *frame.persons)]
+        cells = [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
+        middles = [self._centre(x, y) for x, y in cells]
 
         def hidden(corner: pygame.Rect) -> int:
             room = corner.inflate(of.symbol, of.symbol)
@@ -387,22 +388,19 @@ class _Drawing:
         frame: Frame,
         drones_at: list[Point],
         persons_at: list[Point],
-        searching: tuple[bool, ...],
+        end: Frame,
     ) -> None:
-        """Drones and persons; those at one place share its room."""
-        shown = [
-            person
-            for person, drone in enumerate(frame.found_by)
-            if drone is not None or not frame.hide_persons
-        ]
-        cells: dict[Point, tuple[list[int], list[int]]] = {}
-        for number, at in enumerate(drones_at):
-            cells.setdefault(at, ([], []))[0].append(number)
-        for number in shown:
-            cells.setdefault(persons_at[number], ([], []))[1].append(number)
+        """Drones and persons; those at one place share its room, unless they only pass there."""
+        searching = end.searching
+        cells: dict[tuple[Point, Point], tuple[list[int], list[int]]] = {}
+        for number, way in enumerate(zip(drones_at, end.drones, strict=True)):
+            cells.setdefault(way, ([], []))[0].append(number)
+        for number in _shown_persons(frame):
+            way = persons_at[number], end.persons[number]
+            cells.setdefault(way, ([], []))[1].append(number)
         marks: list[Sprite] = []
         symbols: list[Sprite] = []
-        for cell, (drones, persons) in cells.items():
+        for (cell, _), (drones, persons) in cells.items():
             places, room = self._places(cell, len(drones) + len(persons))
             if len(drones) > 1:
                 marks.append(_collision(places[: len(drones)], room))
@@ -478,6 +476,15 @@ def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
     for image, (x, y) in drawn:
         width, height = image.get_size()
         canvas.blit(image, (round(x - width / 2), round(y - height / 2)))
+
+
+def _shown_persons(frame: Frame) -> list[int]:
+    """The numbers of the persons whom a map may show."""
+    return [
+        person
+        for person, drone in enumerate(frame.found_by)
+        if drone is not None or not frame.hide_persons
+    ]
 
 
 def _on_the_way(

@@ -46,8 +46,8 @@ GIF_SAMPLES = 8
 UNCHANGED = 255
 """The colour index of pixels that are the same as in the previous picture."""
 
-GIF_LONGEST = 655_350
-"""The longest duration of a frame of a GIF, in milliseconds."""
+GIF_TICK, GIF_LONGEST = 10, 655_350
+"""The unit and the longest duration of a frame of a GIF, in milliseconds."""
 
 Picture = NDArray[np.uint8]
 
@@ -229,16 +229,16 @@ def _write_gif_frames(
         fps: images per second.
         hold: additional seconds for the last one.
     """
-    duration, images = min(round(1000 / fps), GIF_LONGEST), iter(images)
+    images = iter(images)
     first = next(images)
     width, height = first.size
     file.write(b"GIF89a" + struct.pack("<HHBBB", width, height, 0xF7, 0, 0))  # 256 colours
     file.write(bytes(first.getpalette() or ()))
     file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00")  # repeat forever
     previous = changes = np.asarray(first)
-    left, top, stays = 0, 0, duration
-    for image in images:
-        now = np.asarray(image)
+    left, top, stays = 0, 0, _gif_duration(0, fps)
+    for number, image in enumerate(images, 1):
+        now, duration = np.asarray(image), _gif_duration(number, fps)
         changed = now != previous
         if not changed.any() and stays + duration + 1000 * hold <= GIF_LONGEST:
             stays += duration
@@ -253,6 +253,12 @@ def _write_gif_frames(
     stays = min(stays + round(1000 * hold), GIF_LONGEST)
     file.writelines(_gif_frame(changes, left, top, stays))
     file.write(b";")
+
+
+def _gif_duration(number: int, fps: float) -> int:
+    """The milliseconds for which a picture stays, rounded so that the errors do not add up."""
+    start, end = (round(1000 / fps * each / GIF_TICK) for each in (number, number + 1))
+    return min(GIF_TICK * (end - start), GIF_LONGEST)
 
 
 def _gif_frame(indices: NDArray[np.uint8], left: int, top: int, stays: int) -> list[bytes]:
