@@ -3,7 +3,7 @@
     python basic_env.py                         watch a search in a window or in the terminal
     python basic_env.py gale                    watch a search of the suite
     python basic_env.py --manual --hide-person  fly drone 0 against the policies
-    python basic_env.py --record search.gif     record a film
+    python basic_env.py --record search.gif     record a video
     python basic_env.py --help                  all options
 
 The search itself is a few lines; `DroneSwarmSearch/demo.py` adds the window and the keys:

@@ -25,7 +25,7 @@ COMMANDS = {
     "evaluate": "evaluate a policy on searches of the suite",
     "leaderboard": "compare all policies on the suite: tables, plots, files",
     "bound": "compute upper bounds on the success of any policy",
-    "record": "film a search: the prior and the posterior",
+    "record": "record a video of a search: the prior and the posterior",
     "export": "write episodes of a search as JSON, to play them in a browser",
 }
 
@@ -95,7 +95,7 @@ examples:
 """
 
 RECORD = """\
-Film one search of the suite: the prior on the left, the posterior on the right, with the same
+Record a video of one search: the prior on the left, the posterior on the right, with the same
 drones and persons.
 """
 
@@ -104,7 +104,7 @@ examples:
   python -m DroneSwarmSearch record classic --policy greedy-posterior --out classic.gif
   python -m DroneSwarmSearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
 
-The film shows the episode that `evaluate` plays with the same seed. The left half shows the
+The video shows the episode that `evaluate` plays with the same seed. The left half shows the
 prior, which only follows the drift; the right half shows the exact posterior given the searches
 made. Colours range from 0 to the likeliest cell of each half.
 """
@@ -252,7 +252,7 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)"
     )
-    parser.add_argument("--out", metavar="FILE", required=True, help="the film, .gif or .mp4")
+    parser.add_argument("--out", metavar="FILE", required=True, help="the video, .gif or .mp4")
     parser.add_argument(
         "--fps", type=float, default=6.0, help="steps shown per second (default: 6)"
     )

@@ -25,7 +25,6 @@ from DroneSwarmSearch.evaluation.tables import print_table
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering import terminal
-from DroneSwarmSearch.rendering.film import SUFFIXES, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
@@ -36,6 +35,7 @@ from DroneSwarmSearch.rendering.player import (
     Score,
     score_row,
 )
+from DroneSwarmSearch.rendering.video import SUFFIXES, write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, neighbours
 from DroneSwarmSearch.scenario import Cell
 
@@ -49,8 +49,8 @@ TITLE = "Drone swarm search"
 TEXT_WIDTH = 100
 """Characters in a line of sentences."""
 
-HOLD_FILM = 2.0
-"""Seconds for which the last picture of a film stays."""
+HOLD_VIDEO = 2.0
+"""Seconds for which the last picture of a video stays."""
 
 FPS_LEAST, FPS_MOST = 0.1, 50.0
 """A GIF cannot show more frames per second."""
@@ -105,7 +105,7 @@ class _Episode:
         hide_persons: whether missing persons are hidden in pictures until the end.
 
     Attributes:
-        frame: the present one.
+        frame: the current one.
         seconds: the time that the environment's steps have taken.
 
     Raises:
@@ -151,7 +151,7 @@ class _Episode:
         return self.frame
 
     def frames(self) -> Iterator[Frame]:
-        """The present frame, and those of all steps to the end."""
+        """The current frame, and those of all steps to the end."""
         yield self.frame
         while self.frame.ending is None:
             yield self.step()
@@ -322,7 +322,7 @@ def _record(
     print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
     try:
         pictures = map(_painter(size, options).pixels, frames)
-        write_film(path, pictures, fps=options.fps, hold=HOLD_FILM)
+        write_video(path, pictures, fps=options.fps, hold=HOLD_VIDEO)
     except ImportError as error:
         parser.error(str(error))
     except OSError as error:

@@ -127,7 +127,7 @@ class Drones:
         )
 
     def trails(self) -> list[list[int]]:
-        """For each drone, its last cells, oldest first, the present one last."""
+        """For each drone, its last cells, oldest first, the current one last."""
         recent = [cells for cells, _ in self.history][-TRAIL_STEPS - 1 :]
         return [*map(list, zip(*recent, strict=True))]
 

@@ -343,7 +343,7 @@ class DroneSwarmSearch(SearchSpaces):
     # The rest of PettingZoo's API.
 
     def render(self) -> Any:
-        """Render the present state as `render_mode` says.
+        """Render the current state as `render_mode` says.
 
         Returns:
             "ansi": text. "rgb_array": uint8, shape (H, W, 3). "human": None; the window
@@ -359,7 +359,7 @@ class DroneSwarmSearch(SearchSpaces):
         return self._display.render(self.frame(), self.render_mode)
 
     def _repr_png_(self) -> bytes | None:
-        """The present state as a picture for notebooks; None before the first `reset`."""
+        """The current state as a picture for notebooks; None before the first `reset`."""
         try:
             return self._display.png(self.frame())
         except ResetNeeded:
@@ -391,14 +391,14 @@ class DroneSwarmSearch(SearchSpaces):
 
     @property
     def scenario(self) -> Scenario:
-        """The parameters of the present episode, including those given to `reset`.
+        """The parameters of the current episode, including those given to `reset`.
 
         Before the first `reset`, the parameters of the constructor.
         """
         return self._scenario if self._search is None else self._search
 
     def frame(self) -> Frame:
-        """The present state as data for pictures, including the persons.
+        """The current state as data for pictures, including the persons.
 
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.

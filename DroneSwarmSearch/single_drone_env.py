@@ -161,7 +161,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         return masks[self._drone].astype(np.bool_)
 
     def render(self) -> Any:
-        """Render the present state as `render_mode` says, see `DroneSwarmSearch.render`."""
+        """Render the current state as `render_mode` says, see `DroneSwarmSearch.render`."""
         return self.search.render()
 
     def close(self) -> None:

@@ -163,13 +163,13 @@ class WorldState:
                 self._paths[person] = [cell]
 
     def person_cell(self, person: int) -> int:
-        """A person's present cell, y * N + x."""
+        """A person's current cell, y * N + x."""
         if self.step >= self._paths_first + len(self._paths[0]):
             self._walk()
         return self._paths[person][self.step - self._paths_first]
 
     def _walk(self) -> None:
-        """Let all persons walk to the present step, and some steps ahead within the block."""
+        """Let all persons walk to the current step, and some steps ahead within the block."""
         n = len(self._forecasts)
         known = self._paths_first + len(self._paths[0]) - 1
         ahead = known + max(_STEPS_AHEAD, known)
@@ -238,18 +238,18 @@ class WorldState:
     # The matrix.
 
     def matrix(self) -> Matrix:
-        """The matrix of the present step: float32, shape (N, N), indexed [y, x]; a new array."""
+        """The matrix of the current step: float32, shape (N, N), indexed [y, x]; a new array."""
         if self._shown_posteriors is not None:
             return self._shown_posteriors.matrix(self.missing)
         matrix: Matrix = self._loaded[self.step - self._loaded_first]
         return matrix.copy()
 
     def prior(self) -> Matrix | None:
-        """The forecast of the present step, where `matrix` is the posterior; a new array."""
+        """The forecast of the current step, where `matrix` is the posterior; a new array."""
         return None if self._shown_posteriors is None else self._mean_forecast()
 
     def loaded_matrices(self) -> tuple[Sequence[Matrix], int]:
-        """Matrices of some steps, and the index of the present step's among them.
+        """Matrices of some steps, and the index of the current step's among them.
 
         Returns:
             Float32 arrays of shape (N, N), for reading only, and the index. The same object
@@ -263,7 +263,7 @@ class WorldState:
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
         """What each search pays for, by drone, before `search`.
 
-        What the matrix of the present step holds for the searched cell; or, with
+        What the matrix of the current step holds for the searched cell; or, with
         `RewardScheme.expected_finds`, the probability of success that the search adds.
 
         Args:

@@ -1,6 +1,6 @@
 """Make the pictures of the README and the documentation in `docs/images`.
 
-    python docs/make_pictures.py [logo | film | gallery ...]
+    python docs/make_pictures.py [logo | video | gallery ...]
 
 The same versions of the code, pygame and Pillow give the same bytes.
 """
@@ -21,10 +21,10 @@ from DroneSwarmSearch.evaluation import NamedSearch, record, search
 from DroneSwarmSearch.evaluation.recording import frames
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering import palette, sprites
-from DroneSwarmSearch.rendering.film import write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import to_array
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
+from DroneSwarmSearch.rendering.video import write_video
 
 IMAGES = Path(__file__).parent / "images"
 
@@ -34,10 +34,10 @@ SEARCH = "gale"
 SHOWN = [policy for policy in POLICIES if policy != "random"]
 
 WIDTH, FPS, STRIDE = 270, 8.0, 4
-"""Width of a film in pixels, pictures per second, and steps from one picture to the next."""
+"""Width of a video in pixels, pictures per second, and steps from one picture to the next."""
 
 CROP = slice(7, 37), slice(5, 35)
-"""The rows and columns that the films show, which hold all of the action."""
+"""The rows and columns that the videos show, which hold all of the action."""
 
 LEVELS = 10
 """Shades of the map; with fewer, fewer cells change from picture to picture."""
@@ -53,22 +53,22 @@ def logo() -> None:
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / "logo.png", optimize=True)
 
 
-def film() -> None:
-    """Record the film of the first page."""
+def video() -> None:
+    """Record the video on the first page."""
     record("greedy-posterior", "man-overboard", IMAGES / "search.gif", seed=9)
 
 
 def gallery() -> None:
-    """Film the same search with each policy, without finding anybody."""
+    """Record the same search with each policy, without finding anybody."""
     where = search(SEARCH)
     where = replace(where, scenario=where.scenario.replace(mission="coverage"))
     for policy in SHOWN:
         path = IMAGES / f"gallery-{policy}.gif"
-        write_film(path, tiles(policy, where), fps=FPS, hold=3.0, gif_width=WIDTH)
+        write_video(path, tiles(policy, where), fps=FPS, hold=3.0, gif_width=WIDTH)
 
 
 def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
-    """The pictures of a film of the gallery."""
+    """The pictures of a video of the gallery."""
     rows = CROP[0]
     drawing = SearchMap(rows.stop - rows.start, palette="sea", side=WIDTH)
     for _, frame in frames(policy, where):
@@ -99,7 +99,7 @@ def cropped(frame: Frame) -> Frame:
     )
 
 
-PICTURES = {"logo": logo, "film": film, "gallery": gallery}
+PICTURES = {"logo": logo, "video": video, "gallery": gallery}
 
 
 def main() -> None:

@@ -190,7 +190,7 @@ def play(env: DroneSwarmSearch, policy_seed: int = 0, **reset: Any) -> list[Any]
 
 
 def observed(env: DroneSwarmSearch) -> dict[str, Any]:
-    """The drones' present observations."""
+    """The drones' current observations."""
     frame = env.frame()
     return {
         name: {"observation": (cell, frame.matrix)}

@@ -163,7 +163,7 @@ def forecast_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
 def targets_of(
     of: NamedSearch, tracker: BeliefTracker | None = None, worth: np.ndarray | None = None
 ) -> list[Target]:
-    """The missing persons, from the present step to the last one; a find is worth 1 by default."""
+    """The missing persons, from the current step to the last one; a find is worth 1 by default."""
     tracker = tracker or BeliefTracker(of.scenario)
     return [
         Target(
@@ -195,8 +195,8 @@ def fly(
     """Return the paths of a policy's drones without a find; checks that every step is legal.
 
     Args:
-        policy: as it is in the present step.
-        tracker: of the present step; updated.
+        policy: as it is in the current step.
+        tracker: of the current step; updated.
         cells: every drone's.
         steps: how many.
     """

@@ -1,4 +1,4 @@
-"""The demo: in the terminal, in a window, with manual control, and as a film."""
+"""The demo: in the terminal, in a window, with manual control, and as a video."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from DroneSwarmSearch import DroneSwarmSearch, Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.rendering.film import SUFFIXES
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.player import Player
 from DroneSwarmSearch.rendering.terminal import fitted
 from DroneSwarmSearch.rendering.text import render_text
+from DroneSwarmSearch.rendering.video import SUFFIXES
 from DroneSwarmSearch.rules import Ending
 
 pygame = pytest.importorskip("pygame")
@@ -307,7 +307,7 @@ class TestOptions:
             ("--palette", ["ocean"], "invalid choice: 'ocean'"),
             ("--policy", ["none.npz"], "there is no file 'none.npz'"),
             ("--policy", ["best"], "must be one of random, parallel-sweep"),
-            ("--record", ["film.avi"], "must end in .gif or .mp4, got 'film.avi'"),
+            ("--record", ["video.avi"], "must end in .gif or .mp4, got 'video.avi'"),
         ],
     )
     def test_bad_values(
@@ -358,7 +358,7 @@ class TestOptions:
         line = refusal(capsys, "--text", "--object-class", "PIW-1")
         assert line.endswith("error: argument --object-class: needs --wind FROM KNOTS")
 
-    @pytest.mark.parametrize("other", [["--text"], ["--record", "film.gif"]])
+    @pytest.mark.parametrize("other", [["--text"], ["--record", "video.gif"]])
     def test_manual_needs_the_window(
         self, capsys: pytest.CaptureFixture[str], other: list[str]
     ) -> None:
@@ -832,13 +832,13 @@ class TestNote:
         assert self.note(capsys, tmp_path, grid_size=7, drones_positions=[[1, 0]]) == ""
 
 
-class TestFilm:
+class TestVideo:
     def test_gif(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         image = pytest.importorskip("PIL.Image")
-        film = tmp_path / "search.gif"
-        assert demo.main(["--record", str(film), "--fps", "10", *SHORT]) == 0
+        video = tmp_path / "search.gif"
+        assert demo.main(["--record", str(video), "--fps", "10", *SHORT]) == 0
         assert "search.gif" in capsys.readouterr().err
-        with image.open(film) as gif:
+        with image.open(video) as gif:
             assert gif.n_frames == 9
             assert gif.width == 600
             assert gif.info["loop"] == 0
@@ -847,27 +847,27 @@ class TestFilm:
                 gif.seek(step)
                 durations.append(gif.info["duration"])
             assert durations == [100] * 8 + [2100]
-        assert film.stat().st_size < 150_000
+        assert video.stat().st_size < 150_000
 
     def test_an_incident(self, tmp_path: Path) -> None:
         image = pytest.importorskip("PIL.Image")
-        film = tmp_path / "incident.gif"
-        assert demo.main(["--record", str(film), *INCIDENT, "--seed", "1"]) == 0
-        with image.open(film) as gif:
+        video = tmp_path / "incident.gif"
+        assert demo.main(["--record", str(video), *INCIDENT, "--seed", "1"]) == 0
+        with image.open(video) as gif:
             assert gif.n_frames == 13
 
     def test_mp4(self, tmp_path: Path) -> None:
         imageio = pytest.importorskip("imageio.v2")
         pytest.importorskip("imageio_ffmpeg")
-        film = tmp_path / "search.mp4"
-        assert demo.main(["--record", str(film), "--fps", "10", *SHORT]) == 0
-        with imageio.get_reader(film) as reader:
+        video = tmp_path / "search.mp4"
+        assert demo.main(["--record", str(video), "--fps", "10", *SHORT]) == 0
+        with imageio.get_reader(video) as reader:
             assert reader.count_frames() == 9 + 20
             assert reader.get_meta_data()["fps"] == 10
             first, last = reader.get_data(0), reader.get_data(28)
         assert first.shape[1::-1] == Painter(9).size
         changed = np.abs(last.astype(int) - first).max(axis=2) > 40
-        assert changed.mean() > 0.05, "the film ends with the outcome"
+        assert changed.mean() > 0.05, "the video ends with the outcome"
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_without_the_extra(
@@ -879,7 +879,7 @@ class TestFilm:
     ) -> None:
         for name in ("PIL", "imageio", "imageio.v2", "imageio_ffmpeg"):
             monkeypatch.setitem(sys.modules, name, None)
-        line = refusal(capsys, "--record", str(tmp_path / f"film{suffix}"), *SHORT)
+        line = refusal(capsys, "--record", str(tmp_path / f"video{suffix}"), *SHORT)
         assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
         assert list(tmp_path.iterdir()) == []
 
@@ -888,12 +888,12 @@ class TestFilm:
     ) -> None:
         pytest.importorskip("imageio_ffmpeg")
         monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "missing"))
-        line = refusal(capsys, "--record", str(tmp_path / "film.mp4"), *SHORT)
-        assert "error: an MP4 film needs the program ffmpeg" in line
+        line = refusal(capsys, "--record", str(tmp_path / "video.mp4"), *SHORT)
+        assert "error: an MP4 video needs the program ffmpeg" in line
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
-    def test_an_interrupted_recording_keeps_the_previous_film(
+    def test_an_interrupted_recording_keeps_the_previous_video(
         self,
         suffix: str,
         tmp_path: Path,
@@ -902,8 +902,8 @@ class TestFilm:
     ) -> None:
         if suffix == ".mp4":
             pytest.importorskip("imageio_ffmpeg")
-        film = tmp_path / f"film{suffix}"
-        film.write_bytes(b"before")
+        video = tmp_path / f"video{suffix}"
+        video.write_bytes(b"before")
         step = DroneSwarmSearch.step
 
         def interrupted(env: DroneSwarmSearch, actions: Any) -> Any:
@@ -912,15 +912,15 @@ class TestFilm:
             return step(env, actions)
 
         monkeypatch.setattr(DroneSwarmSearch, "step", interrupted)
-        assert demo.main(["--record", str(film), *SHORT]) == 130
+        assert demo.main(["--record", str(video), *SHORT]) == 130
         assert capsys.readouterr().err.endswith("\ninterrupted\n")
-        assert film.read_bytes() == b"before"
-        assert list(tmp_path.iterdir()) == [film]
+        assert video.read_bytes() == b"before"
+        assert list(tmp_path.iterdir()) == [video]
 
     def test_a_path_that_cannot_be_written(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         (tmp_path / "file").touch()
-        target = tmp_path / "file" / "film.gif"
+        target = tmp_path / "file" / "video.gif"
         line = refusal(capsys, "--record", str(target), *SHORT)
         assert f"error: cannot write {target}: " in line

@@ -260,7 +260,7 @@ def commands() -> list[Command]:
 def command_params(slow: bool) -> list[object]:
     """Slow or quick commands as test parameters, each once.
 
-    Commands that start Ray and those that record MP4 films are marked as slow.
+    Commands that start Ray and those that record MP4 videos are marked as slow.
     """
     unique = {shlex.join(each.arguments): each for each in commands() if each.is_slow == slow}
     return [

@@ -312,7 +312,7 @@ def test_success_and_statistics_are_reported() -> None:
         ({"action_mask": True}, TypeError, "action_mask must be one of None, 'observation', 'inf"),
         ({"separate_flags": 1}, TypeError, "separate_flags must be True or False, got 1"),
         ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
-        ({"render_mode": "film"}, ValueError, "render_mode must be one of"),
+        ({"render_mode": "video"}, ValueError, "render_mode must be one of"),
         ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
         (
             {"speed": 1},

@@ -90,7 +90,7 @@ STEPS = {
 
 
 def future(env: DroneSwarmSearch) -> list[Any]:
-    """The present state and the episode that follows from it."""
+    """The current state and the episode that follows from it."""
     now = [plain(env.state()), plain(env.frame().persons), env.agents, env.frame().ending]
     return [*now, play_on(env, observed(env), random.Random(5))]
 

@@ -1,4 +1,4 @@
-"""The tutorial as a notebook, and what notebooks show of environments and films."""
+"""The tutorial as a notebook, and what notebooks show of environments and videos."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def test_the_cells_run_in_order(
         if cell["cell_type"] == "code":
             with contextlib.redirect_stdout(io.StringIO()):
                 shown.append(run_cell("".join(cell["source"]), names))
-    env, film = (value for value in shown if value is not None)
+    env, video = (value for value in shown if value is not None)
     assert isinstance(env, DroneSwarmSearch)
-    assert film.path.read_bytes().startswith(b"GIF89a")
+    assert video.path.read_bytes().startswith(b"GIF89a")
 
 
 def test_the_notebook_has_no_links_to_other_places_without_an_address(

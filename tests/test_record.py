@@ -1,4 +1,4 @@
-"""Films of one episode, complete or not written."""
+"""Videos of one episode, complete or not written."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from DroneSwarmSearch import Person, RewardScheme
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
-from DroneSwarmSearch.evaluation import Film, NamedSearch, evaluate, record, recording
+from DroneSwarmSearch.evaluation import NamedSearch, Video, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.rendering.film import SUFFIXES, pictures_per_step, write_film
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.palette import NOT_FOUND
+from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step, write_video
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 
@@ -187,43 +187,43 @@ class TestPicture:
         assert outcome_in_brief(replace(frame(6), ending=ending, step=step)) == words
 
 
-class TestFilm:
+class TestVideo:
     def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
-        path = tmp_path / "film.gif"
+        path = tmp_path / "video.gif"
         made = record(all_do(Action.IDLE), small(), path, name="lazy")
         assert made.path == path
         assert (made.last.step, made.last.ending) == (8, Ending.TIME_LIMIT)
-        with Image.open(path) as film:
+        with Image.open(path) as video:
             # Equal pictures are kept as one that stays longer.
-            assert 1 < film.n_frames <= 9 * pictures_per_step(recording.FPS)
-            assert film.width == recording.GIF_WIDTH
+            assert 1 < video.n_frames <= 9 * pictures_per_step(recording.FPS)
+            assert video.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
 
     def test_a_video_holds_the_last_picture(self, tmp_path: Path) -> None:
         pytest.importorskip("imageio_ffmpeg")
-        path = tmp_path / "film.mp4"
+        path = tmp_path / "video.mp4"
         record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
-        with imageio.get_reader(path) as film:
+        with imageio.get_reader(path) as video:
             rate = 2 * pictures_per_step(2.0)
             assert 20 <= rate <= 30
-            assert film.get_meta_data()["fps"] == rate
-            assert film.count_frames() == 1 + 3 * rate // 2 + round(rate * recording.HOLD)
-            assert film.get_data(0).shape == Painter(5, view="both").pixels(frame(5)).shape
+            assert video.get_meta_data()["fps"] == rate
+            assert video.count_frames() == 1 + 3 * rate // 2 + round(rate * recording.HOLD)
+            assert video.get_data(0).shape == Painter(5, view="both").pixels(frame(5)).shape
 
     @pytest.mark.parametrize(
         ("name", "tag", "kind"), [("a.GIF", "img", "image/gif"), ("a.mp4", "video", "video/mp4")]
     )
-    def test_a_notebook_shows_the_film(
+    def test_a_notebook_shows_the_video(
         self, name: str, tag: str, kind: str, tmp_path: Path
     ) -> None:
         path = tmp_path / name
-        path.write_bytes(b"the film")
-        html = Film(path, frame(5))._repr_html_()
+        path.write_bytes(b"the video")
+        html = Video(path, frame(5))._repr_html_()
         assert html.startswith(f"<{tag} ")
-        assert f'src="data:{kind};base64,{base64.b64encode(b"the film").decode()}"' in html
+        assert f'src="data:{kind};base64,{base64.b64encode(b"the video").decode()}"' in html
 
     def test_an_existing_file_is_kept_if_the_policy_fails(self, tmp_path: Path) -> None:
-        path = tmp_path / "film.gif"
+        path = tmp_path / "video.gif"
         path.write_bytes(b"before")
 
         def failing(observations: Mapping[str, Any]) -> dict[str, int]:
@@ -237,7 +237,7 @@ class TestFilm:
     @pytest.mark.parametrize(
         ("changed", "words"),
         [
-            ({"path": "film.avi"}, r"path must end in \.gif or \.mp4, got 'film\.avi'"),
+            ({"path": "video.avi"}, r"path must end in \.gif or \.mp4, got 'video\.avi'"),
             ({"fps": 0}, r"fps must be a finite number of at least 0\.1 and at most 50\.0, got 0"),
             ({"seed": -1}, r"seed must be an integer of at least 0, got -1"),
         ],
@@ -245,9 +245,9 @@ class TestFilm:
     def test_bad_input_is_refused(
         self, changed: dict[str, Any], words: str, tmp_path: Path
     ) -> None:
-        arguments = {"path": "film.gif", **changed}
+        arguments = {"path": "video.gif", **changed}
         path = tmp_path / arguments.pop("path")
-        with pytest.raises(ValueError, match=words.replace("'film", ".*film")):
+        with pytest.raises(ValueError, match=words.replace("'video", ".*video")):
             record("random", small(), path, **arguments)
         assert not list(tmp_path.iterdir())
 
@@ -257,7 +257,7 @@ class StoppedError(BaseException):
 
 
 class TestWriting:
-    """`write_film`, on which the commands rest."""
+    """`write_video`, on which the commands rest."""
 
     @staticmethod
     def pictures(count: int, height: int = 60, width: int = 80) -> Iterator[NDArray[np.uint8]]:
@@ -271,10 +271,10 @@ class TestWriting:
 
     @pytest.fixture(params=SUFFIXES)
     def path(self, request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-        """Where a film is already."""
+        """Where a video is already."""
         if request.param == ".mp4":
             pytest.importorskip("imageio_ffmpeg")
-        path = tmp_path / f"film{request.param}"
+        path = tmp_path / f"video{request.param}"
         path.write_bytes(b"before")
         return path
 
@@ -286,7 +286,7 @@ class TestWriting:
             pytest.importorskip("imageio_ffmpeg")
         monkeypatch.chdir(tmp_path)
         path = Path(f"a:b -y%d{suffix}")
-        assert write_film(path, self.pictures(3), fps=5, hold=0) == 3
+        assert write_video(path, self.pictures(3), fps=5, hold=0) == 3
         assert path.stat().st_size > 100 and len(list(tmp_path.iterdir())) == 1
 
     @pytest.mark.parametrize(
@@ -298,7 +298,7 @@ class TestWriting:
             ({"hold": -9}, ValueError, "hold must be .* got -9"),
             ({"hold": "1"}, TypeError, "hold must be"),
             ({"gif_width": 0}, ValueError, "gif_width must be"),
-            ({"path": "film.gif"}, TypeError, "path must be"),
+            ({"path": "video.gif"}, TypeError, "path must be"),
         ],
     )
     def test_bad_arguments_are_refused_before_the_first_picture(
@@ -308,12 +308,12 @@ class TestWriting:
         pictures = (taken.append(1) or each for each in self.pictures(3))
         given: dict[str, Any] = {"path": path, "fps": 5, "hold": 1, **changes}
         with pytest.raises(error, match=message):
-            write_film(given.pop("path"), pictures, **given)
+            write_video(given.pop("path"), pictures, **given)
         assert not taken and path.read_bytes() == b"before"
 
     @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError, StoppedError])
     @pytest.mark.parametrize("place", [0, 1, 29])
-    def test_an_error_keeps_the_existing_film(
+    def test_an_error_keeps_the_existing_video(
         self, path: Path, error: type[BaseException], place: int
     ) -> None:
         def failing() -> Iterator[NDArray[np.uint8]]:
@@ -321,19 +321,19 @@ class TestWriting:
             raise error
 
         with pytest.raises(error):
-            write_film(path, failing(), fps=5, hold=1)
+            write_video(path, failing(), fps=5, hold=1)
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
 
     @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
     @pytest.mark.parametrize("room", [0, 1000, 20_000])
-    def test_a_full_disk_keeps_the_existing_film(self, path: Path, room: int) -> None:
+    def test_a_full_disk_keeps_the_existing_video(self, path: Path, room: int) -> None:
         resource = pytest.importorskip("resource")
         before = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
         try:
             with pytest.raises(OSError, match="files written before are kept") as caught:
-                write_film(path, self.pictures(30, 200, 300), fps=5, hold=1)
+                write_video(path, self.pictures(30, 200, 300), fps=5, hold=1)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
         assert str(path) in str(caught.value)
@@ -346,7 +346,7 @@ class TestWriting:
             "import resource, sys\n"
             "from pathlib import Path\n"
             "import numpy as np\n"
-            "from DroneSwarmSearch.rendering.film import write_film\n"
+            "from DroneSwarmSearch.rendering.video import write_video\n"
             "def pictures(count):\n"
             "    picture = np.random.default_rng(0).integers(0, 256, (300, 400, 3), np.uint8)\n"
             "    for row in range(count):\n"
@@ -354,7 +354,7 @@ class TestWriting:
             "        picture[row] = 255\n"
             "        yield picture\n"
             "def most(count):\n"
-            "    write_film(Path(sys.argv[1]), pictures(count), fps=5, hold=1)\n"
+            "    write_video(Path(sys.argv[1]), pictures(count), fps=5, hold=1)\n"
             "    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
             "few = most(10)\n"
             "print(most(50) - few)\n"
@@ -363,7 +363,7 @@ class TestWriting:
         assert int(python(code, path)) * unit < 6_000_000  # 40 pictures have 14 million bytes
 
     def test_a_gif_shows_every_picture_for_its_time(self, tmp_path: Path) -> None:
-        path = tmp_path / "film.gif"
+        path = tmp_path / "video.gif"
         ramp = np.zeros((40, 50, 3), np.uint8)
         pictures = [ramp]
         for box in [(0, 0, 5, 5), (39, 49, 40, 50), None, None, (0, 0, 40, 50), (3, 4, 20, 5)]:
@@ -372,50 +372,50 @@ class TestWriting:
                 top, left, bottom, right = box
                 picture[top:bottom, left:right] ^= 255
             pictures.append(picture)
-        assert write_film(path, iter(pictures), fps=4, hold=1.5) == 7
+        assert write_video(path, iter(pictures), fps=4, hold=1.5) == 7
         shown, durations = [], []
-        with Image.open(path) as film:
-            assert film.info["loop"] == 0
-            for number in range(film.n_frames):
-                film.seek(number)
-                shown.append(np.asarray(film.convert("RGB")))
-                durations.append(film.info["duration"])
+        with Image.open(path) as video:
+            assert video.info["loop"] == 0
+            for number in range(video.n_frames):
+                video.seek(number)
+                shown.append(np.asarray(video.convert("RGB")))
+                durations.append(video.info["duration"])
         assert durations == [250, 250, 750, 250, 1750]
         for seen, wanted in zip(shown, [0, 1, 2, 5, 6], strict=True):
             assert np.abs(seen.astype(int) - pictures[wanted]).max() <= 8
 
     @pytest.mark.parametrize("fps", [7, 16.7, 26, 28, 33, 49])
     def test_a_gif_is_as_fast_as_asked(self, tmp_path: Path, fps: float) -> None:
-        path = tmp_path / "film.gif"
+        path = tmp_path / "video.gif"
         pictures = [np.full((2, 2, 3), 200 * (number % 2), np.uint8) for number in range(100)]
-        write_film(path, pictures, fps=fps, hold=0)
+        write_video(path, pictures, fps=fps, hold=0)
         total = 0
-        with Image.open(path) as film:
-            for number in range(film.n_frames):
-                film.seek(number)
-                total += film.info["duration"]
-                assert film.info["duration"] >= 20  # browsers slow shorter delays down
+        with Image.open(path) as video:
+            for number in range(video.n_frames):
+                video.seek(number)
+                total += video.info["duration"]
+                assert video.info["duration"] >= 20  # browsers slow shorter delays down
         assert total == pytest.approx(100_000 / fps, abs=10)
 
     def test_a_picture_that_stays_too_long_for_a_gif_is_repeated(self, tmp_path: Path) -> None:
-        path = tmp_path / "film.gif"
+        path = tmp_path / "video.gif"
         same = np.full((20, 30, 3), 77, np.uint8)
-        assert write_film(path, [same] * 100, fps=0.1, hold=3) == 100
+        assert write_video(path, [same] * 100, fps=0.1, hold=3) == 100
         total = 0
-        with Image.open(path) as film:
-            for number in range(film.n_frames):
-                film.seek(number)
-                total += film.info["duration"]
-        assert film.n_frames == 2
+        with Image.open(path) as video:
+            for number in range(video.n_frames):
+                video.seek(number)
+                total += video.info["duration"]
+        assert video.n_frames == 2
         assert total == 1_003_000
 
     def test_a_video_of_odd_lengths(self, tmp_path: Path) -> None:
         pytest.importorskip("imageio_ffmpeg")
-        path = tmp_path / "film.mp4"
-        assert write_film(path, self.pictures(4, 61, 83), fps=4, hold=1) == 4
-        with imageio.get_reader(path) as film:
-            assert film.count_frames() == 8
-            assert film.get_data(0).shape == (62, 84, 3)
+        path = tmp_path / "video.mp4"
+        assert write_video(path, self.pictures(4, 61, 83), fps=4, hold=1) == 4
+        with imageio.get_reader(path) as video:
+            assert video.count_frames() == 8
+            assert video.get_data(0).shape == (62, 84, 3)
 
     @pytest.mark.parametrize(
         ("pictures", "words"),
@@ -433,17 +433,17 @@ class TestWriting:
         self, path: Path, pictures: list[NDArray[Any]], words: str
     ) -> None:
         with pytest.raises(ValueError, match=words):
-            write_film(path, pictures, fps=5, hold=1)
+            write_video(path, pictures, fps=5, hold=1)
         assert path.read_bytes() == b"before"
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_a_folder_in_the_way_is_named_before_the_first_picture(
         self, tmp_path: Path, suffix: str
     ) -> None:
-        path = tmp_path / f"film{suffix}"
+        path = tmp_path / f"video{suffix}"
         path.mkdir()
         with pytest.raises(IsADirectoryError):
-            write_film(path, untouchable(), fps=5, hold=1)
+            write_video(path, untouchable(), fps=5, hold=1)
 
     @pytest.mark.parametrize(("suffix", "missing"), [(".gif", "PIL"), (".mp4", "imageio_ffmpeg")])
     def test_a_missing_package_is_named_before_the_first_picture(
@@ -451,7 +451,7 @@ class TestWriting:
     ) -> None:
         monkeypatch.setitem(sys.modules, missing, None)
         with pytest.raises(ImportError, match=rf"needs the package {missing}: pip install .*video"):
-            write_film(tmp_path / f"film{suffix}", untouchable(), fps=5, hold=1)
+            write_video(tmp_path / f"video{suffix}", untouchable(), fps=5, hold=1)
         assert not list(tmp_path.iterdir())
 
     @pytest.mark.parametrize("program", ["nowhere", "folder", "text", ""])
@@ -466,7 +466,7 @@ class TestWriting:
             monkeypatch.setattr(ffmpeg._utils, "_get_ffmpeg_exe", lambda: None)
         before = sorted(tmp_path.iterdir())
         with pytest.raises(ImportError, match=r"needs the program ffmpeg.*imageio-ffmpeg"):
-            write_film(tmp_path / "film.mp4", untouchable(), fps=5, hold=1)
+            write_video(tmp_path / "video.mp4", untouchable(), fps=5, hold=1)
         assert sorted(tmp_path.iterdir()) == before
 
 
@@ -492,7 +492,7 @@ def python(code: str, *arguments: object) -> str:
 
 class TestCommand:
     @pytest.mark.parametrize("mission", ["rescue", "coverage"])
-    def test_it_films_uncertain_persons(
+    def test_it_records_uncertain_persons(
         self, mission: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         search = at_sea(mission=mission)
@@ -505,10 +505,10 @@ class TestCommand:
         captured = capsys.readouterr()
         assert captured.out == f"{path}: greedy-posterior searching storm, {outcome}\n"
         assert captured.err == ""
-        with Image.open(path) as film:
-            assert len(pairs) < film.n_frames <= len(pairs) * pictures_per_step(recording.FPS)
+        with Image.open(path) as video:
+            assert len(pairs) < video.n_frames <= len(pairs) * pictures_per_step(recording.FPS)
 
-    def test_it_writes_the_film_and_prints_the_outcome(
+    def test_it_writes_the_video_and_prints_the_outcome(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = tmp_path / "pond.gif"
@@ -550,7 +550,7 @@ class TestCommand:
     ) -> None:
         blocked = tmp_path / "file"
         blocked.touch()
-        path = blocked / "film.gif"
+        path = blocked / "video.gif"
         with pytest.raises(SystemExit) as stop:
             command.main(["record", "pond", "--policy", "random", "--out", str(path)])
         assert stop.value.code == 2
@@ -565,7 +565,7 @@ class TestCommand:
         monkeypatch.setitem(sys.modules, "PIL", None)
         with pytest.raises(SystemExit) as stop:
             command.main(
-                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "film.gif")]
+                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "video.gif")]
             )
         assert stop.value.code == 2
         assert 'needs the package PIL: pip install "DroneSwarm' in capsys.readouterr().err
@@ -581,7 +581,7 @@ class TestCommand:
         monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
         with pytest.raises(SystemExit) as stop:
             command.main(
-                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "film.mp4")]
+                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "video.mp4")]
             )
         assert stop.value.code == 2
         output = capsys.readouterr().err
@@ -598,8 +598,8 @@ class TestCommand:
         def interrupted(*_: object, **__: object) -> int:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(recording, "write_film", interrupted)
-        out = str(tmp_path / "film.gif")
+        monkeypatch.setattr(recording, "write_video", interrupted)
+        out = str(tmp_path / "video.gif")
         assert command.main(["record", "pond", "--policy", "random", "--out", out]) == 130
         assert "interrupted" in capsys.readouterr().err
         assert not list(tmp_path.iterdir())

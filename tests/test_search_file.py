@@ -132,7 +132,7 @@ def test_searches_must_have_different_names(capsys: Any, lane: Path, tmp_path: P
     "arguments", [["evaluate", "random"], ["bound"], ["leaderboard", "--searches"], ["record"]]
 )
 def test_missing_files(capsys: Any, arguments: list[str], tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path / "film.gif")] * (arguments == ["record"])
+    more = ["--out", str(tmp_path / "video.gif")] * (arguments == ["record"])
     with pytest.raises(SystemExit):
         cli.main([*arguments, "missing.json", *more])
     message = "search must name a file, but there is no 'missing.json'"

@@ -512,12 +512,12 @@ def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Pa
     assert console_messages(browser) == []
 
 
-def test_without_javascript_there_is_a_film(browser: Any, address: str) -> None:
+def test_without_javascript_there_is_a_video(browser: Any, address: str) -> None:
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     try:
         open_page(browser, f"{address}/play.html")
-        film = browser.find_element("css selector", "#player img")
-        assert film.is_displayed() and film.rect["width"] > 300
+        video = browser.find_element("css selector", "#player img")
+        assert video.is_displayed() and video.rect["width"] > 300
         assert "With JavaScript" in browser.find_element("css selector", "#player").text
         assert not browser.find_elements("css selector", "#player canvas")
     finally:

@@ -93,7 +93,7 @@ def act(env: EnvBase, shown: TensorDictBase, actions: Any) -> TensorDictBase:
 
 
 def reset_swarms(env: EnvBase, shown: TensorDictBase, mask: Any) -> TensorDictBase:
-    """Reset some swarms; returns the present tensordict of all."""
+    """Reset some swarms; returns the current tensordict of all."""
     mask = torch.as_tensor(mask).reshape(-1, 1)
     return env.reset(shown.exclude("reward").set("_reset", mask)).exclude("_reset")
 

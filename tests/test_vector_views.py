@@ -396,7 +396,7 @@ def test_masks_are_those_of_the_cells(view: type[SearchVectorEnv], right_of_way:
 
 
 def masks_of(env: SearchVectorEnv) -> np.ndarray:
-    """The masks of the present state, in the form of observations and infos."""
+    """The masks of the current state, in the form of observations and infos."""
     masks = action_masks(env.batch.cells, SMALL["grid_size"], env.right_of_way)
     drones = () if env.single_action_space.shape == () else (SMALL["n_drones"],)
     return masks.astype(np.int8).reshape(env.num_envs, *drones, len(Action))

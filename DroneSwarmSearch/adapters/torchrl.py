@@ -258,7 +258,7 @@ class SearchEnv(EnvBase):
         return written
 
     def _written(self, observations: Any) -> TensorDict:
-        """The present observations, masks, infos and states."""
+        """The current observations, masks, infos and states."""
         drones = self._by_drone(observations)
         drones["action_mask"] = drones["action_mask"].bool()
         infos = {

@@ -11,7 +11,7 @@ from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation.board import leaderboard
 from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes
 from DroneSwarmSearch.evaluation.exporting import export
-from DroneSwarmSearch.evaluation.recording import Film, record
+from DroneSwarmSearch.evaluation.recording import Video, record
 from DroneSwarmSearch.evaluation.results import (
     Comparison,
     Evaluation,
@@ -32,9 +32,9 @@ __all__ = [
     "Episodes",
     "Estimate",
     "Evaluation",
-    "Film",
     "NamedSearch",
     "StorageError",
+    "Video",
     "WorkerCrashed",
     "compare",
     "evaluate",

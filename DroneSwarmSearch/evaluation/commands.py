@@ -155,12 +155,12 @@ def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
 
 
 def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Film one episode."""
+    """Record a video of one episode."""
     with _refusing(parser):
         (search,) = _searches([options.search])
     _warn_of_small_grids([search])
     try:
-        film = recording.record(
+        video = recording.record(
             options.policy,
             search,
             options.out,
@@ -169,13 +169,15 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
             fps=options.fps,
         )
     except KeyboardInterrupt:
-        print("\ninterrupted: no film was written", file=sys.stderr)
+        print("\ninterrupted: no video was written", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
         parser.error(f"cannot write {options.out}: {error.strerror or error}")
     except (ImportError, TypeError, ValueError) as error:
         parser.error(str(error))
-    print(f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(film.last)}")
+    print(
+        f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(video.last)}"
+    )
     return 0
 
 

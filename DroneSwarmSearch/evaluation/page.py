@@ -206,10 +206,10 @@ def _bounds(board: Leaderboard) -> str:
 
 
 def suite_table(board: Leaderboard) -> Table:
-    """A table of the summaries: a row for each policy, and one for the bound."""
+    """A table of the summaries: a row for each policy, the best first, and one for the bound."""
     bounded = _is_bounded(board)
     rows = [["policy", "success, %", *["gap, points"] * bounded, "time, % of limit"]]
-    for each in board.summaries:
+    for each in sorted(board.summaries, key=lambda each: -each.success.value):
         gap = [] if each.gap is None else [_short(each.gap)]
         success = _short(each.success) if _is_narrow(each.success) else percent(each.success)
         rows.append([each.policy, success, *gap, _short(each.time)])

@@ -1,4 +1,4 @@
-"""Film one episode: the prior on the left, the posterior on the right.
+"""Record a video of one episode: the prior on the left, the posterior on the right.
 
 Two environments with the same seed and the same actions run through the same episode. One shows
 the prior, the other the posterior, so both halves of a picture show the same drones and persons.
@@ -20,10 +20,10 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.evaluation.workers import no_exit
-from DroneSwarmSearch.rendering.film import SUFFIXES, pictures_per_step, write_film
 from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step, write_video
 
-__all__ = ["FPS", "Film", "Moment", "frames", "moments", "record"]
+__all__ = ["FPS", "Moment", "Video", "frames", "moments", "record"]
 
 FPS = 6.0
 """Steps shown per second."""
@@ -39,8 +39,8 @@ GIF_WIDTH = 1000
 
 
 @dataclass(frozen=True)
-class Film:
-    """A film of one episode, which notebooks show.
+class Video:
+    """A video of one episode, which notebooks show.
 
     Attributes:
         path: the file.
@@ -51,7 +51,7 @@ class Film:
     last: Frame
 
     def _repr_html_(self) -> str:
-        """The film inside the page, so that a saved notebook still has it."""
+        """The video inside the page, so that a saved notebook still has it."""
         data = base64.b64encode(self.path.read_bytes()).decode()
         if self.path.suffix.lower() == ".gif":
             return f'<img src="data:image/gif;base64,{data}" style="max-width: 100%">'
@@ -70,10 +70,10 @@ def record(
     name: str | None = None,
     bayesian_update: bool | None = None,
     fps: float = FPS,
-) -> Film:
-    """Film one episode: the prior on the left, the posterior on the right.
+) -> Video:
+    """Record a video of one episode: the prior on the left, the posterior on the right.
 
-    An existing file is only replaced when the film is complete.
+    An existing file is only replaced when the video is complete.
 
     Args:
         policy: as for `evaluate`; a callable sees one search, as `DroneSwarmSearch` shows it.
@@ -86,7 +86,7 @@ def record(
         fps: steps shown per second, from 0.1 to 50.
 
     Returns:
-        The film. A notebook shows it if it is the last expression of a cell.
+        The video. A notebook shows it if it is the last expression of a cell.
 
     Raises:
         ImportError: a package of the extra "video" is missing, or its ffmpeg.
@@ -115,10 +115,10 @@ def record(
             yield replace(posterior, prior=prior.matrix, policy=title)
 
     per_step = pictures_per_step(rate)
-    with Progress(f"film of {title}", where.scenario.timestep_limit) as bar:
-        pictures = painter.film(titled(), per_step)
-        write_film(target, pictures, fps=rate * per_step, hold=HOLD, gif_width=GIF_WIDTH)
-    return Film(target, last[0])
+    with Progress(f"video of {title}", where.scenario.timestep_limit) as bar:
+        pictures = painter.video(titled(), per_step)
+        write_video(target, pictures, fps=rate * per_step, hold=HOLD, gif_width=GIF_WIDTH)
+    return Video(target, last[0])
 
 
 def frames(

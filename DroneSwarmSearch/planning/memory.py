@@ -7,7 +7,7 @@ at least the probability of finding the person there, 1 - (1 - q)^k for k search
 drone may forget searches but never invents any.
 
 The best path is a dynamic programme whose state is a cell and a *history*: the drone's cell at
-each remembered search, relative to its present one. Moves matter only through these
+each remembered search, relative to its current one. Moves matter only through these
 displacements, so there are far fewer histories than sequences of actions: 2, 7, 25, 88 and 309
 for K = 1 to 5. Trajectories in a step are grouped by cell and *past*: the person's relative cell
 at each remembered step, as far as the drone can have searched it. The credits of all histories

@@ -35,7 +35,7 @@ class Segment:
 
     Args:
         passes: those of the target.
-        old: the present path in this segment.
+        old: the current path in this segment.
         begin: the segment's first step.
         end: the step before which it ends.
         reach: the cells that the drone can reach in it.

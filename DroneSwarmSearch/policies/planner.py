@@ -147,7 +147,7 @@ class PlannerPolicy(SwarmPolicy):
         return [y * self.scenario.grid_size + x for x, y in cells]
 
     def _replan(self, memory: _PlanMemory, cells: list[Cell], report: Report | None = None) -> None:
-        """Give a search a plan from its present step on."""
+        """Give a search a plan from its current step on."""
 
         def make() -> list[Path]:
             with Progress("planning", 1.0, self._has_bar and sys.stderr.isatty()) as bar:

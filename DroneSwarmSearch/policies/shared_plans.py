@@ -52,7 +52,7 @@ class SharedPlans(Generic[PlanT]):
         self._plans: dict[tuple[Any, ...], PlanT] = {}
 
     def give(self, memory: PlanMemory[PlanT], cells: list[Cell], make: Callable[[], PlanT]) -> None:
-        """Give a search a plan from its present step on.
+        """Give a search a plan from its current step on.
 
         Args:
             memory: the search.

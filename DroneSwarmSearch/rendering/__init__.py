@@ -1,7 +1,7 @@
 """Rendering of a search: a `Frame` as text, image, window or video.
 
 `frame` is the data; `text` needs NumPy alone; `painter` and `window` draw
-with pygame; `film` writes files with the packages of the extra "video". Importing this
+with pygame; `video` writes files with the packages of the extra "video". Importing this
 package does not import pygame.
 """
 

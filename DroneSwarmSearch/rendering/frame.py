@@ -42,7 +42,7 @@ class Frame:
         hypotheses: for every person, the probability of each hypothesis.
         probability_of_success: of all searches so far; None if it is not known.
         prior: what `matrix` would be without the searches, where that differs.
-        trails: for every drone, its last cells (x, y), oldest first, the present one last;
+        trails: for every drone, its last cells (x, y), oldest first, the current one last;
             empty if they are not known.
         searched: the last searches as (x, y, steps since then), oldest first.
         total_return: the sum of all drones' rewards in this episode; None if not known.

@@ -135,8 +135,8 @@ class Painter:
         """`paint` as a new uint8 array of shape (height, width, 3)."""
         return to_array(self.paint(frame, previous=previous, progress=progress))
 
-    def film(self, frames: Iterable[Frame], per_step: int) -> Iterator[NDArray[np.uint8]]:
-        """The pictures of a film.
+    def video(self, frames: Iterable[Frame], per_step: int) -> Iterator[NDArray[np.uint8]]:
+        """The pictures of a video.
 
         Args:
             frames: of consecutive steps.

@@ -157,7 +157,7 @@ class SearchBatch:
             persons=persons,
             mission=mission,
         )
-        self._now = self._usual.copy()  # those of the present episodes
+        self._now = self._usual.copy()  # those of the current episodes
         self._varies = sampler is not None  # whether they may differ from the usual ones
         self._scenario = scenario = self._usual.scenario
         if wants_table:
@@ -404,7 +404,7 @@ class SearchBatch:
 
     @property
     def scenario(self) -> Scenario:
-        """The parameters of all searches in their present episodes.
+        """The parameters of all searches in their current episodes.
 
         Before the first `reset`, those of the constructor.
 
@@ -414,7 +414,7 @@ class SearchBatch:
         return self._now.common_scenario(self._world.situation)
 
     def scenario_of(self, row: int) -> Scenario:
-        """The parameters of one search in its present episode.
+        """The parameters of one search in its current episode.
 
         With situations, its `persons` are those of the search's situation.
 
@@ -430,7 +430,7 @@ class SearchBatch:
 
     @property
     def parameters(self) -> RowValues:
-        """Every row's parameters in its present episode, in the form that `reset` accepts."""
+        """Every row's parameters in its current episode, in the form that `reset` accepts."""
         return self._now.to_dict(self._world.situation)
 
     # The last step.

@@ -74,7 +74,7 @@ class Episodes:
         self._prepared[rows] = False
 
     def forget_prepared(self) -> None:
-        """Put the counters of all rows back at their present episodes."""
+        """Put the counters of all rows back at their current episodes."""
         self._counters[:, self._prepared] -= GOLDEN
         self._prepared[...] = False
 

@@ -136,7 +136,7 @@ class Forecasts(ABC):
         """Keep the pointers in these arrays.
 
         Args:
-            now: the pointers at the present steps: int64, shape (3 persons, rows).
+            now: the pointers at the current steps: int64, shape (3 persons, rows).
             first: the pointers at step 0, of the same shape.
         """
         persons = len(now) // 3
@@ -228,7 +228,7 @@ class Forecasts(ABC):
 
 
 class OnTheFlyForecasts(Forecasts):
-    """The forecasts of every row at its present step.
+    """The forecasts of every row at its current step.
 
     The entries are the forecasts' numbers, and the offsets are constant.
 
@@ -307,7 +307,7 @@ class OnTheFlyForecasts(Forecasts):
             self._compute(slice(first, first + self._chunk))
 
     def _compute(self, rows: Rows) -> None:
-        """Compute the present step of some rows, and the F of the step after it."""
+        """Compute the current step of some rows, and the F of the step after it."""
         axes, step = Axes(*self._axes[..., rows]), self._step[rows]
         before = self._next_cdf[..., rows]
         target = distribution(self.grid_size, axes, step + 1.0)

@@ -162,7 +162,7 @@ class TabulatedForecasts(Forecasts):
                 self._fill()
 
     def write_next(self, beginning: Ints, out: Singles, foreground: Callable[[], None]) -> None:
-        """Write the matrices of the next step in the background of the present one.
+        """Write the matrices of the next step in the background of the current one.
 
         Args:
             beginning: rows that will be at step 0; their first pointers are set.
@@ -285,7 +285,7 @@ def choose_forecasts(
         grid_size: cells along each side, N.
         steps: the last step of an episode.
         parameters: one or more sets of the rows' drift parameters. A row may get any forecast in
-            any of them. The present ones come last.
+            any of them. The current ones come last.
         wants_table: tabulate however large the tables are.
     """
     persons, _, rows = parameters[-1].start.shape

@@ -301,7 +301,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         return self.batch.frame(checks.integer("swarm", swarm, 0, self.batch.num_rows - 1))
 
     def observe(self, rows: Ints) -> Observations:
-        """The present observations of some swarms' sub-environments, in new arrays.
+        """The current observations of some swarms' sub-environments, in new arrays.
 
         Args:
             rows: the swarms' numbers, in ascending order; int64, shape (n,).

@@ -59,7 +59,7 @@ class ActionMask(SearchWrapper):
         return self._spaces[agent]
 
     def action_masks(self) -> dict[str, NDArray[np.int8]]:
-        """Every drone's mask in the present state: int8, shape (6,); new arrays.
+        """Every drone's mask in the current state: int8, shape (6,); new arrays.
 
         Raises:
             ResetNeeded: before the first `reset`.

@@ -20,7 +20,7 @@ __all__ = ["LayoutObservation"]
 
 
 class LayoutObservation(SearchWrapper):
-    """Replaces each drone's observation by a layout of the present state.
+    """Replaces each drone's observation by a layout of the current state.
 
     Every observation is a new array. `DroneVectorEnv` returns the same arrays, bit for bit,
     with the layout of the same name. Changes that inner wrappers made to the observations
@@ -74,7 +74,7 @@ class LayoutObservation(SearchWrapper):
         return self._observe(), rewards, terminations, truncations, infos
 
     def _observe(self) -> Observations:
-        """Every drone's observation of the present state; new arrays."""
+        """Every drone's observation of the current state; new arrays."""
         cells, world = self._search._cells_and_world()
         matrices, index = world.loaded_matrices()
         y, x = np.divmod(np.array(cells, np.int32), np.int32(self._search.grid_size))

@@ -33,7 +33,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     Right of way prevents that too, even if the drones choose independently: each drone gives
     way to the drones with lower numbers, and may not move to a cell within one step of
     theirs. A later drone thus never enters a cell that an earlier one may enter, and an
-    earlier drone never enters the present cell of a later one.
+    earlier drone never enters the current cell of a later one.
 
     Args:
         cells: every drone's cell, y * grid_size + x; integers, shape (..., n).

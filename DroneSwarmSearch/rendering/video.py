@@ -28,7 +28,7 @@ from DroneSwarmSearch._internal import checks
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["SUFFIXES", "pictures_per_step", "write_film"]
+__all__ = ["SUFFIXES", "pictures_per_step", "write_video"]
 
 INSTALL = 'pip install "DroneSwarmSearchEnvironment[video]"'
 
@@ -41,7 +41,7 @@ SMOOTH = 25.0
 """Pictures per second of smooth motion. A GIF's delays are multiples of 1/100 s."""
 
 GIF_SAMPLES = 8
-"""The number of pictures, evenly spread over the film, from which its palette is chosen."""
+"""The number of pictures, evenly spread over the video, from which its palette is chosen."""
 
 UNCHANGED = 255
 """The colour index of pixels that are the same as in the previous picture."""
@@ -57,7 +57,7 @@ def pictures_per_step(steps_per_second: float) -> int:
     return max(1, round(SMOOTH / steps_per_second))
 
 
-def write_film(
+def write_video(
     path: Path,
     pictures: Iterable[Picture],
     *,
@@ -89,7 +89,7 @@ def write_film(
         ValueError: an argument is outside its limits, the suffix is not one of `SUFFIXES`,
             or the pictures are missing or differ in shape.
     """
-    # `evaluation` has a command that makes films.
+    # `evaluation` has a command that makes videos.
     from DroneSwarmSearch._internal.files import replacing
 
     if not isinstance(path, Path):
@@ -116,7 +116,7 @@ def _package(name: str) -> ModuleType:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"a film needs the package {name}: {INSTALL}", name=name) from error
+        raise ImportError(f"a video needs the package {name}: {INSTALL}", name=name) from error
 
 
 def _find_ffmpeg() -> str:
@@ -127,9 +127,9 @@ def _find_ffmpeg() -> str:
         subprocess.run([program, "-version"], capture_output=True, check=True)
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
         raise ImportError(
-            f"an MP4 film needs the program ffmpeg, which cannot be run ({error}): reinstall "
+            f"an MP4 video needs the program ffmpeg, which cannot be run ({error}): reinstall "
             "it with pip install --force-reinstall imageio-ffmpeg, or let the environment "
-            "variable IMAGEIO_FFMPEG_EXE name an ffmpeg that works; GIF films need none",
+            "variable IMAGEIO_FFMPEG_EXE name an ffmpeg that works; GIF videos need none",
             name="imageio_ffmpeg",
         ) from error
     return program
@@ -160,7 +160,7 @@ def _write_gif(path: Path, pictures: Iterable[Picture], fps: float, hold: float,
     from PIL import Image
 
     with tempfile.TemporaryFile(dir=path.parent) as spool, path.open("wb") as file:
-        # The palette depends on the whole film, so the pictures go to disk first.
+        # The palette depends on the whole video, so the pictures go to disk first.
         ends, size = [0], (0, 0)
         for picture in pictures:
             image = _shrunken(picture, width)
