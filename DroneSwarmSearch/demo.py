@@ -7,6 +7,7 @@ import itertools
 import os
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -353,6 +354,9 @@ def _play_in_window(
             parser.error(f"--manual needs a display, and no window can be opened ({reason})")
         print(f"no window can be opened ({reason}): showing text", file=sys.stderr)
         return False
+    if options.manual and window.is_hidden:
+        window.close()
+        parser.error("--manual needs a display, and SDL_VIDEODRIVER names one that shows nothing")
     with window, _Performances(search, options) as performances:
         player = Player(performances.begin, seed=options.seed, fps=options.fps)
         stopped = window.play(player)
@@ -374,12 +378,14 @@ class _Performances:
         self._recording: Recording | None = None
         self._seed = 0
         self._rivals: dict[str, Future[Frame]] = {}
+        self._rivals_stop = threading.Event()
         self._executor = ThreadPoolExecutor(1)
 
     def __enter__(self) -> _Performances:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._rivals_stop.set()
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def begin(self, seed: int) -> Recording:
@@ -405,12 +411,14 @@ class _Performances:
         """Play the same search with the policies, in the background."""
         if not self._options.hide_person or (self._rivals and seed == self._seed):
             return
-        for future in self._rivals.values():
-            future.cancel()
+        self._rivals_stop.set()  # those of the last seed
+        stop = self._rivals_stop = threading.Event()
 
         def last_frame(policy: str) -> Frame:
-            *_, last = _Episode(self._search, policy, seed).frames()
-            return last
+            episode = _Episode(self._search, policy, seed)
+            while episode.frame.ending is None and not stop.is_set():
+                episode.step()
+            return episode.frame
 
         self._rivals = {name: self._executor.submit(last_frame, name) for name in RIVALS}
 

@@ -8,6 +8,7 @@ import re
 import runpy
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from itertools import compress
@@ -733,6 +734,15 @@ class TestManual:
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
             assert re.search(r"\d+", results[policy])[0] == steps
 
+    def test_quitting_stops_the_policies_of_the_game(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        perform(monkeypatch, keys("n", "n"))
+        before = set(threading.enumerate())
+        long = ["--timestep-limit", "100000", "--probability-of-detection", "0"]
+        assert demo.main(["--manual", "--hide-person", *long]) == 0
+        for thread in set(threading.enumerate()) - before:
+            thread.join(5.0)
+            assert not thread.is_alive()
+
     def test_the_result_is_compared_only_if_the_person_is_hidden(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -745,6 +755,10 @@ class TestManual:
     ) -> None:
         monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
         assert "--manual needs a display" in refusal(capsys, "--manual")
+
+    def test_with_a_hidden_window(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert "--manual needs a display" in refusal(capsys, "--manual")
+        assert not pygame.display.get_init()
 
 
 class TestNamedSearch:

@@ -881,6 +881,14 @@ class TestLargeGrids:
             other = replace(with_drone, searching=(True,))
             assert map_of(draw(with_drone) != draw(other), 100).any()
 
+    def test_the_overview_leaves_drones_in_all_corners_visible(self) -> None:
+        corners = ((54, 54), (85, 54), (54, 85), (85, 85))
+        frame = replace(self.frame(), drones=corners, persons=(), found_by=())
+        for number in range(4):
+            shown = replace(frame, searching=tuple(drone == number for drone in range(4)))
+            quiet = replace(frame, searching=(False,) * 4)
+            assert (draw(shown) != draw(quiet)).any()
+
     @pytest.mark.parametrize("person", [(99, 99), (53, 86), (70, 70)])
     def test_nothing_depends_on_a_hidden_person(self, person: tuple[int, int]) -> None:
         frame = replace(self.frame(), hide_persons=True)

@@ -317,23 +317,22 @@ class _Drawing:
         self._canvas.blit(lines, (LEFT, TOP))
 
     def _draw_overview(self, frame: Frame) -> None:
-        """The whole grid in the corner that hides the fewest symbols."""
+        """The whole grid, in the corner or at the side where it hides the fewest symbols."""
         of, whole = self._of, self._of._grid_size
         side = round(OVERVIEW_SHARE * of.side)
-        far = of.side - side - OVERVIEW_INSET
-        corners = [
-            pygame.Rect(LEFT + x, TOP + y, side, side)
-            for y in (far, OVERVIEW_INSET)
-            for x in (OVERVIEW_INSET, far)
-        ]
+        near, far = OVERVIEW_INSET, of.side - side - OVERVIEW_INSET
+        middle = (near + far) // 2
+        corners = [(near, far), (far, far), (near, near), (far, near)]
+        sides = [(middle, far), (near, middle), (far, middle), (middle, near)]
+        places = [pygame.Rect(LEFT + x, TOP + y, side, side) for x, y in corners + sides]
         cells = [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
         middles = [self._centre(x, y) for x, y in cells]
 
-        def hidden(corner: pygame.Rect) -> int:
-            room = corner.inflate(of.symbol, of.symbol)
+        def hidden(place: pygame.Rect) -> int:
+            room = place.inflate(of.symbol, of.symbol)
             return sum(room.collidepoint(middle) for middle in middles)
 
-        place = min(corners, key=hidden)
+        place = min(places, key=hidden)
         scale = pygame.transform.smoothscale
         self._canvas.blit(scale(self._colours(frame.matrix), place.size), place)
         pygame.draw.rect(self._canvas, WHITE, place.inflate(2, 2), width=1)
