@@ -51,7 +51,7 @@ figures:
     python docs/make_pictures.py
     python docs/make_episodes.py
 
-# make the notebook of the tutorial
+# regenerate the notebook of the tutorial
 notebook:
     python docs/make_notebook.py
 

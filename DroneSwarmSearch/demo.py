@@ -64,7 +64,7 @@ RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-swee
 YOU = "you (drone 0)"
 
 NOTE_STEPS = 500
-"""The most steps of a search that the note on searches without a flight looks at."""
+"""The maximum number of steps that `_note_on_search_without_flight` simulates."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -252,7 +252,7 @@ def _note_on_search_without_flight(search: NamedSearch) -> str:
         if env.frame().ending is Ending.COVERED:  # at a probability of success of 99%
             return (
                 f"note: drone {number} starts on the likeliest cell; searching it in every step, "
-                "without moving, finds the person in 99% of the episodes or more"
+                "without moving, finds the person in at least 99% of the episodes"
             )
     return ""
 

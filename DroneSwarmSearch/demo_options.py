@@ -155,7 +155,7 @@ def _parser() -> argparse.ArgumentParser:
         "--timestep-limit",
         metavar="N",
         type=int,
-        help=f"most steps (default: {TIMESTEP_LIMIT}, or those of SEARCH)",
+        help=f"time limit in steps (default: {TIMESTEP_LIMIT}, or those of SEARCH)",
     )
     add(
         "--mission",

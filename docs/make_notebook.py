@@ -2,9 +2,9 @@
 
     python docs/make_notebook.py
 
-Two kinds of comments in the page make the difference: the notebook leaves out what is between
-`<!-- page only -->` and `<!-- end of page only -->`, and has what is inside `<!-- notebook only ...
--->`. The notebook begins with a cell that installs the package where it is missing, as in Colab.
+The notebook leaves out what is between the comments `<!-- page only -->` and `<!-- end of page
+only -->`, and includes what is inside the comments `<!-- notebook only ... -->`. It begins with a
+cell that installs the package where it is missing, as in Colab.
 """
 
 from __future__ import annotations

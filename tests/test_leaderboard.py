@@ -268,8 +268,8 @@ class TestPage:
         assert suite[2][1].startswith("40.0 (")
         assert order[1][2].startswith("+25.6 (+")
         words = " ".join(text.split())
-        assert "are exact, without sampling error, unless they are estimates" in words
-        assert "2 of 2 hold the exact success" in words
+        assert "are exact (no sampling error), except estimates" in words
+        assert "2 of 2 contain the exact success" in words
         assert "The bound is trivial on fog: 100%." in words
         assert "the best policy of a search reaches 74.7% of the bound" in words  # 80.4/90, 60/100
         assert "The bounds are exact. No exact value and no interval lies above a bound." in words
@@ -303,7 +303,7 @@ class TestPage:
         bounds = [bound_by_time(np.full(each.limit + 1, 0.9), confidence=0.999) for each in made]
         bounded = [each.with_bound(bound) for each, bound in zip(made, bounds, strict=True)]
         text = " ".join(page.markdown(Leaderboard(tuple(bounded)), "command").split())
-        assert "The bounds hold together with at least 99.7% confidence." in text
+        assert "All bounds hold simultaneously with at least 99.7% confidence." in text
 
     def test_without_bounds_the_page_does_not_mention_them(self) -> None:
         board = Leaderboard((made_up("planner", "pond", 80), made_up("random", "pond", 20)))
@@ -442,7 +442,7 @@ class TestCommand:
             rows = list(csv.DictReader(file))
 
         words = " ".join(text.split())
-        assert "unless they are estimates, with a tilde or a 95% confidence interval." in words
+        assert "except estimates, which have a tilde or a 95% confidence interval." in words
         assert "Estimates are means over sampled paths of the probability of success" in words
         tasks = [(each["policy"], each["search"]) for each in data["evaluations"]]
         assert tasks == [

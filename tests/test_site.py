@@ -506,7 +506,7 @@ def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Pa
     player.scrub(1000)
     player.wait(lambda: "ound in" in player.text(".outcome"))
     player.one("input[type=file]").send_keys(str(wrong))
-    player.wait(lambda: "not a file of the command" in player.text(".outcome"))
+    player.wait(lambda: "not written by the command" in player.text(".outcome"))
     player.choose("search", "harbour")
     player.wait(lambda: player.state("search") == "harbour")
     assert console_messages(browser) == []

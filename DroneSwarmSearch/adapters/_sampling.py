@@ -1,4 +1,4 @@
-"""Reproducible samples of trained policies, whatever else uses PyTorch's random numbers."""
+"""Reproducible samples from trained policies, independent of PyTorch's global random state."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["SamplingPolicy"]
 
 
 class SamplingPolicy:
-    """The base class of trained policies, with a random generator of their own."""
+    """The base class of trained policies, each with its own random generator."""
 
     def __init__(self) -> None:
         self.reset(seed=0)

@@ -169,7 +169,7 @@ class Leaderboard:
 
     @cached_property
     def calibration(self) -> tuple[int, int]:
-        """How many 95% intervals of the sampled shares of finds hold the exact success, of all."""
+        """How many 95% intervals of sampled success contain the exact success, and their number."""
         holds = [
             each.sampled_success.low - ROUNDING
             <= each.success.value

@@ -31,7 +31,7 @@ FORMAT, FORMAT_VERSION = "DroneSwarmSearch episodes", 1
 SUFFIX = ".json"
 
 PERCENT = 100
-"""Maps are rounded to per cent of their maximum."""
+"""Maps are rounded to percent of their maximum."""
 
 
 def export(
@@ -56,7 +56,7 @@ def export(
       start cells of the drones, "drones", and "metres_per_cell" and "seconds_per_step", which
       are null without a `Scale`.
     - "maps": every different map of the file, once. "count" is their number, and "maxima"
-      lists the probability of the likeliest cell of each. "data" holds all cells in per cent
+      lists the probability of the likeliest cell of each. "data" holds all cells in percent
       of this maximum, as Base64 of zlib of uint8, shape (cells, count). Each value is the
       difference, modulo 256, from the value of the map before it; the first map follows
       zeros.

@@ -169,8 +169,8 @@ def _legend(board: Leaderboard) -> str:
     text = "Figures are estimates, with a tilde or a 95% confidence interval."
     if "exact" in methods:
         text = (
-            "Figures are exact, without sampling error, unless they are estimates, with a tilde or "
-            "a 95% confidence interval."
+            "Figures are exact (no sampling error), except estimates, which have a tilde or a 95% "
+            "confidence interval."
         )
     if "conditional" in methods:
         text += (
@@ -197,7 +197,7 @@ def _bounds(board: Leaderboard) -> str:
     together = 1.0 - sum(1.0 - bound.confidence for bound in board.bounds.values())
     sure = "The bounds are exact."
     if together < 1.0:
-        sure = f"The bounds hold together with at least {100 * together:.4g}% confidence."
+        sure = f"All bounds hold simultaneously with at least {100 * together:.4g}% confidence."
     above = [f"{each.policy} on {each.search.name}" for each in board.above_bound]
     holds = "No exact value and no interval lies above a bound."
     if above:
@@ -265,9 +265,9 @@ def _comparisons(board: Leaderboard) -> Iterator[str]:
     expected = ""
     if len(groups) > 1:
         expected = (
-            f"The expected order is {'; '.join(', '.join(group) for group in groups)}: the more of "
-            "what is known a policy uses, the better, although no theorem guarantees it for drones "
-            f"that must fly between cells. {_exceptions(board)} "
+            f"The expected order is {'; '.join(', '.join(group) for group in groups)}: a "
+            "policy that uses more information should do better, although no theorem guarantees it "
+            f"for drones that must fly between cells. {_exceptions(board)} "
         )
     ranked = {name for group in groups for name in group}
     others = [name for name in board.policies if name not in ranked]
@@ -309,8 +309,8 @@ def _method(board: Leaderboard) -> str:
     held, total = board.calibration
     if total:
         text += (
-            f"Of the 95% intervals of the shares found in them, {held} of {total} hold the exact "
-            "success; about one in twenty should miss. "
+            f"Of the 95% intervals of the sampled success rates, {held} of {total} contain the "
+            "exact success; about 95% are expected to. "
         )
     return (
         f"{text}[leaderboard.csv](leaderboard.csv) has the figures of each policy on each search, "

@@ -323,7 +323,7 @@ def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
 def draw_weights(
     canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect, font: int = SMALL
 ) -> None:
-    """A bar with a part for each probability, in per cent where there is room."""
+    """A bar with a part for each probability, in percent where there is room."""
     edges = np.rint(bar.left + bar.width * np.cumsum((0.0, *weights))).astype(int).tolist()
     for number, (left, right) in enumerate(pairwise(edges)):
         colour = (PROGRESS, PROGRESS_LIGHT)[number % 2]

@@ -70,14 +70,14 @@ _ON_BOTH = (
 )
 _AT_LAST = (
     KeyHelp("H", "keys", "show or hide this list"),
-    KeyHelp("Esc", "quit", "close the window; so do Q and, at the end, Enter"),
+    KeyHelp("Esc", "quit", "close the window; also Q and, at the end, Enter"),
 )
 _WATCHING = (
-    KeyHelp("Space", "pause", "pause or go on; at the end, play again"),
+    KeyHelp("Space", "pause", "pause or resume; at the end, play again"),
     KeyHelp("\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW}", "step", "one step back or forward"),
     KeyHelp("\N{UPWARDS ARROW} \N{DOWNWARDS ARROW}", "speed", "faster or slower; also + and -"),
 )
-_REPLAY = KeyHelp("R", "replay", "play again from the start; Home and End jump to the ends")
+_REPLAY = KeyHelp("R", "replay", "play again; Home and End jump to the first and last step")
 _FLY_AGAIN = KeyHelp("R", "fly again", "fly the same search again")
 _FLYING = (
     KeyHelp(
@@ -86,7 +86,7 @@ _FLYING = (
         "move drone 0 to the next cell; also W, A, S, D",
     ),
     KeyHelp("Space", "search", "search the cell of drone 0"),
-    KeyHelp("I", "wait", "wait for a step; also the full stop"),
+    KeyHelp("I", "wait", "wait for a step; also the period key"),
 )
 
 
@@ -151,7 +151,7 @@ class Recording:
         return ()
 
     def show(self, number: int) -> None:
-        """State that a frame is shown."""
+        """Note that a frame is shown."""
         self.seen = max(self.seen, number)
 
     def stop(self) -> None:
@@ -184,7 +184,7 @@ class PolicyRecording(Recording):
             self._error = error
 
     def show(self, number: int) -> None:
-        """State that a frame is shown.
+        """Note that a frame is shown.
 
         Raises:
             Exception: the policy or the environment has failed.

@@ -33,7 +33,7 @@ def _exit(*_: object) -> None:
 
 
 def handle_interrupts(handler: Any) -> None:
-    """Set the handler of Ctrl-C, in the main thread, if the program has none of its own."""
+    """Set the handler of Ctrl-C, in the main thread, unless the program has set one."""
     in_main_thread = threading.current_thread() is threading.main_thread()
     if in_main_thread and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, _exit):
         signal.signal(signal.SIGINT, handler)

@@ -42,7 +42,7 @@ function load(name) {
 }
 
 async function decode(file) {
-  if (file?.format !== FORMAT) throw new Error("this is not a file of the command `export`");
+  if (file?.format !== FORMAT) throw new Error("this file was not written by the command `export`");
   if (file.version !== VERSION) throw new Error(`the file has version ${file.version} of the format, not ${VERSION}`);
   const packed = Uint8Array.from(atob(file.maps.data), letter => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -108,7 +108,7 @@ root.insertAdjacentHTML("beforeend", `
     <div class="field" role="radiogroup" aria-label="Map"><span>Map</span><div class="segments">${Object.entries(VIEWS).map(([key, label]) =>
       `<label><input type="radio" name="view" value="${key}">${label}</label>`).join("")}</div></div>
     <label class="check"><input type="checkbox" data-pick="person"> Show the person</label>
-    <label class="open"><input type="file" accept=".json" aria-label="Open a file of the command export">Open a file</label>
+    <label class="open"><input type="file" accept=".json" aria-label="Open a file written by the command export">Open a file</label>
   </div>
   <div class="maps"><canvas class="map" role="img"></canvas><button type="button" class="big" data-do="play" aria-label="Play">${icon("play")}</button></div>
   <div class="transport">
@@ -503,7 +503,7 @@ function result(each) {
   if (each.ending === "covered") return `Covered in ${steps}`;
   if (each.ending === "collision") return `Drones collided in step ${each.steps}`;
   if (each.ending === "left_grid") return `A drone left the grid in step ${each.steps}`;
-  return found ? `${found} of ${each.total} persons found in ${steps}` : each.total ? `Not found in ${steps}` : `The time is up after ${steps}`;
+  return found ? `${found} of ${each.total} persons found in ${steps}` : each.total ? `Not found in ${steps}` : `Time limit reached after ${steps}`;
 }
 
 function clock(now) {
