@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ PATIENCE = 60.0
 OWN = """
 import os
 import time
+import types
 from pathlib import Path
 import numpy as np
 
@@ -671,3 +673,30 @@ def test_the_time_left_follows_from_the_work_of_this_run(
         clock[0] += seconds
         bar(share)
     assert capsys.readouterr().err == f"work: {share:.0%}, {words}\n"
+
+
+class TestErrorsOfAPolicy:
+    """A policy that fails is no wrong argument."""
+
+    @pytest.mark.parametrize("error", [ValueError("shapes differ"), FileNotFoundError("weights")])
+    @pytest.mark.parametrize(
+        "arguments",
+        [["record", "--out", "a.gif", "--policy"], ["export", "--out", "a.json", "--policies"]],
+    )
+    def test_its_error_is_raised(
+        self,
+        error: Exception,
+        arguments: list[str],
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        def failing(observations: object) -> None:
+            raise error
+
+        module = types.ModuleType("failing_policies")
+        module.failing = failing  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(type(error), match=str(error)):
+            command.main([*arguments, "failing_policies:failing", "--", "pond"])
+        assert not list(tmp_path.iterdir())

@@ -15,6 +15,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.console import printed_warnings
@@ -172,10 +173,8 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted: no video was written", file=sys.stderr)
         return INTERRUPTED
-    except OSError as error:
-        parser.error(f"cannot write {options.out}: {error.strerror or error}")
-    except (ImportError, TypeError, ValueError) as error:
-        parser.error(re.sub("^path must ", "argument --out: must ", str(error)))
+    except (ImportError, OSError, TypeError, ValueError) as error:
+        _report(parser, options.out, error)
     print(
         f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(video.last)}"
     )
@@ -198,13 +197,22 @@ def export(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted: no file was written", file=sys.stderr)
         return INTERRUPTED
-    except OSError as error:
-        parser.error(f"cannot write {options.out}: {error.strerror or error}")
-    except (ImportError, TypeError, ValueError) as error:
-        parser.error(re.sub("^path must ", "argument --out: must ", str(error)))
+    except (ImportError, OSError, TypeError, ValueError) as error:
+        _report(parser, options.out, error)
     episodes = data["episodes"]
     print(f"{options.out}: {len(episodes)} episode{'s' * (len(episodes) > 1)} of {search.name}")
     return 0
+
+
+def _report(parser: argparse.ArgumentParser, path: str, error: Exception) -> NoReturn:
+    """Report an error of the arguments or the file; raise one of the policy again."""
+    for each in (error.__cause__ or error, error):  # the policy's OSError causes a StorageError
+        frames = traceback.walk_tb(each.__traceback__)
+        if any(frame.f_code is recording.moments.__code__ for frame, _ in frames):
+            raise each
+    if isinstance(error, OSError):
+        parser.error(f"cannot write {path}: {error.strerror or error}")
+    parser.error(re.sub("^path must ", "argument --out: must ", str(error)))
 
 
 def _searches(names: Sequence[str], mission: str | None = None) -> list[NamedSearch]:
