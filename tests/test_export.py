@@ -192,6 +192,17 @@ class TestErrors:
             export(policies, search, tmp_path / given.pop("path"), **given)
         assert not list(tmp_path.iterdir())
 
+    @pytest.mark.parametrize("below", ["file/a.json", "folder.json"])
+    def test_a_path_that_cannot_be_written_is_refused_before_the_search(
+        self, tmp_path: Path, below: str
+    ) -> None:
+        (tmp_path / "file").touch()
+        (tmp_path / "folder.json").mkdir()
+        searches: list[Any] = []
+        with pytest.raises(OSError, match=below):
+            export([searches.append], storm(), tmp_path / below)
+        assert not searches
+
     def test_an_existing_file_is_kept_if_a_policy_fails(self, tmp_path: Path) -> None:
         def failing(observations: Any) -> dict[str, int]:
             raise RuntimeError("no idea")
@@ -218,7 +229,7 @@ class TestCommand:
         ("arguments", "words"),
         [
             (["pnd", "--out", "a.json"], "did you mean pond?"),
-            (["pond", "--out", "a.gif"], "path must end in .json, got 'a.gif'"),
+            (["pond", "--out", "a.gif"], "argument --out: must end in .json, got 'a.gif'"),
             (["pond", "--policies", "x", "--out", "a.json"], "policy must be one of"),
             (["pond", "--seeds", "-1", "--out", "a.json"], "seeds must be an integer of at least"),
             (["pond", "--policies", "random", "--out", "/dev/null/a.json"], "cannot write"),

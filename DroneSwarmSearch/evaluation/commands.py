@@ -7,6 +7,7 @@ import contextlib
 import inspect
 import json
 import os
+import re
 import shlex
 import sys
 import textwrap
@@ -174,7 +175,7 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except OSError as error:
         parser.error(f"cannot write {options.out}: {error.strerror or error}")
     except (ImportError, TypeError, ValueError) as error:
-        parser.error(str(error))
+        parser.error(re.sub("^path must ", "argument --out: must ", str(error)))
     print(
         f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(video.last)}"
     )
@@ -200,7 +201,7 @@ def export(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     except OSError as error:
         parser.error(f"cannot write {options.out}: {error.strerror or error}")
     except (ImportError, TypeError, ValueError) as error:
-        parser.error(str(error))
+        parser.error(re.sub("^path must ", "argument --out: must ", str(error)))
     episodes = data["episodes"]
     print(f"{options.out}: {len(episodes)} episode{'s' * (len(episodes) > 1)} of {search.name}")
     return 0

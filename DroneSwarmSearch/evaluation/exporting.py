@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch._internal.files import check_writable, write_text
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import Moment, moments
@@ -102,6 +102,7 @@ def export(
         bayesian_update = where.scenario.bayesian_update
     else:
         bayesian_update = checks.boolean("bayesian_update", bayesian_update)
+    check_writable(Path(path))
 
     maps, episodes = _Maps(), []
     with Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar:
