@@ -93,7 +93,7 @@ def harbour() -> Entry:
 
 @search
 def fog() -> Entry:
-    """Three searches of the right cell in five miss.
+    """Three in five searches of the right cell miss.
 
     Cells deserve a second search, so it is not enough to remember which were searched.
     """
@@ -113,7 +113,7 @@ def fog() -> Entry:
 
 @search
 def man_overboard() -> Entry:
-    """A passenger is missed on a ferry in a wind of 16 knots.
+    """A passenger is missing from a ferry in a wind of 16 knots.
 
     The position of the fall is known to 400 m and is 25 minutes old when three drones take off
     from the ship, 2.5 km away.

@@ -3,7 +3,7 @@
     pip install "DroneSwarmSearchEnvironment[ppo]"
     python tests/benchmarks/own_loop.py runs/first/checkpoint.pt --csv docs/training/own_loop.csv
 
-The searches are drawn like those of the training, with other seeds. Greedy policies are exact; a
+The searches are drawn like those in training, with other seeds. Greedy policies are exact; a
 network samples its actions and plays the coverage mission, as in training.
 """
 
@@ -30,7 +30,7 @@ BASELINES = "random", "greedy-matrix", "greedy-posterior", "greedy-forecast"
 
 
 def random_searches(count: int) -> list[NamedSearch]:
-    """Searches drawn by the sampler of the training."""
+    """Searches drawn by the training sampler."""
     envs = started(count)[0]
     drawn, searches = envs.batch.parameters, []
     for row in range(count):
