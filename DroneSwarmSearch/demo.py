@@ -35,7 +35,7 @@ from DroneSwarmSearch.rendering.player import (
     Score,
     score_row,
 )
-from DroneSwarmSearch.rendering.video import SUFFIXES, write_video
+from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step, write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, neighbours
 from DroneSwarmSearch.scenario import Cell
 
@@ -321,8 +321,9 @@ def _record(
     limit, size = search.scenario.timestep_limit, search.scenario.grid_size
     print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
     try:
-        pictures = map(_painter(size, options).pixels, frames)
-        write_video(path, pictures, fps=options.fps, hold=HOLD_VIDEO)
+        per_step = pictures_per_step(options.fps)
+        pictures = _painter(size, options).video(frames, per_step)
+        write_video(path, pictures, fps=options.fps * per_step, hold=HOLD_VIDEO)
     except ImportError as error:
         parser.error(str(error))
     except OSError as error:
