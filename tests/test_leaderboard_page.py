@@ -193,6 +193,8 @@ def test_the_published_page_is_short_and_has_its_plots() -> None:
     assert len(text.split()) < 1450
     plots = re.findall(r"!\[[^\]]{40,}\]\((\S+)\)", text)
     assert plots == [f"{name}-light.svg" for name in page.PLOTS]
+    if not list(PUBLISHED.glob("*.svg")):
+        pytest.skip("the sdist leaves out the pictures")
     for name in page.PLOTS:
         for theme in ("light", "dark"):
             assert 5_000 < (PUBLISHED / f"{name}-{theme}.svg").stat().st_size < 150_000
