@@ -164,7 +164,7 @@ class _Fingerprint(_Pickler):
         return NotImplemented
 
     def _number(self, obj: Any) -> tuple[Any, ...]:
-        """Number a function, a class or a module that is written out later."""
+        """Refer to a function, a class or a module by a number; its content is written later."""
         if id(obj) not in self._numbers:
             self._numbers[id(obj)] = len(self._numbers)
             self._queue.append(obj)

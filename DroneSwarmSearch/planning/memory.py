@@ -153,7 +153,7 @@ class RememberingDrones:
 
     @property
     def work(self) -> float:
-        """The number of values to update for the best paths, and what takes as long."""
+        """The cost of computing the best paths once, in updates of a value."""
         products = sum(len(step.pasts) * len(step.cells) for step in self._steps)
         updates = len(self._steps) * self._size**2
         return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)

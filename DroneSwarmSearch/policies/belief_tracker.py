@@ -102,7 +102,7 @@ class BeliefTracker:
         return now
 
     def success_ahead(self, steps: int) -> Floats:
-        """`success` now and in each of the next steps, if nobody searches before that step.
+        """`success` in this step and each later one, if nobody searches in between.
 
         Args:
             steps: the number of steps to look ahead, at least 0.
@@ -117,7 +117,7 @@ class BeliefTracker:
         return Outlook(self, checks.integer("steps", steps, 0)).success
 
     def carried_ahead(self, person: int, steps: int) -> list[Floats]:
-        """`joint` now and in each of the next steps, if nobody searches before that step."""
+        """`joint` in this step and each later one, if nobody searches in between."""
         beliefs = [self.joint(person)]
         for step in range(self.step, self.step + steps):
             beliefs.append(self._chains[person].forward(beliefs[-1], step))
