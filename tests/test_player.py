@@ -258,14 +258,43 @@ class TestPolicyRecording:
         advance_for_long(player)
         assert player.is_at_end
 
-    def test_an_error_of_the_policy_reaches_the_player(self) -> None:
+    def test_a_step_that_the_policy_has_not_played_yet(self) -> None:
+        go_on = threading.Event()
+
         def frames() -> Iterator[Frame]:
             yield frame()
+            assert go_on.wait(10)
+            for step in range(1, LAST + 1):
+                yield frame(step)
+
+        player = watching(lambda seed: PolicyRecording(frames()))
+        player.press("right")
+        player.press("right")
+        go_on.set()
+        for _ in range(200):
+            time.sleep(0.001)
+            player.advance(1)
+        assert step_of(player) == 1
+        assert player.is_paused
+
+    def test_an_error_of_the_policy_reaches_the_player_after_the_steps_before_it(self) -> None:
+        failed = threading.Event()
+
+        def frames() -> Iterator[Frame]:
+            yield frame()
+            yield frame(1)
+            yield frame(2)
+            failed.set()
             raise ValueError("no plan")
 
         player = watching(lambda seed: PolicyRecording(frames()))
+        assert failed.wait(10)
+        time.sleep(0.01)
+        player.advance(1 / FPS)
+        assert step_of(player) == 1
         with pytest.raises(ValueError, match="no plan"):
             advance_for_long(player)
+        assert step_of(player) == 2
 
 
 class TestFlying:

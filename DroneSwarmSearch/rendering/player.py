@@ -187,12 +187,12 @@ class PolicyRecording(Recording):
         """Note that a frame is shown.
 
         Raises:
-            Exception: the policy or the environment has failed.
+            Exception: the policy or the environment has failed after this frame.
         """
         if number > self.seen:
             self._room.release(number - self.seen)
         super().show(number)
-        if self._error is not None:
+        if self._error is not None and number == len(self.frames) - 1:
             error, self._error = self._error, None
             raise error
 
@@ -398,7 +398,9 @@ class Player:
             self._goal = math.ceil(self._position) if self._goal == math.inf else math.inf
         elif key in ("right", "."):
             start = math.floor(self._position) if self._goal == math.inf else self._goal
-            self._goal = min(start + 1, len(self.recording.frames) - 1)
+            # The next frame may not be recorded yet.
+            last = len(self.recording.frames) - self.recording.has_ended
+            self._goal = min(start + 1, last)
         elif key in ("left", ","):
             self._position = self._goal = max(math.ceil(self._position) - 1, 0)
         elif key == "home":
