@@ -390,6 +390,10 @@ class TestFlying:
             player.press(key)
         assert player.is_at_end
         assert player.speed == 1
+        for _ in range(12):  # longer than the pause after a flight
+            player.advance(0.1)
+            player.press("space", repeated=True)
+        assert player.is_at_end
         player.advance(1)
         player.press("left")
         assert step_of(player) == LAST - 1

@@ -40,7 +40,10 @@ AHEAD = 20
 HINT_SECONDS = 2.5
 
 PAUSE_AFTER_FLIGHT = 1.0
-"""Seconds for which the keys of a flight do nothing after its end, which may come as a surprise."""
+"""Seconds without the keys of a flight, after its end, until they act again as those of a replay.
+
+The end may come as a surprise: whoever still presses the search key would miss the result.
+"""
 
 VIEWS = ("matrix", "both")
 """The map that the drones see, or the prior and the posterior side by side."""
@@ -73,7 +76,7 @@ _AT_LAST = (
     KeyHelp("Esc", "quit", "close the window; also Q and, at the end, Enter"),
 )
 _WATCHING = (
-    KeyHelp("Space", "pause", "pause or resume; at the end, play again"),
+    KeyHelp("Space", "play, pause", "pause or resume; at the end, play again"),
     KeyHelp("\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW}", "step", "one step back or forward"),
     KeyHelp("\N{UPWARDS ARROW} \N{DOWNWARDS ARROW}", "speed", "faster or slower; also + and -"),
 )
@@ -288,7 +291,7 @@ class Player:
         self.seed = seed
         self.recording = self._begin(seed)
         self._was_flown = self.recording.flies
-        self._flight_ended = 0.0 if self._was_flown else math.inf  # seconds ago
+        self._flight_ended = 0.0 if self._was_flown else math.inf  # seconds since then
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
         self._hint_left = 0.0
@@ -373,7 +376,9 @@ class Player:
         elif self.recording.flies:
             if key in FLIGHT_KEYS:
                 self._fly(FLIGHT_KEYS[key])
-        elif not (key in FLIGHT_KEYS and self._flight_ended < PAUSE_AFTER_FLIGHT):
+        elif key in FLIGHT_KEYS and self._flight_ended < PAUSE_AFTER_FLIGHT:
+            self._flight_ended = 0.0
+        else:
             self._scrub(key)
 
     def _begin_again(self, seed: int) -> None:
