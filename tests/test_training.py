@@ -361,6 +361,12 @@ def test_a_run_is_not_overwritten(tmp_path: Path) -> None:
     assert len(rows(tmp_path)) == 1
 
 
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("a file, in which no folder can be made")
+    with pytest.raises(SystemExit, match=r"cannot write to .*out: "):
+        training.Run(options(tmp_path / "file" / "out"), "Trial")
+
+
 def test_a_curve_without_a_checkpoint_is_not_overwritten(tmp_path: Path) -> None:
     with training.Run(options(tmp_path), "Trial") as run:
         run.log(10)

@@ -106,7 +106,7 @@ def _search(parameters: Mapping[str, Any]) -> NamedSearch:
     positions = of_scenario.pop("drones_positions", None)
     scenario = resolve_scenario(**of_scenario)
     drones = () if positions is None else tuple((int(x), int(y)) for x, y in positions)
-    return NamedSearch("training", "The task of the training run.", scenario, drones)
+    return NamedSearch("the search", "The search of the comparison.", scenario, drones)
 
 
 def _figures(each: Evaluation) -> list[str]:

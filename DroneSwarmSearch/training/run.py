@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.files import replacing
+from DroneSwarmSearch._internal.files import StorageError, check_writable, replacing
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.training.curve import COLUMNS, HELD_OUT, Curve
 from DroneSwarmSearch.training.interrupts import INTERRUPTED, handle_interrupts
@@ -45,7 +45,7 @@ class Run:
 
     Raises:
         SystemExit: the folder holds a run but ``--resume`` is not given, or a learning curve
-            without a checkpoint.
+            without a checkpoint, or cannot be written.
     """
 
     def __init__(
@@ -71,7 +71,10 @@ class Run:
         if options.resume and not self.resuming:
             message = f"nothing to resume in {self.folder}: the training starts from the beginning"
             print(message, file=sys.stderr)
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            check_writable(self._file)
+        except StorageError as error:
+            raise SystemExit(f"cannot write to {self.folder}: {error.strerror}") from None
         self._interrupted = False
         self._curve = Curve(self._file)
         self._start()
