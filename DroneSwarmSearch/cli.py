@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import importlib.util
 import io
 import os
@@ -12,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from DroneSwarmSearch import demo
+from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
 from DroneSwarmSearch.wrappers.layouts import LAYOUTS
@@ -148,8 +148,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return demo.main(argv)
     parser = _parser()
     if not command.startswith("-") and command not in COMMANDS:
-        near = difflib.get_close_matches(command, COMMANDS)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        hint = did_you_mean(command, COMMANDS)
         print(f"no such command: {command!r}{hint}\n", file=sys.stderr)
         parser.print_help(sys.stderr)
         return 2
@@ -199,6 +198,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_evaluate(parser: argparse.ArgumentParser) -> None:
+    parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
     parser.add_argument(
         "policy",
         metavar="POLICY",
@@ -220,6 +220,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
+    parser.usage = "%(prog)s [options]"
     parser.add_argument("--searches", metavar="NAME", nargs="+", help=f"{SEARCH} (default: all)")
     parser.add_argument(
         "--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)} (default: all)"

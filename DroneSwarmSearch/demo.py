@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.console import printed_warnings
+from DroneSwarmSearch._internal.files import check_writable
 from DroneSwarmSearch.demo_options import message_on_option, parse, search_of
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.env import DroneSwarmSearch
@@ -319,8 +320,9 @@ def _record(
 ) -> None:
     path: Path = options.record
     limit, size = search.scenario.timestep_limit, search.scenario.grid_size
-    print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
     try:
+        check_writable(path)
+        print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
         per_step = pictures_per_step(options.fps)
         pictures = _painter(size, options).video(frames, per_step)
         write_video(path, pictures, fps=options.fps * per_step, hold=HOLD_VIDEO)

@@ -25,7 +25,7 @@ from helpers import bound_by_time
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal import progress
-from DroneSwarmSearch.evaluation import SUITE, evaluate, run
+from DroneSwarmSearch.evaluation import SUITE, commands, evaluate, run
 from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
@@ -327,6 +327,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
         (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
+        (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
         (["evaluate", "nofile.py:act", "pond"], "there is no 'nofile.py'"),
         (["evaluate", "nofile.npz", "pond"], "there is no 'nofile.npz'"),
         (["evaluate", "no.module:act", "pond"], "there is no 'no.module'"),
@@ -525,6 +526,25 @@ def test_ctrl_c_is_reported_and_a_rerun_resumes(capsys, own):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
+@pytest.mark.parametrize("name", ["evaluate", "leaderboard", "bound"])
+def test_a_read_only_folder_is_reported_before_any_work(capsys, tmp_path, monkeypatch, name):
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
+    what = {"evaluate": ["random", "pond"], "leaderboard": ["--no-bound"], "bound": ["pond"]}[name]
+    output = answer(capsys, name, *what, "--workers", 1, "--out", tmp_path / "out", code=1)
+    assert output.out == ""
+    assert output.err.startswith(f"{tmp_path}: results cannot be written: ")
+    assert output.err.count("\n") == 1
+    assert files_in(tmp_path) == set()
+
+
+def test_a_broken_pipe_other_than_stdout_is_reported(capsys, monkeypatch):
+    def broken(*_: object, **__: object) -> None:
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+    monkeypatch.setattr(commands, "run_tasks", broken)
+    assert "Broken pipe" in answer(capsys, "evaluate", "random", "pond", code=1).err
+
+
 def test_a_closed_pipe_ends_the_command_quietly(own):
     process = subprocess.Popen(
         [sys.executable, "-m", "DroneSwarmSearch", "evaluate", "--list"],

@@ -283,6 +283,10 @@ class TestOptions:
         ):
             assert re.search(rf"^ +.*{option}\b(?!-).*\n? +\S", text, re.MULTILINE), option
 
+    def test_a_misspelled_policy_is_corrected(self, capsys: pytest.CaptureFixture[str]) -> None:
+        line = refusal(capsys, "--text", "--policy", "planer")
+        assert line.endswith("got 'planer'; did you mean planner?")
+
     @pytest.mark.parametrize(
         ("option", "values", "problem"),
         [

@@ -403,11 +403,11 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
         store = None  # the error already states that earlier files are kept
     except (work.WorkerCrashed, ImportError) as error:
         reason = str(error)
-    except BrokenPipeError:
-        # The reader of stdout has gone; Python must not fail when it flushes the rest.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and _is_ours(error):
+            # The reader of stdout has gone; Python must not fail when it flushes the rest.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return FAILED
         reason = _described(error)
     if store is not None and len(store):
         reason += f"; finished work is kept in {store.directory}; repeat the command to resume"
@@ -417,8 +417,13 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
 
 def _described(error: Exception) -> str:
     """An error in one line if `evaluation` raised it, otherwise with its traceback."""
-    innermost = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
-    is_ours = innermost.is_relative_to(Path(__file__).parent)
-    if is_ours and error.__cause__ is None and isinstance(error, (OSError, TypeError, ValueError)):
+    is_plain = error.__cause__ is None and isinstance(error, (OSError, TypeError, ValueError))
+    if is_plain and _is_ours(error):
         return f"{type(error).__name__}: {error}"
     return "".join(traceback.format_exception(error)).rstrip()
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether `evaluation` raised an error, rather than a policy or another package."""
+    innermost = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    return innermost.is_relative_to(Path(__file__).parent)

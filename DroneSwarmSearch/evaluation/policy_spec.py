@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib
 import importlib.util
@@ -18,6 +17,7 @@ from typing import Any
 import cloudpickle
 
 from DroneSwarmSearch import policies
+from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
@@ -129,8 +129,9 @@ _NAMED = re.compile(r"([\w-]+)=")
 
 
 def _unknown(name: str) -> str:
-    near = difflib.get_close_matches(name.lower(), policies.POLICIES, cutoff=0.5)
-    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    hint = did_you_mean(name, policies.POLICIES)
+    if name.endswith(".py"):
+        hint = f"; name an attribute of the file, too, as in '{name}:policy'"
     return (
         f"policy must be one of {', '.join(policies.POLICIES)}, 'weights.npz', "
         f"'module:attribute' or 'file.py:attribute', got {name!r}{hint}"

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.files import check_writable
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
@@ -102,6 +103,7 @@ def record(
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r}")
     rate = checks.real("fps", fps, FPS_LEAST, FPS_MOST)
+    check_writable(target)
     spec, where = PolicySpec.of(policy, name), as_named(search)
     pairs = frames(spec, where, seed=seed, bayesian_update=bayesian_update)
     title = f"{spec.name} searching {where.name}, seed {seed}"

@@ -53,7 +53,8 @@ class Store:
             key: plain JSON data.
 
         Raises:
-            StorageError: a file is in the place of the store's folder.
+            StorageError: the entry is missing, and the store's folder cannot be written, or a
+                file is in its place.
         """
         path, full = self._place(key)
         with contextlib.suppress(KeyError, OSError, RecursionError, TypeError, ValueError):
@@ -92,6 +93,12 @@ class Store:
         if nearest is not None and not nearest.is_dir():
             raise StorageError(
                 errno.ENOTDIR, "results need a folder, but this is a file; move it", str(nearest)
+            )
+        if nearest is not None and not os.access(nearest, os.W_OK):
+            raise StorageError(
+                errno.EACCES,
+                f"results cannot be written: {os.strerror(errno.EACCES)}",
+                str(nearest),
             )
 
     def _place(self, key: Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:

@@ -7,7 +7,6 @@ of the suite, in another file.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import math
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
@@ -150,8 +150,7 @@ def search(name: str) -> NamedSearch:
     if not isinstance(name, str):
         raise TypeError(f"search must be the name of a search, got {name!r}")
     if name not in SUITE:
-        near = difflib.get_close_matches(name.lower(), SUITE, cutoff=0.5)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        hint = did_you_mean(name, SUITE)
         raise ValueError(
             f"search must be one of {', '.join(SUITE)}, got {name!r}{hint} "
             f"(`{LISTING}` describes them)"

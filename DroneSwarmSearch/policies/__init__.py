@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.policies.greedy import (
@@ -91,5 +92,6 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
     if name not in POLICIES:
         raise ValueError(
             f"name must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {name!r}"
+            + did_you_mean(name, POLICIES)
         )
     return POLICIES[name](scenario)
