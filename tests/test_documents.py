@@ -31,7 +31,7 @@ PAGES_WITH_LINKS = [*sorted(ROOT.glob("*.md")), *DOCS]
 EXTRAS = {
     **{name: name for name in ("agilerl", "benchmarl", "tianshou", "torchrl")},
     **dict.fromkeys(("sb3_contrib", "stable_baselines3", "supersuit"), "sb3"),
-    "ray": "rllib",
+    **dict.fromkeys(("ray", "lz4"), "rllib"),
     "torch": "ppo",  # most of the others need it too
 }
 """Optional packages that code blocks import, with the extra that installs them."""
@@ -87,6 +87,7 @@ class Block(NamedTuple):
         """The optional packages that it needs."""
         imported = {*re.findall(r"^(?:from|import) (\w+)", self.text, re.M)}
         imported |= {"ray"} if re.search(r"\bray=", self.text) else set()
+        imported |= {"lz4"} if "ray.rllib" in self.text else set()  # not with ray alone
         return [package for package in EXTRAS if package in imported]
 
     @property

@@ -171,7 +171,7 @@ class TestQuality:
         )  # fmt: skip
         mine = success_of(of, paths_of(planner(of), of))
         greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))
-        assert min(mine) > 0.3
+        assert min(mine) > 0.25  # neither person is neglected
         assert np.prod(mine) >= np.prod(greedy)
 
 
