@@ -173,11 +173,16 @@ def train(run: training.Run, agent: Agent, seed: int) -> None:
     envs = make_envs()
     data: dict[str, torch.Tensor] = {}
     observations, _ = envs.reset(seed=seed + run.steps_done)  # a resumed run plays new searches
+    ended: list[float] = []
     while run.steps_done < run.total_steps:
-        observations, ended = rollout(envs, agent, data, observations)
+        observations, successes = rollout(envs, agent, data, observations)
+        ended += successes
         entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
         save(run.steps_done + NUM_STEPS * SWARMS)
-        found = float(np.mean(ended)) if ended else float("nan")
+        found = float("nan")
+        if len(ended) >= SWARMS * DRONES // 2:  # the few that end early are the easy ones
+            found = float(np.mean(ended))
+            ended = []
         mean_return = found / DRONES  # what a swarm is paid is its probability of success
         run.log(run.steps_done + NUM_STEPS * SWARMS, mean_return, found, entropy=entropy)
 
