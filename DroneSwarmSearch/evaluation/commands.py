@@ -158,10 +158,8 @@ def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
 
 def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Record a video of one episode."""
-    with _refusing(parser):
-        (search,) = _searches([options.search])
-    _warn_of_small_grids([search])
-    try:
+
+    def write(search: NamedSearch) -> str:
         video = recording.record(
             options.policy,
             search,
@@ -170,23 +168,15 @@ def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
             bayesian_update=True if options.posterior else None,
             fps=options.fps,
         )
-    except KeyboardInterrupt:
-        print("\ninterrupted: no video was written", file=sys.stderr)
-        return INTERRUPTED
-    except (ImportError, OSError, TypeError, ValueError) as error:
-        _report(parser, options.out, error)
-    print(
-        f"{options.out}: {options.policy} searching {search.name}, {outcome_in_brief(video.last)}"
-    )
-    return 0
+        return f"{options.policy} searching {search.name}, {outcome_in_brief(video.last)}"
+
+    return _write(parser, options, write)
 
 
 def export(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Write episodes as JSON."""
-    with _refusing(parser):
-        (search,) = _searches([options.search])
-    _warn_of_small_grids([search])
-    try:
+
+    def write(search: NamedSearch) -> str:
         data = exporting.export(
             options.policies,
             search,
@@ -194,13 +184,29 @@ def export(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
             seeds=options.seeds,
             bayesian_update=True if options.posterior else None,
         )
+        episodes = data["episodes"]
+        return f"{len(episodes)} episode{'s' * (len(episodes) > 1)} of {search.name}"
+
+    return _write(parser, options, write)
+
+
+def _write(
+    parser: argparse.ArgumentParser,
+    options: argparse.Namespace,
+    write: Callable[[NamedSearch], str],
+) -> int:
+    """Write a file about one search; `write` returns a description of it, which is printed."""
+    with _refusing(parser):
+        (search,) = _searches([options.search])
+    _warn_of_small_grids([search])
+    try:
+        content = write(search)
     except KeyboardInterrupt:
         print("\ninterrupted: no file was written", file=sys.stderr)
         return INTERRUPTED
     except (ImportError, OSError, TypeError, ValueError) as error:
         _report(parser, options.out, error)
-    episodes = data["episodes"]
-    print(f"{options.out}: {len(episodes)} episode{'s' * (len(episodes) > 1)} of {search.name}")
+    print(f"{options.out}: {content}")
     return 0
 
 
