@@ -114,7 +114,8 @@ class Curve:
             marker = "." if len(steps) < 10 else ""
             for axes, name in ((above, "found"), (below, "reward")):
                 values = self.column(name)
-                axes.plot(steps, values, "C0", alpha=0.25, linewidth=0.8)
+                known = ~np.isnan(values)
+                axes.plot(steps[known], values[known], "C0", alpha=0.25, linewidth=0.8)
                 axes.plot(steps, moving_mean(values), "C0", marker=marker)
                 axes.grid(alpha=0.4)
             for axes in outside:
