@@ -1,4 +1,7 @@
-"""The library's own exceptions; invalid arguments raise ValueError or TypeError."""
+"""The library's own exceptions, and hints for messages.
+
+Invalid arguments raise ValueError or TypeError.
+"""
 
 import difflib
 from collections.abc import Iterable

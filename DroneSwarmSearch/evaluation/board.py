@@ -148,6 +148,13 @@ class Leaderboard:
         return {each.search.name: each.bound for each in self.evaluations if each.bound is not None}
 
     @cached_property
+    def mean_bound(self) -> float | None:
+        """The mean bound on success; None unless every search has one."""
+        if len(self.bounds) < len(self.searches):
+            return None
+        return fmean(each.by_limit for each in self.bounds.values())
+
+    @cached_property
     def summaries(self) -> tuple[PolicySummary, ...]:
         """The summary of every policy."""
         return tuple(self._summary(policy) for policy in self.policies)
@@ -211,14 +218,11 @@ class Leaderboard:
     def _summary(self, policy: str) -> PolicySummary:
         evaluations = self.of_policy(policy)
         success = mean_of(each.success for each in evaluations)
-        gap = None
-        if len(self.bounds) == len(self.searches):
-            bound = fmean(each.by_limit for each in self.bounds.values())
-            gap = difference(ExactValue.of(bound), success)
+        bound = self.mean_bound
         return PolicySummary(
             policy,
             success,
-            gap,
+            None if bound is None else difference(ExactValue.of(bound), success),
             mean_of(each.time.scaled(1.0 / each.limit) for each in evaluations),
         )
 

@@ -153,7 +153,7 @@ def _introduction(board: Leaderboard) -> str:
             "In coverage missions, where nobody is found, it is the probability of success (POS) "
             "of the searches made. "
         )
-    if _is_bounded(board):
+    if board.mean_bound is not None:
         text += "*Gap* is the distance to the bound, which no policy can exceed. "
     return (
         f"{text}*Time* is the restricted mean time to find: the mean step at which the last person "
@@ -182,7 +182,7 @@ def _legend(board: Leaderboard) -> str:
 
 def _bounds(board: Leaderboard) -> str:
     """How far the best policies are from the bounds, and whether any policy exceeds them."""
-    if not _is_bounded(board):
+    if board.mean_bound is None:
         return ""
     shares = [board.best_known(name).share_of_bound for name in board.bounds]
     ratios = [each.value for each in shares if each is not None]
@@ -207,15 +207,14 @@ def _bounds(board: Leaderboard) -> str:
 
 def suite_table(board: Leaderboard) -> Table:
     """A table of the summaries: a row for each policy, the best first, and one for the bound."""
-    bounded = _is_bounded(board)
+    bounded = board.mean_bound is not None
     rows = [["policy", "success, %", *["gap, points"] * bounded, "time, % of limit"]]
     for each in sorted(board.summaries, key=lambda each: -each.success.value):
         gap = [] if each.gap is None else [_short(each.gap)]
         success = _short(each.success) if _is_narrow(each.success) else percent(each.success)
         rows.append([each.policy, success, *gap, _short(each.time)])
-    if bounded:
-        mean = fmean(each.by_limit for each in board.bounds.values())
-        rows.append(["bound", _percent(mean), "", ""])
+    if board.mean_bound is not None:
+        rows.append(["bound", _percent(board.mean_bound), "", ""])
     return rows
 
 
@@ -226,7 +225,7 @@ def overview(board: Leaderboard, best: str = "**{}**") -> Table:
         board: the results.
         best: the format for the best policy of each search.
     """
-    bounded = _is_bounded(board)
+    bounded = board.mean_bound is not None
     rows = [["search", *["bound"] * bounded, *board.policies]]
     for search in board.searches:
         figures = [board.by_name[name, search.name].success for name in board.policies]
@@ -317,10 +316,6 @@ def _method(board: Leaderboard) -> str:
         "with times, returns, intervals and endings. `evaluate --list` describes the searches, "
         "and `leaderboard --add=module:callable` adds your own policy."
     )
-
-
-def _is_bounded(board: Leaderboard) -> bool:
-    return len(board.bounds) == len(board.searches)
 
 
 def _paragraph(text: str) -> list[str]:
