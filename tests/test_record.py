@@ -159,6 +159,11 @@ class TestFrames:
         with pytest.raises(TypeError, match=r"bayesian_update must be True or False, got 1"):
             frames("random", "pond", bayesian_update=1)  # type: ignore[arg-type]
 
+    def test_bad_input_makes_no_folder(self, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match="policy must be one of random"):
+            record("greedy", "pond", tmp_path / "videos" / "search.gif")
+        assert not any(tmp_path.iterdir())
+
 
 class TestPicture:
     def test_a_long_title_fits(self) -> None:

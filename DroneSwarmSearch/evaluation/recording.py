@@ -103,9 +103,9 @@ def record(
     if target.suffix.lower() not in SUFFIXES:
         raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r}")
     rate = checks.real("fps", fps, FPS_LEAST, FPS_MOST)
-    check_writable(target)
     spec, where = PolicySpec.of(policy, name), as_named(search)
     pairs = frames(spec, where, seed=seed, bayesian_update=bayesian_update)
+    check_writable(target)
     title = f"{spec.name} searching {where.name}, seed {seed}"
     painter = Painter(where.scenario.grid_size, render_grid=True, view="both")
     last: list[Frame] = []
