@@ -249,19 +249,27 @@ def test_the_planner_is_close_to_the_bound() -> None:
 
 
 @pytest.mark.parametrize(
-    ("memory", "error", "message"),
+    ("argument", "error", "message"),
     [
-        (-1, ValueError, "memory must be .* at least 0, got -1"),
-        (1.5, TypeError, "memory must be an integer of at least 0, got 1.5"),
-        ("2", TypeError, "memory must be an integer of at least 0, got '2'"),
+        ({"memory": -1}, ValueError, "memory must be an integer from 0 to 5, got -1"),
+        ({"memory": 30}, ValueError, "memory must be an integer from 0 to 5, got 30"),
+        ({"memory": 1.5}, TypeError, "memory must be an integer from 0 to 5, got 1.5"),
+        ({"sample": 0}, ValueError, "sample must be an integer from 1 to 134217728, got 0"),
+        ({"sample": 10**9}, ValueError, "sample must be an integer from 1 to 134217728, got 10"),
     ],
 )
-def test_the_memory_is_a_number_of_actions(
-    memory: Any, error: type[Exception], message: str
+def test_what_cannot_end_or_fit_is_refused(
+    argument: Any, error: type[Exception], message: str
 ) -> None:
     of = shortened(SMALL[0], 2)
     with pytest.raises(error, match=message):
-        success_bound(of.scenario, of.drones, memory=memory)
+        success_bound(of.scenario, of.drones, **argument)
+
+
+def test_a_known_probability_is_at_most_1() -> None:
+    of = shortened(SMALL[0], 2)
+    with pytest.raises(ValueError, match="known must be a finite number of at least 0 and at most"):
+        best_success(of.scenario, of.drones, known=1.5)
 
 
 @pytest.mark.parametrize("bound", [success_bound, best_success])

@@ -86,7 +86,10 @@ ROUNDING = 1e-10
 """More than the error of an optimum."""
 
 MOST_MEMORY = 5
-"""The most actions that drones remember by default."""
+"""The most actions that drones remember: 6 take gigabytes and hours on a large grid."""
+
+MOST_CELLS = 2**28
+"""The most cells of all trajectories in a sample, which then take about 7 GB."""
 
 MEMORY_BEFORE = 2
 """The most actions that drones remember for fewer steps, which only shape the curve."""
@@ -146,10 +149,11 @@ def success_bound(
     Args:
         scenario: the search.
         drones_positions: every drone's start cell (x, y).
-        memory: the number of actions K that drones remember: with more of them, the bound is
-            tighter and takes longer. By default, as many as a fixed amount of work allows, and
-            the optimum where branch and bound soon finds it.
-        sample: trajectories to draw for each person with too many to enumerate.
+        memory: the number of actions K that drones remember, at most 5: with more of them, the
+            bound is tighter and takes longer. By default, as many as a fixed amount of work
+            allows, and the optimum where branch and bound soon finds it.
+        sample: trajectories to draw for each person with too many to enumerate; times the time
+            limit, at most 2**28.
         gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
         report: called from time to time with the completed fraction of the work.
@@ -163,11 +167,11 @@ def success_bound(
     """
     limit = checked_scenario(scenario).timestep_limit
     starts = scenario.drone_cells(drones_positions)
-    checks.integer("sample", sample, 1)
+    checks.integer("sample", sample, 1, max(MOST_CELLS // limit, 1))
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
     if memory is not None:
-        checks.integer("memory", memory, 0)
+        checks.integer("memory", memory, 0, MOST_MEMORY)
     horizons = min(horizons, limit)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
     # Equal persons share one bound.

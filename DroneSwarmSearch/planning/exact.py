@@ -92,7 +92,7 @@ def best_plan(
     if persons > 1:
         raise ValueError(f"scenario must have one person, got {persons}")
     starts = scenario.drone_cells(drones_positions)
-    checks.real("known", known, 0)
+    checks.real("known", known, 0, 1)
     if nodes is not None:
         checks.integer("nodes", nodes, 0)
     (forecast,) = scenario.forecasts()
