@@ -375,14 +375,6 @@ def test_path_length_without_diagonals():
     assert manhattan / chebyshev == pytest.approx(10 / 7, rel=1e-3)
 
 
-def test_each_known_problem_has_a_test():
-    text = section(OF_DSSE, "Known problems in DSSE")
-    problems = re.findall(r"^- ", text, re.MULTILINE)
-    names = re.findall(r"\[`(\w+)`\]", text)
-    assert len(names) == len(problems) > 5
-    assert all(f"test_dsse_{name}" in globals() for name in names)
-
-
 # Statements about DSSE, if it is installed.
 
 
@@ -451,26 +443,12 @@ def dsse_path(env, steps: int, seed: int | None = None) -> list[tuple[int, int]]
     return path
 
 
-def test_dsse_seeds(dsse):
-    env = dsse.DroneSwarmSearch(grid_size=30, person_initial_position=(15, 15))
-    assert len({tuple(dsse_path(env, 60, seed=3)) for _ in range(5)}) > 1
-
-
 def moments(matrix) -> list[float]:
     """Return the mean and standard deviation along x."""
     columns = np.asarray(matrix, float).sum(axis=0)
     cells = np.arange(len(columns))
     mean = (columns * cells).sum() / columns.sum()
     return [mean, np.sqrt((columns * (cells - mean) ** 2).sum() / columns.sum())]
-
-
-@pytest.mark.filterwarnings("ignore:divide by zero")
-def test_dsse_still_person(dsse):
-    env = dsse.DroneSwarmSearch(grid_size=61, vector=(0, 0), person_initial_position=(20, 20))
-    assert set(dsse_path(env, 40)) == {(20, 20)}
-    matrix = env.probability_matrix.get_matrix()
-    assert moments(matrix)[1] == pytest.approx(4.5, rel=0.01)
-    assert 1 - matrix[20, 20] == pytest.approx(0.99, abs=0.005)
 
 
 @pytest.mark.parametrize("cell", [130, 500])
@@ -513,69 +491,6 @@ def test_dsse_limit(dsse):
     assert env.agents_positions == [(5, 0)]
 
 
-def test_dsse_after_the_end(dsse):
-    env = dsse.DroneSwarmSearch(timestep_limit=1, person_initial_position=(15, 15))
-    env.reset()
-    while env.agents:
-        *_, infos = env.step({"drone0": 1})
-    assert infos == {"drone0": {"Found": False}}
-    assert env.step({}) == ({}, {}, {}, {}, {})
-
-
-@pytest.mark.filterwarnings("ignore:divide by zero")
-def test_dsse_rewards_sum(dsse):
-    env = dsse.DroneSwarmSearch(drone_amount=2, vector=(0, 0), person_initial_position=(3, 3))
-    env.reset(options={"drones_positions": [(3, 3), (0, 0)]})
-    _, rewards, terminations, truncations, infos = env.step({"drone0": 8, "drone1": 1})
-    assert rewards == {"drone0": 2.0, "drone1": 0.0}
-    assert env.rewards_sum["drone0"] == 0
-    assert all([*terminations.values(), *truncations.values(), infos["drone1"]["Found"]])
-
-    scheme = dataclasses.replace(RewardScheme.sparse(), find_early=1)
-    ours = DroneSwarmSearch(20, n_drones=2, vector=(0, 0), reward_scheme=scheme)
-    ours.reset(drones_positions=[(0, 0), (3, 3)])
-    assert ours.step({"drone0": 4, "drone1": 1})[1] == {"drone0": 2.0, "drone1": 0.0}
-
-
-def test_dsse_leaving_and_colliding(dsse):
-    env = dsse.DroneSwarmSearch(drone_amount=2, person_initial_position=(15, 15))
-    env.reset()
-    observations, rewards, *_ = env.step({"drone0": 1, "drone1": 8})
-    assert observations["drone0"][0] == observations["drone1"][0] == (1, 0)
-    env.step({"drone0": 2, "drone1": 2})
-    assert env.agents == ["drone0", "drone1"]
-    assert env.rewards_sum["drone0"] == rewards["drone0"] == 0
-
-
-def test_dsse_checks(dsse):
-    make = dsse.DroneSwarmSearch
-    env = make(timestep_limit=-1)
-    make(vector=(float("nan"), 0))
-    env = make()
-    env.reset(options={"vectr": (3, 3)})
-    assert env.vector == (1.1, 1)
-    env.step({"drone0": 1, "drone7": 3})
-    with pytest.raises(ValueError, match="truth value"):
-        env.reset(options={"vector": np.array([0.1, 0.1])})
-    with pytest.raises(AttributeError):
-        env.render()
-
-
-def test_dsse_zero_vector(dsse):
-    with pytest.warns(RuntimeWarning, match="divide by zero"):
-        dsse.DroneSwarmSearch(vector=(0, 0)).reset()
-
-
-def test_dsse_constructor(dsse, monkeypatch):
-    import pygame
-
-    pygame.quit()
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        dsse.DroneSwarmSearch()
-    assert len(printed.getvalue().splitlines()) == 2
-    assert pygame.get_init()
-
-
 def test_dsse_wrappers(dsse):
     wrappers = importlib.import_module("DSSE.environment.wrappers")
     listed = {code(row[0]).split("(")[0] for row in rows(section(OF_DSSE, "Wrappers"))}
@@ -586,39 +501,6 @@ def test_dsse_wrappers(dsse):
         env = getattr(wrappers, name)(env, *given)
         observations, _ = env.reset()
         assert env.observation_space("drone0").contains(observations["drone0"])
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_dsse_passes_the_tests_of_pettingzoo(dsse):
-    tests = importlib.import_module("pettingzoo.test")
-    tests.parallel_api_test(dsse.DroneSwarmSearch(drone_amount=2), num_cycles=200)
-    tests.parallel_seed_test(lambda: dsse.DroneSwarmSearch(drone_amount=2))
-
-
-@pytest.mark.filterwarnings("ignore:.*Casting input")
-def test_dsse_gaussian_wrapper(dsse):
-    wrapper = importlib.import_module("DSSE.environment.wrappers.gaussian_wrapper").GaussianWrapper
-    env = wrapper(dsse.DroneSwarmSearch(person_initial_position=(10, 10)))
-    observations, _ = env.reset()
-    assert isinstance(observations["drone0"], tuple)
-    assert not env.observation_space("drone0").contains(observations["drone0"])
-
-
-def test_dsse_coverage_needs_opendrift(dsse, tmp_path):
-    try:
-        importlib.import_module("opendrift")
-    except ImportError:
-        np.save(tmp_path / "matrix.npy", np.ones((6, 6)))
-        with pytest.raises(ImportError, match="OpenDrift not installed"):
-            dsse.CoverageDroneSwarmSearch(prob_matrix_path=str(tmp_path / "matrix.npy"))
-
-
-def test_dsse_coverage_rewards(coverage):
-    one = coverage(drone_amount=2)
-    one.reset()
-    done = one.reward_scheme["done"]
-    coverage(drone_amount=1).reset()
-    assert one.reward_scheme["done"] == 2 * done
 
 
 def test_dsse_coverage_steps(coverage):
