@@ -1,18 +1,15 @@
 """Test the migration guides from the 2023 package and from DSSE.
 
 Blocks marked ``py`` are scripts for the other package. A script followed by a text block must
-raise the error in that block; all others must run. Statements about DSSE are tested if DSSE is
-installed.
+raise the error in that block; all others must run.
 """
 
 from __future__ import annotations
 
 import ast
-import contextlib
 import dataclasses
 import importlib
 import inspect
-import io
 import os
 import re
 import subprocess
@@ -246,14 +243,6 @@ def test_attribute_of_2023(row):
         assert eval(code(now), {"env": env}) is not None
 
 
-def test_unchanged_attributes_of_2023():
-    env = environment()
-    unchanged = section(OF_2023, "Attributes").split(" are")[0]
-    names = re.findall(r"`env\.(\w+)`", unchanged)
-    assert len(names) == 5
-    assert all(hasattr(env, name) for name in names)
-
-
 def test_methods_of_2023():
     calls = [code(row[0]) for row in rows(section(OF_2023, "Methods"))]
     for call in calls:
@@ -363,154 +352,3 @@ def test_spread_here():
     for constant, drift, column in ((15.8, 0.1635, 3), (0.65, 0.083, 4)):
         expected = [f"{mean:.1f} and {sd:.1f}" for mean, sd in spreads(constant, drift, steps)]
         assert [row[column] for row in table] == expected
-
-
-def test_path_length_without_diagonals():
-    """Compare the mean Manhattan and Chebyshev distances of random cells."""
-    difference = np.abs(np.subtract.outer(np.arange(200), np.arange(200))).ravel()
-    probability = np.bincount(difference) / difference.size
-    cells = np.arange(200)
-    manhattan = 2 * probability @ cells
-    chebyshev = probability @ np.maximum.outer(cells, cells) @ probability
-    assert manhattan / chebyshev == pytest.approx(10 / 7, rel=1e-3)
-
-
-# Statements about DSSE, if it is installed.
-
-
-@pytest.fixture
-def dsse(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    module = pytest.importorskip("DSSE")
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield module
-
-
-@pytest.fixture
-def coverage(dsse, monkeypatch, tmp_path):
-    """Return a function that makes coverage environments on a 6 x 6 map, with OpenDrift stubbed."""
-    for name in ("opendrift", "opendrift.models", "opendrift.models.oceandrift"):
-        monkeypatch.setitem(sys.modules, name, type(sys)(name))
-    sys.modules["opendrift.models.oceandrift"].OceanDrift = object
-    matrix = np.full((6, 6), 1 / 30)
-    matrix[0] = 0
-    path = tmp_path / "matrix.npy"
-    np.save(path, matrix)
-    monkeypatch.setattr(
-        dsse.CoverageDroneSwarmSearch,
-        "reward_scheme",
-        dict(dsse.CoverageDroneSwarmSearch.reward_scheme),
-    )
-
-    def make(**parameters):
-        return dsse.CoverageDroneSwarmSearch(prob_matrix_path=str(path), **parameters)
-
-    return make
-
-
-@pytest.mark.parametrize("script", [block.values[0] for block in scripts(OF_DSSE)])
-@pytest.mark.filterwarnings("default")
-def test_script_for_dsse(script, dsse):
-    exec(compile(script, "before", "exec"), {})
-
-
-def test_tables_of_parameters_of_dsse(dsse):
-    for kind, title in (
-        (dsse.DroneSwarmSearch, "Parameters"),
-        (dsse.CoverageDroneSwarmSearch, "Coverage"),
-    ):
-        table = {code(row[0]): code(row[1]) for row in dsse_parameters(title)}
-        signature = inspect.signature(kind).parameters
-        for name, value in table.items():
-            assert ast.literal_eval(value) == signature[name].default
-        assert all(f"`{name}`" in section(OF_DSSE, title) for name in signature)
-
-
-def test_table_of_actions_of_dsse(dsse):
-    table = rows(section(OF_DSSE, "Actions"))
-    assert {code(row[0]): int(code(row[1])) for row in table if row[0] != "none"} == {
-        action.name: action.value for action in dsse.Actions
-    }
-
-
-def dsse_path(env, steps: int, seed: int | None = None) -> list[tuple[int, int]]:
-    """Return the person's cells in DSSE while its drone stays in its corner."""
-    env.reset(seed=seed)
-    path = []
-    for _ in range(steps):
-        env.step({"drone0": 0})
-        path.append(next(iter(env.get_persons())).get_position())
-    return path
-
-
-def moments(matrix) -> list[float]:
-    """Return the mean and standard deviation along x."""
-    columns = np.asarray(matrix, float).sum(axis=0)
-    cells = np.arange(len(columns))
-    mean = (columns * cells).sum() / columns.sum()
-    return [mean, np.sqrt((columns * (cells - mean) ** 2).sum() / columns.sum())]
-
-
-@pytest.mark.parametrize("cell", [130, 500])
-@pytest.mark.parametrize(("speed", "drifted"), [(2, 16), (0.5, 1), (1, 4)])
-def test_dsse_drift_of_the_matrix(dsse, speed, drifted, cell):
-    env = dsse.DroneSwarmSearch(
-        grid_size=81,
-        vector=(speed, 0),
-        dispersion_inc=0.05,
-        person_initial_position=(30, 30),
-        grid_cell_size=cell,
-    )
-    dsse_path(env, 40)
-    mean, deviation = moments(env.probability_matrix.get_matrix())
-    assert mean - 30 == pytest.approx(drifted, abs=0.05)
-    assert int(speed * speed / 10 * 41) == drifted  # including the step of the reset
-    assert deviation == pytest.approx(0.5 + 0.05 * 40, rel=0.01)
-
-
-def test_dsse_drift_and_spread_of_the_person(dsse):
-    env = dsse.DroneSwarmSearch(grid_size=61, person_initial_position=(20, 20))
-    paths = np.array([dsse_path(env, 80) for _ in range(150)]) - 20
-    table = rows(section(OF_DSSE, "Drift and spread"))[:4]
-    for row in table:
-        step = int(row[0])
-        mean, deviation = map(float, row[2].split(" and "))
-        ends = paths[:, step - 1, 0]
-        assert ends.mean() == pytest.approx(mean, abs=5 * deviation / np.sqrt(150) + 0.2)
-        assert ends.std() == pytest.approx(deviation, rel=0.35)
-
-
-def test_dsse_limit(dsse):
-    env = dsse.DroneSwarmSearch(timestep_limit=5, person_initial_position=(15, 15))
-    env.reset()
-    steps = 0
-    while env.agents:
-        env.step({"drone0": dsse.Actions.RIGHT.value})
-        steps += 1
-    assert steps == 6
-    assert env.agents_positions == [(5, 0)]
-
-
-def test_dsse_wrappers(dsse):
-    wrappers = importlib.import_module("DSSE.environment.wrappers")
-    listed = {code(row[0]).split("(")[0] for row in rows(section(OF_DSSE, "Wrappers"))}
-    assert set(wrappers.__all__) <= listed
-    for name in wrappers.__all__:
-        given = [[(1, 1), (2, 2)]] if name == "RetainDronePosWrapper" else []
-        env = dsse.DroneSwarmSearch(drone_amount=2, person_initial_position=(10, 10))
-        env = getattr(wrappers, name)(env, *given)
-        observations, _ = env.reset()
-        assert env.observation_space("drone0").contains(observations["drone0"])
-
-
-def test_dsse_coverage_steps(coverage):
-    env = coverage(drone_amount=2, timestep_limit=5)
-    observations, _ = env.reset(options={"drones_positions": [(0, 1), (3, 3)]})
-    assert observations["drone0"][1].max() == 1
-    *_, infos = env.step({"drone0": 8, "drone1": 8})
-    assert env.agents_positions == [(0, 1), (3, 3)]
-    assert infos["drone0"]["coverage_rate"] == pytest.approx(2 / 30)
-    assert infos["drone0"]["accumulated_pos"] == pytest.approx(0.9 * 2 / 30)
-    assert set(infos["drone0"]) == {
-        *("is_completed", "coverage_rate", "repeated_coverage", "accumulated_pos")
-    }
