@@ -852,12 +852,6 @@ class TestMotion:
         )
         assert (halfway == nearly).all()
 
-    def test_a_video_has_as_many_pictures_per_step_as_asked(self) -> None:
-        frames = [make_frame(drones=((x, 0),)) for x in range(3)]
-        pictures = [*Painter(7).video(frames, 4)]
-        assert len(pictures) == 1 + 2 * 4
-        assert all((a != b).any() for a, b in pairwise(pictures))
-
 
 class TestLargeGrids:
     """Of a large grid, the map shows where the search takes place."""

@@ -21,7 +21,6 @@ __all__ = [
     "KeyHelp",
     "Moment",
     "Player",
-    "PolicyRecording",
     "Recording",
     "Score",
     "refusal",
@@ -34,10 +33,9 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 STEP_RATE = 8.0
 """Steps per second at which single steps and moves by hand are drawn."""
 
-AHEAD = 20
-"""Steps by which a policy plays ahead of the picture, so that it need not be fast."""
-
 HINT_SECONDS = 2.5
+
+YOU = "you (drone 0)"
 
 PAUSE_AFTER_FLIGHT = 1.0
 """Seconds without the keys of a flight, after its end, until they act again as those of a replay.
@@ -94,10 +92,10 @@ _FLYING = (
 
 
 class Score(NamedTuple):
-    """The result of a searcher: a name, and the last frame; None until it is known."""
+    """The result of a searcher: a name, and the last frame of the episode."""
 
     name: str
-    last: Frame | None
+    last: Frame
 
 
 SCORE_HEADERS = ("", "result", "POS", "return")
@@ -105,8 +103,6 @@ SCORE_HEADERS = ("", "result", "POS", "return")
 
 def score_row(score: Score) -> tuple[str, str, str, str]:
     """A score as the cells of a table, below `SCORE_HEADERS`."""
-    if score.last is None:
-        return (score.name, "...", "", "")
     success, total = score.last.probability_of_success, score.last.total_return
     return (
         score.name,
@@ -117,27 +113,41 @@ def score_row(score: Score) -> tuple[str, str, str, str]:
 
 
 class Recording:
-    """The frames of an episode so far.
+    """The frames of a policy's episode so far, which a thread plays.
+
+    Some policies plan for seconds; meanwhile, the window stays alive.
 
     Args:
-        first: the frame of the reset.
+        frames: the frames of the episode, from that of the reset.
         title: what is shown, in a few words.
 
     Attributes:
         frames: those recorded so far.
         seen: the number of the latest frame that was shown.
         title: what is shown.
+        scores: the results to show at the end; empty if there are no others.
     """
 
-    def __init__(self, first: Frame, title: str = "") -> None:
-        self.frames = [first]
+    flies = False
+    """Whether the next step needs an action for drone 0."""
+
+    def __init__(self, frames: Iterator[Frame], title: str = "") -> None:
+        self.frames = [next(frames)]
         self.seen = 0
         self.title = title
+        self.scores: Sequence[Score] = ()
+        self._stopped = False
+        self._error: BaseException | None = None
+        threading.Thread(target=self._record, args=(frames,), daemon=True).start()
 
-    @property
-    def flies(self) -> bool:
-        """Whether the next step needs an action for drone 0."""
-        return False
+    def _record(self, frames: Iterator[Frame]) -> None:
+        try:
+            for frame in frames:
+                if self._stopped:
+                    return
+                self.frames.append(frame)
+        except BaseException as error:  # `show` raises it in the thread of the player
+            self._error = error
 
     @property
     def has_ended(self) -> bool:
@@ -149,59 +159,19 @@ class Recording:
         """Whether the last frame of the episode has been shown."""
         return self.frames[self.seen].ending is not None
 
-    def scores(self) -> Sequence[Score]:
-        """The result, and those of others in the same search; empty if there are none."""
-        return ()
-
-    def show(self, number: int) -> None:
-        """Note that a frame is shown."""
-        self.seen = max(self.seen, number)
-
-    def stop(self) -> None:
-        """Record no further frames."""
-
-
-class PolicyRecording(Recording):
-    """The episode of a policy, which a thread plays a little ahead of what is shown.
-
-    Args:
-        frames: the frames of the episode, from that of the reset.
-        title: what is shown, in a few words.
-    """
-
-    def __init__(self, frames: Iterator[Frame], title: str = "") -> None:
-        super().__init__(next(frames), title)
-        self._room = threading.Semaphore(AHEAD)
-        self._stopped = False
-        self._error: BaseException | None = None
-        threading.Thread(target=self._record, args=(frames,), daemon=True).start()
-
-    def _record(self, frames: Iterator[Frame]) -> None:
-        try:
-            while self._room.acquire() and not self._stopped:
-                frame = next(frames, None)
-                if frame is None:
-                    return
-                self.frames.append(frame)
-        except BaseException as error:  # `show` raises it in the thread of the player
-            self._error = error
-
     def show(self, number: int) -> None:
         """Note that a frame is shown.
 
         Raises:
             Exception: the policy or the environment has failed after this frame.
         """
-        if number > self.seen:
-            self._room.release(number - self.seen)
-        super().show(number)
+        self.seen = max(self.seen, number)
         if self._error is not None and number == len(self.frames) - 1:
-            error, self._error = self._error, None
-            raise error
+            raise self._error
 
     def stop(self) -> None:
+        """Record no further frames."""
         self._stopped = True
-        self._room.release()
 
 
 class Flight(Recording):
@@ -211,7 +181,7 @@ class Flight(Recording):
         first: the frame of the reset.
         fly: plays one step with an action for drone 0, and returns its frame.
         title: what is shown, in a few words.
-        scores: the results to show at the end, see `Recording.scores`.
+        rivals: the results of others in the same search, called at the end.
     """
 
     def __init__(
@@ -219,22 +189,21 @@ class Flight(Recording):
         first: Frame,
         fly: Callable[[Action], Frame],
         title: str = "",
-        scores: Callable[[], Sequence[Score]] = tuple,
+        rivals: Callable[[], Sequence[Score]] = list,
     ) -> None:
-        super().__init__(first, title)
+        super().__init__(iter([first]), title)
         self._fly = fly
-        self._scores = scores
+        self._rivals = rivals
 
     @property
-    def flies(self) -> bool:
+    def flies(self) -> bool:  # type: ignore[override]
         return not self.has_ended
-
-    def scores(self) -> Sequence[Score]:
-        return self._scores()
 
     def fly(self, action: Action) -> None:
         """Play one step."""
         self.frames.append(self._fly(action))
+        if self.has_ended and (rivals := self._rivals()):
+            self.scores = [Score(YOU, self.frames[-1]), *rivals]
 
 
 @dataclass(frozen=True)

@@ -121,11 +121,9 @@ class PlayerWindow(Screen):
     @staticmethod
     def _state(player: Player) -> object:
         """Equal as long as the picture need not be drawn again."""
-        scores = player.recording.scores() if player.is_at_end else ()
         return (
             *(player.recording, player.moment.frame.step, player.moment.progress, player.view),
             *(player.status, player.hint, player.shows_keys, player.moment.frame.hide_persons),
-            tuple(score.last is None for score in scores),
         )
 
     # Drawing.
@@ -148,8 +146,8 @@ class PlayerWindow(Screen):
             veil.fill(VEIL)
             screen.blit(veil, area)
             _draw_card(screen, area, _card("Keys", keys, font), "center")
-        elif player.is_at_end and player.recording.scores():
-            scores = [SCORE_HEADERS, *map(score_row, player.recording.scores())]
+        elif player.is_at_end and player.recording.scores:
+            scores = [SCORE_HEADERS, *map(score_row, player.recording.scores)]
             _draw_card(screen, area, _card("Your result", scores, font), "bottomright")
         pygame.display.flip()
 
