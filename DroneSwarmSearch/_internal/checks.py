@@ -52,6 +52,8 @@ Ints = NDArray[np.int64]
 LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""
 
+_TEXT = (str, bytes, bytearray)  # sequences that never count as numbers
+
 
 def boolean(name: str, value: object) -> bool:
     """True or False; TypeError otherwise."""
@@ -176,7 +178,7 @@ def items(name: str, value: object, what: str) -> list[object]:
     """The items of a list, a tuple, another sequence or a NumPy array, as a list."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
+    if not isinstance(value, Sequence) or isinstance(value, _TEXT):
         raise TypeError(f"{name} must be {what}, got {value!r:.100}")
     return list(value)
 
@@ -258,7 +260,7 @@ def numbers(name: str, value: object, what: str) -> NDArray[Any]:
     """
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return value
-    entries = np.asarray(value, object)
+    entries = np.asarray(None if isinstance(value, _TEXT) else value, object)
     floats = np.empty(entries.shape)
     for place, entry in enumerate(entries.flat):
         if not is_number(entry):
@@ -306,7 +308,9 @@ def _memory() -> int:
 
 
 def array(name: str, value: object, what: str) -> NDArray[Any]:
-    """The value as an array; ValueError if its rows differ in length."""
+    """The value as an array; TypeError for text, ValueError if its rows differ in length."""
+    if isinstance(value, _TEXT):
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
     try:
         return np.asarray(value)
     except ValueError:
@@ -335,7 +339,7 @@ def row_numbers(
             return value
     order = "in ascending order" if ascending else "without repetitions"
     what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
-    given = array("rows", value, "a list or an array of integers")
+    given = array("rows", value, what.removeprefix("rows must be "))
     if given.ndim == 1 and not given.size:
         return np.empty(0, np.int64)
     if given.dtype.kind not in "iu":
