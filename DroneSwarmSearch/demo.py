@@ -20,10 +20,10 @@ from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import print_table
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering import terminal
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
     Flight,

@@ -19,9 +19,9 @@ from PIL import Image
 
 from DroneSwarmSearch.evaluation import NamedSearch, record, search
 from DroneSwarmSearch.evaluation.recording import play
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import POLICIES, make
 from DroneSwarmSearch.rendering import palette, sprites
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import to_array
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
 from DroneSwarmSearch.rendering.video import write_pictures

@@ -19,8 +19,8 @@ import pytest
 from DroneSwarmSearch import DroneSwarmSearch, Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.player import Player
 from DroneSwarmSearch.rendering.terminal import fitted

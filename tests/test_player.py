@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.player import (
     SPEEDS,
     Flight,

@@ -21,8 +21,8 @@ from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import play
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.palette import NOT_FOUND
 from DroneSwarmSearch.rendering.video import SUFFIXES, write_pictures

@@ -23,7 +23,7 @@ from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "SUFFIX", "export"]

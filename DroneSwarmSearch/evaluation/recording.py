@@ -15,7 +15,7 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 
 __all__ = ["Video", "play", "record"]

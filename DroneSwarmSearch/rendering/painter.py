@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE
 from DroneSwarmSearch.rendering.panel import Layout, Panel

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
@@ -43,9 +43,6 @@ PAUSE_AFTER_FLIGHT = 1.0
 The end may come as a surprise: whoever still presses the search key would miss the result.
 """
 
-VIEWS = ("matrix", "both")
-"""The map that the drones see, or the prior and the posterior side by side."""
-
 FLIGHT_KEYS = {
     **{"left": Action.LEFT, "a": Action.LEFT, "right": Action.RIGHT, "d": Action.RIGHT},
     **{"up": Action.UP, "w": Action.UP, "down": Action.DOWN, "s": Action.DOWN},
@@ -75,17 +72,13 @@ _AT_LAST = (
 )
 _WATCHING = (
     KeyHelp("Space", "play, pause", "pause or resume; at the end, play again"),
-    KeyHelp("\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW}", "step", "one step back or forward"),
-    KeyHelp("\N{UPWARDS ARROW} \N{DOWNWARDS ARROW}", "speed", "faster or slower; also + and -"),
+    KeyHelp("Left, Right", "step", "one step back or forward"),
+    KeyHelp("Up, Down", "speed", "faster or slower; also + and -"),
 )
 _REPLAY = KeyHelp("R", "replay", "play again; Home and End jump to the first and last step")
 _FLY_AGAIN = KeyHelp("R", "fly again", "fly the same search again")
 _FLYING = (
-    KeyHelp(
-        "\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW} \N{UPWARDS ARROW} \N{DOWNWARDS ARROW}",
-        "fly drone 0",
-        "move drone 0 to the next cell; also W, A, S, D",
-    ),
+    KeyHelp("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
     KeyHelp("Space", "search", "search the cell of drone 0"),
     KeyHelp("I", "wait", "wait for a step; also the period key"),
 )
@@ -214,7 +207,7 @@ class Moment:
         frame: the frame that the drones are flying to, or have reached.
         previous: the frame before it; None before the first step.
         progress: the part of the way, from 0 to 1.
-        view: one of `VIEWS`.
+        view: "matrix", what the drones see, or "both", the prior and the posterior.
     """
 
     frame: Frame
@@ -234,7 +227,7 @@ class Player:
     Attributes:
         recording: of the search that is shown.
         seed: its seed.
-        view: one of `VIEWS`.
+        view: "matrix", what the drones see, or "both", the prior and the posterior.
         speed: factor on the steps per second.
         shows_keys: whether the list of keys is shown.
         quits: whether the user has asked to quit.
@@ -335,7 +328,7 @@ class Player:
         if key in ("escape", "q") or (key == "return" and self.is_at_end):
             self.quits = True
         elif key in ("p", "tab"):
-            self.view = VIEWS[1 - VIEWS.index(self.view)]
+            self.view = "both" if self.view == "matrix" else "matrix"
         elif key == "h":
             self.shows_keys = not self.shows_keys
         elif key == "n":

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
