@@ -205,8 +205,7 @@ def _write(
         return INTERRUPTED
     except (ImportError, OSError, TypeError, ValueError) as error:
         _report(parser, options.out, error)
-    print(f"{options.out}: {content}")
-    return 0
+    return _guarded(lambda: print(f"{options.out}: {content}"), None)
 
 
 def _report(parser: argparse.ArgumentParser, path: str, error: Exception) -> NoReturn:
