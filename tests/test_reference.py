@@ -35,6 +35,7 @@ ADAPTERS = {
 PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
+    "DroneSwarmSearch.frame",
     "DroneSwarmSearch.single_drone_env",
     "DroneSwarmSearch.drift",
     "DroneSwarmSearch.leeway",
@@ -48,7 +49,6 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.planning",
     "DroneSwarmSearch.evaluation",
     "DroneSwarmSearch.training",
-    "DroneSwarmSearch.rendering",
 )
 
 MAX_UNDESCRIBED_ARGUMENTS = 3
