@@ -11,7 +11,6 @@ from small_searches import forecast_of, paths_of, search, success_of
 
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.bound import drone_paths
 from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -41,7 +40,7 @@ class TestObjectives:
 
     def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
         return MarkovChainObjective(
-            MarkovChain(self.FORECAST), self.FORECAST.joint(0), rate, effort.reshape(-1)
+            self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(-1)
         )
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
@@ -149,7 +148,7 @@ class TestObjectives:
     def test_a_sample_does_not_exceed_the_exact_bound(self) -> None:
         forecast = self.FORECAST
         chain = MarkovChainObjective(
-            MarkovChain(forecast), forecast.exact(0), -math.log(0.4), np.zeros(300)
+            forecast, forecast.exact(0), -math.log(0.4), np.zeros(300)
         )
         drones = RememberingDrones(sample_trajectories(forecast, 12, 4000), 5, 0.6, [0, 2], 1)
         sampled = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.02, iterations=60)
@@ -181,9 +180,9 @@ def free_effort(amount: float) -> Oracle[Effort]:
     return oracle
 
 
-def stationary(size: int) -> MarkovChain:
+def stationary(size: int) -> ProbabilityMatrix:
     """The chain of a stationary person."""
-    return MarkovChain(ProbabilityMatrix(size, Drift((0, 0))))
+    return ProbabilityMatrix(size, Drift((0, 0)))
 
 
 class TestFreeEffort:

@@ -38,7 +38,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.exact import branch_and_bound
@@ -253,7 +252,7 @@ def _optima(
     work: float,
 ) -> list[float] | None:
     """The optimum for each number of steps, if branch and bound finds each with this work."""
-    chain, belief = MarkovChain(forecast), forecast.joint(0)
+    chain, belief = forecast, forecast.joint(0)
     optima = []
     for end in ends:
         work_per_node = end * belief.size + 5 ** len(starts) * forecast.grid_size**2
@@ -308,7 +307,7 @@ class _Relaxation:
         self._forecast, self._detection, self._starts = forecast, detection, starts
         self._trajectories, self._failure = trajectories, failure
         self._memory, self._gap = memory, gap
-        self._oracle, self._chain = drone_paths(starts), MarkovChain(forecast)
+        self._oracle, self._chain = drone_paths(starts), forecast
 
     def curve(
         self, ends: Sequence[int], report: Callable[[float], None]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Box", "Passes", "Target"]
@@ -36,7 +36,7 @@ class Target:
             step and after the last one: float64, shape (n + 1, M, N, N); None for 0.
     """
 
-    chain: MarkovChain
+    chain: ProbabilityMatrix
     detection: float
     belief: Floats
     worth: Floats

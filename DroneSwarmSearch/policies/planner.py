@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.grid import Neighbours, grid_of
 from DroneSwarmSearch._internal.progress import Progress
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.exact import branch_and_bound
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
@@ -109,7 +108,6 @@ class PlannerPolicy(SwarmPolicy):
         self._is_rescue = scenario.mission == "rescue"
         self._greedy = PosteriorGreedyPolicy(scenario)
         self._forecast_greedy = ForecastGreedyPolicy(scenario)
-        self._chains: dict[int, list[MarkovChain]] = {}  # for the latest `HORIZON` steps
         self._plans: SharedPlans[list[Path]] = SharedPlans()
         self._has_bar = True
 
@@ -159,9 +157,6 @@ class PlannerPolicy(SwarmPolicy):
         """The paths of a new plan."""
         tracker, step = memory.tracker, memory.tracker.step
         steps = min(max(self.scenario.timestep_limit - step, 1), HORIZON)
-        part = step // HORIZON
-        if part not in self._chains:  # release the matrices of other parts
-            self._chains = {part: [MarkovChain(forecast) for forecast in tracker.forecasts]}
         initial = [self._greedy_paths(self._greedy, tracker, starts, steps)]
         if self._is_rescue and len(tracker.missing) > 1:
             return self._for_all(tracker, initial[0], report)
@@ -173,10 +168,10 @@ class PlannerPolicy(SwarmPolicy):
 
     def _targets(self, tracker: BeliefTracker, steps: int) -> list[Target]:
         """The missing persons, with the same worth of every find."""
-        chains, detections = self._chains[tracker.step // HORIZON], self.scenario.detections
+        models, detections = tracker.forecasts, self.scenario.detections
         worth = np.ones(steps)
         return [
-            Target(chains[person], detections[person], tracker.joint(person), worth)
+            Target(models[person], detections[person], tracker.joint(person), worth)
             for person in tracker.missing
         ]
 
