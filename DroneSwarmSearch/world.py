@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
@@ -75,7 +77,7 @@ class WorldState:
         self.success = 0.0 if self._keeps_beliefs else None
         self.is_covered = False
         self._shared = self._shared_model(self.persons)
-        return self._show()
+        return self._shown_matrix()
 
     # Time.
 
@@ -89,20 +91,12 @@ class WorldState:
         if self._beliefs is not None:
             self._beliefs = [belief.after_drift(self.step) for belief in self._beliefs]
         self.step += 1
-        return self._show()
+        return self._shown_matrix()
 
-    def _show(self) -> Singles:
-        """Compute the matrix of the current step; a read-only copy."""
-        if self._beliefs is not None and self._shows_beliefs:
-            maps = [belief.map() for belief in self._beliefs]
-            self._matrix: Singles = mean_over_missing(maps, self.missing).astype("f4")
-        elif self._shared is not None:
-            self._matrix = self._shared.at(self.step)
-        else:
-            self._matrix = self._mean_forecast()
-        shown = self._matrix.copy()
-        shown.setflags(write=False)
-        return shown
+    def _shown_matrix(self) -> Singles:
+        matrix = self.matrix()
+        matrix.setflags(write=False)
+        return matrix
 
     # The persons.
 
@@ -182,14 +176,17 @@ class WorldState:
         if self._pays_expectation:
             added = [belief.added_success([*searches]) for belief in self._begun_beliefs()]
             return dict(zip(searches.values(), mean_over_missing(added, ()).tolist(), strict=True))
-        item = self._matrix.item
+        item = self.matrix().item
         return {drone: item(cell) for cell, drone in searches.items()}
 
     # The matrix.
 
     def matrix(self) -> Singles:
         """The matrix of the current step: float32, shape (N, N), indexed [y, x]; a new array."""
-        return self._matrix.copy()
+        if self._beliefs is not None and self._shows_beliefs:
+            maps = [belief.map() for belief in self._beliefs]
+            return mean_over_missing(maps, self.missing).astype(np.float32)
+        return self._mean_forecast() if self._shared is None else self._shared.at(self.step)
 
     def prior(self) -> Singles | None:
         """The forecast of the current step, where `matrix` is the posterior; a new array."""
@@ -203,8 +200,7 @@ class WorldState:
 
     def _mean_forecast(self) -> Singles:
         forecasts = [model.exact(self.step) for model in self._models]
-        mean: Singles = mean_over_missing(forecasts, self.missing).astype("f4")
-        return mean
+        return mean_over_missing(forecasts, self.missing).astype(np.float32)
 
     def _shared_model(self, persons: Sequence[int]) -> DriftModel | None:
         """The model that some persons share, or None if theirs differ."""

@@ -39,9 +39,7 @@ class TestObjectives:
     SHAPE = (5, 5, 5)
 
     def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
-        return MarkovChainObjective(
-            self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(-1)
-        )
+        return MarkovChainObjective(self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(-1))
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
         paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
@@ -147,9 +145,7 @@ class TestObjectives:
 
     def test_a_sample_does_not_exceed_the_exact_bound(self) -> None:
         forecast = self.FORECAST
-        chain = MarkovChainObjective(
-            forecast, forecast.exact(0), -math.log(0.4), np.zeros(300)
-        )
+        chain = MarkovChainObjective(forecast, forecast.exact(0), -math.log(0.4), np.zeros(300))
         drones = RememberingDrones(sample_trajectories(forecast, 12, 4000), 5, 0.6, [0, 2], 1)
         sampled = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.02, iterations=60)
         exact = frank_wolfe(chain, drone_paths([0, 2]), gap=0.02, iterations=60)

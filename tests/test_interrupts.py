@@ -31,7 +31,6 @@ HOME = str(Path(package.__file__).parent)
 EVENT, COARSER = ("opcode", 1) if sys.version_info < (3, 12) else ("line", 8)
 
 
-
 def interrupted(call: Callable[[], object], at: int) -> bool:
     """Interrupt a call at an instruction of the package; returns False if it finished first."""
     instructions = itertools.count()

@@ -102,7 +102,7 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     # depend on the batch. NumPy adds in this order along a first axis, but not along
     # contiguous memory.
     if belief.ndim <= 3:
-        total: Floats = belief.reshape(-1, belief.shape[-1]).sum(axis=0).cumsum()[-1]
+        total: Floats = np.add.reduce(belief.reshape(-1, belief.shape[-1])).cumsum()[-1]
         if which and total > 0.0:
             belief *= 1.0 / total
         return total
@@ -117,7 +117,26 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     return total
 
 
-def drifted(belief: Floats, along_x: Floats, along_y: Floats) -> Floats:
+Scratch = list[tuple[Floats, Floats, list[tuple[Floats, Floats, Floats]]]]
+
+
+def scratch_of(belief: Floats) -> Scratch:
+    """Scratch arrays for `drifted`: for each axis three terms, their sum, and what to add."""
+    row, scratch = belief[0, 0], []
+    for distance in (row[0].size, row.size):
+        terms = np.empty((3, *belief.shape), belief.dtype)
+        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
+        # next, and the array can be shifted as one run of memory.
+        cells, higher, lower = terms.reshape(3, -1)
+        from_lower = cells[distance:], higher[:-distance], cells[distance:]
+        from_higher = cells[:-distance], lower[distance:], cells[:-distance]
+        scratch.append((terms, terms[0], [from_lower, from_higher]))
+    return scratch
+
+
+def drifted(
+    belief: Floats, along_x: Floats, along_y: Floats, scratch: Scratch | None = None
+) -> Floats:
     """The belief one step later: float64, of the belief's shape and with its sum.
 
     Args:
@@ -125,15 +144,14 @@ def drifted(belief: Floats, along_x: Floats, along_y: Floats) -> Floats:
         along_x: the probabilities of staying, and of moving to the next higher and to the next
             lower column: shape (3, M, 1, N, ...); nobody leaves the grid.
         along_y: the same for rows: shape (3, M, N, 1, ...).
+        scratch: see `scratch_of`; overwritten, and the result is a part of it.
     """
-    first = belief[0, 0]
-    for moves, distance in ((along_x, first[0].size), (along_y, first.size)):
-        belief, higher, lower = moves * belief
-        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
-        # next, and the array can be shifted as one run of memory.
-        cells = belief.reshape(-1)
-        cells[distance:] += higher.reshape(-1)[:-distance]
-        cells[:-distance] += lower.reshape(-1)[distance:]
+    scratch = scratch_of(belief) if scratch is None else scratch
+    for moves, (terms, after, sums) in zip((along_x, along_y), scratch, strict=True):
+        np.multiply(moves, belief, terms)
+        for each in sums:
+            np.add(*each)
+        belief = after
     return belief
 
 

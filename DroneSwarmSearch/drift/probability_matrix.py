@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import drifted, over_hypotheses
+from DroneSwarmSearch.drift.belief import Scratch, drifted, over_hypotheses, scratch_of
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import Axes, start_marginals, tabulate
@@ -248,7 +248,11 @@ class ProbabilityMatrix(DriftModel):
         return expected
 
     def drift(self, mass: Floats, step: int) -> Floats:
-        return _drifted(mass, self._moves(step))
+        return _drifted(mass, self._moves(step), self._scratch).copy()
+
+    @cached_property
+    def _scratch(self) -> Scratch:  # making it anew takes as long as a drift
+        return scratch_of(np.empty(self.state_shape))
 
     def matrices(self, step: int) -> tuple[Floats, Floats]:
         """The transition matrices of a step along x and y: shape (M, N, N), from [i] to [j]."""
@@ -385,6 +389,6 @@ class ProbabilityMatrix(DriftModel):
         return _Block(first, factors, moves, steps.cdf, joint, [None] * count)
 
 
-def _drifted(mass: Floats, moves: Floats) -> Floats:
+def _drifted(mass: Floats, moves: Floats, scratch: Scratch | None = None) -> Floats:
     """Mass of shape (M, N, N) one step later, given its moves, of shape (3, M, 2, N)."""
-    return drifted(mass, moves[:, :, 0, None], moves[:, :, 1, :, None])
+    return drifted(mass, moves[:, :, 0, None], moves[:, :, 1, :, None], scratch)
