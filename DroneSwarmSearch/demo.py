@@ -86,9 +86,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of the output has gone: flushing the buffer must not fail again.
+    except OSError as error:
+        # Python must not fail again when it flushes the rest of the output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):  # which says that the reader has gone
+            print(f"cannot write the output: {error.strerror}", file=sys.stderr)
         return 1
 
 
@@ -329,7 +331,7 @@ def _record(
     except ImportError as error:
         parser.error(str(error))
     except OSError as error:
-        parser.error(f"cannot write {path}: {error.strerror or error}")
+        parser.exit(1, f"cannot write {path}: {error.strerror or error}\n")
 
 
 # The window.

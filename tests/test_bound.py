@@ -13,7 +13,7 @@ from small_searches import SMALL, best, paths_of, search, shortened, success_of
 
 from DroneSwarmSearch import Drift, Person
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
-from DroneSwarmSearch.planning import SuccessBound, best_success, success_bound
+from DroneSwarmSearch.planning import SuccessBound, success_bound
 from DroneSwarmSearch.planning.trajectories import (
     chernoff_bound,
 )
@@ -65,15 +65,6 @@ class TestSmallSearches:
         if len(SMALL[index].drones) == 1:
             assert exact_bound(index).by_limit <= 1.01 * best(index, STEPS)
 
-    @pytest.mark.parametrize("index", INDICES)
-    def test_is_the_optimum_by_default(self, index: int) -> None:
-        of = shortened(SMALL[index], STEPS)
-        bound = success_bound(of.scenario, of.drones, horizons=2)
-        assert best(index, STEPS) <= bound.by_limit
-        assert bound.by_limit == pytest.approx(best(index, STEPS), abs=1e-9)
-        assert bound.by_time[2] == pytest.approx(best(index, 3), abs=1e-9)
-        assert (bound.gap, bound.confidence) == (0.0, 1.0)
-
     def test_falls_with_the_memory(self) -> None:
         of = shortened(SMALL[3], STEPS)
         bounds = [
@@ -89,10 +80,10 @@ class TestSmallSearches:
             [(2, 2)], grid_size=5, person_initial_position=(2, 2), vector=(0, 0),
             disperse_constant=0, timestep_limit=4, probability_of_detection=0.3,
         )  # fmt: skip
-        for memory, tolerance in ((3, 0.01), (None, 1e-8)):
+        for memory in (3, None):
             bound = success_bound(of.scenario, of.drones, memory=memory)
-            np.testing.assert_allclose(bound.by_time, 1 - 0.7 ** np.arange(5), rtol=tolerance)
-            assert bound.relaxed == pytest.approx(1 - 0.7**4, rel=tolerance)
+            np.testing.assert_allclose(bound.by_time, 1 - 0.7 ** np.arange(5), rtol=0.01)
+            assert bound.relaxed == pytest.approx(1 - 0.7**4, rel=0.01)
 
 
 class TestSuccessBound:
@@ -249,23 +240,24 @@ def test_the_planner_is_close_to_the_bound() -> None:
 
 
 @pytest.mark.parametrize(
-    ("memory", "error", "message"),
+    ("argument", "error", "message"),
     [
-        (-1, ValueError, "memory must be .* at least 0, got -1"),
-        (1.5, TypeError, "memory must be an integer of at least 0, got 1.5"),
-        ("2", TypeError, "memory must be an integer of at least 0, got '2'"),
+        ({"memory": -1}, ValueError, "memory must be an integer from 0 to 5, got -1"),
+        ({"memory": 30}, ValueError, "memory must be an integer from 0 to 5, got 30"),
+        ({"memory": 1.5}, TypeError, "memory must be an integer from 0 to 5, got 1.5"),
+        ({"sample": 0}, ValueError, "sample must be an integer from 1 to 134217728, got 0"),
+        ({"sample": 10**9}, ValueError, "sample must be an integer from 1 to 134217728, got 10"),
     ],
 )
-def test_the_memory_is_a_number_of_actions(
-    memory: Any, error: type[Exception], message: str
+def test_what_cannot_end_or_fit_is_refused(
+    argument: Any, error: type[Exception], message: str
 ) -> None:
     of = shortened(SMALL[0], 2)
     with pytest.raises(error, match=message):
-        success_bound(of.scenario, of.drones, memory=memory)
+        success_bound(of.scenario, of.drones, **argument)
 
 
-@pytest.mark.parametrize("bound", [success_bound, best_success])
 @pytest.mark.parametrize("scenario", [None, Person(Drift((1, 1))), "pond"])
-def test_bounds_need_a_scenario(bound: Any, scenario: Any) -> None:
+def test_bounds_need_a_scenario(scenario: Any) -> None:
     with pytest.raises(TypeError, match="scenario must be a Scenario, got"):
-        bound(scenario, [(0, 0)])
+        success_bound(scenario, [(0, 0)])

@@ -930,5 +930,7 @@ class TestVideo:
     ) -> None:
         (tmp_path / "file").touch()
         target = tmp_path / "file" / "video.gif"
-        line = refusal(capsys, "--record", str(target), *SHORT)
-        assert f"error: cannot write {target}: " in line
+        with pytest.raises(SystemExit) as stop:
+            demo.main(["--record", str(target), *SHORT])
+        assert stop.value.code == 1
+        assert capsys.readouterr().err.splitlines()[-1].startswith(f"cannot write {target}: ")

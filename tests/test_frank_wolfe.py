@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,9 @@ from small_searches import forecast_of, paths_of, search, success_of
 
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.bound import drone_paths
-from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
+from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
 from DroneSwarmSearch.planning.paths import Path, values_to_go
@@ -39,7 +42,9 @@ class TestObjectives:
     SHAPE = (5, 5, 5)
 
     def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
-        return MarkovChainObjective(self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(-1))
+        return MarkovChainObjective(
+            self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(self.SHAPE)
+        )
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
         paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
@@ -138,17 +143,19 @@ class TestObjectives:
         chain = self.chain(np.zeros(125), -math.log(0.4))
         drones = self.drones(0.6, 0)
         lower = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.005, iterations=300)
-        upper = frank_wolfe(chain, drone_paths([0, 2]), gap=0.005, iterations=300)
+        upper = frank_wolfe(chain, partial(drone_paths, [0, 2]), gap=0.005, iterations=300)
         assert lower.value <= lower.upper_bound
         assert lower.value <= upper.upper_bound
         assert lower.upper_bound - lower.value == lower.gap <= 0.005 * lower.upper_bound
 
     def test_a_sample_does_not_exceed_the_exact_bound(self) -> None:
         forecast = self.FORECAST
-        chain = MarkovChainObjective(forecast, forecast.exact(0), -math.log(0.4), np.zeros(300))
+        chain = MarkovChainObjective(
+            forecast, forecast.exact(0)[None], -math.log(0.4), np.zeros((12, 5, 5))
+        )
         drones = RememberingDrones(sample_trajectories(forecast, 12, 4000), 5, 0.6, [0, 2], 1)
         sampled = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.02, iterations=60)
-        exact = frank_wolfe(chain, drone_paths([0, 2]), gap=0.02, iterations=60)
+        exact = frank_wolfe(chain, partial(drone_paths, [0, 2]), gap=0.02, iterations=60)
         assert sampled.value <= exact.upper_bound + 4 * math.sqrt(0.25 / 4000)
 
 
@@ -156,27 +163,25 @@ class TestOracles:
     def test_drone_paths_gain_as_much_as_the_best_paths(self) -> None:
         gains = np.random.default_rng(3).random((6, 4, 4))
         starts = [0, 7, 15]
-        gained, effort = drone_paths(starts)(gains)
+        gained, effort = drone_paths(starts, gains)
         values = values_to_go(gains, np.zeros((4, 4)))[0].reshape(-1)
         assert gained == pytest.approx(values[starts].sum(), rel=1e-12)
-        assert gained == pytest.approx(gains.reshape(-1)[effort.indices] @ effort.amounts)
-        assert (effort.amounts == 1.0).all()
-        assert len(effort.indices) <= 18
+        assert gained == pytest.approx(np.vdot(gains, effort))
+        assert effort.sum() <= 18
 
 
-def free_effort(amount: float) -> Oracle[Effort]:
+def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
     """The oracle of searchers without paths: a fixed effort in each step, in any cell."""
 
-    def oracle(gains: Floats) -> tuple[float, Effort]:
-        flat = gains.reshape(len(gains), -1)
-        gained = amount * float(flat.max(axis=1).sum())
-        indices = np.arange(len(gains)) * flat.shape[1] + flat.argmax(axis=1)
-        return gained, Effort(indices, np.full(len(indices), amount))
+    def oracle(gains: Floats) -> tuple[float, Floats]:
+        flat, effort = gains.reshape(len(gains), -1), np.zeros_like(gains)
+        effort.reshape(flat.shape)[np.arange(len(gains)), flat.argmax(axis=1)] = amount
+        return amount * float(flat.max(axis=1).sum()), effort
 
     return oracle
 
 
-def stationary(size: int) -> ProbabilityMatrix:
+def stationary(size: int) -> DriftModel:
     """The chain of a stationary person."""
     return ProbabilityMatrix(size, Drift((0, 0)))
 
@@ -188,12 +193,12 @@ class TestFreeEffort:
         """Charnes and Cooper (Management Science 5:44, 1958): the optimum is in closed form."""
         rates, prior = np.array([9.0, 3.0, 6.0]), np.array([2.0, 4.0, 2.0]) / 8
         first, rate = np.append(prior, 0.0).reshape(1, 2, 2), np.append(rates, 1.0).reshape(2, 2)
-        effort = np.zeros(4)
+        effort = np.zeros((1, 2, 2))
         objective = MarkovChainObjective(stationary(2), first, rate, effort)
         reached = frank_wolfe(objective, free_effort(0.2), gap=0.0, iterations=1500)
         best_effort = np.array([0.073224, 0.0845173, 0.0422587])
-        np.testing.assert_allclose(effort[:3], best_effort, rtol=0.01)
-        assert effort[3] == 0.0
+        np.testing.assert_allclose(effort.reshape(4)[:3], best_effort, rtol=0.01)
+        assert effort[0, 1, 1] == 0.0
         assert effort.sum() == pytest.approx(0.2, rel=0.001)
         most = float(prior @ (1 - np.exp(-rates * best_effort)))
         assert reached.value <= most + 1e-6
@@ -212,11 +217,11 @@ class TestFreeEffort:
     @classmethod
     def searched(cls, tau: float, steps: int = 1) -> tuple[Solution, Floats]:
         """The optimum reached and its effort; tau is H² t = W v t / (pi sigma²)."""
-        effort = np.zeros(steps * cls.SIDE**2)
+        effort = np.zeros((steps, cls.SIDE, cls.SIDE))
         objective = MarkovChainObjective(stationary(cls.SIDE), cls.normal()[None], 1.0, effort)
         amount = tau * math.pi * cls.SIGMA**2 / steps
         reached = frank_wolfe(objective, free_effort(amount), gap=0.003, iterations=2500)
-        return reached, effort.reshape(steps, cls.SIDE, cls.SIDE).sum(axis=0)
+        return reached, effort.sum(axis=0)
 
     @pytest.mark.parametrize(
         ("tau", "chance"),

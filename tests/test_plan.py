@@ -8,6 +8,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from branch_and_bound import best_success
 from helpers import inside, target_of
 from hypothesis import given, settings
 from small_searches import (
@@ -23,7 +24,6 @@ from small_searches import (
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning import best_plan, best_success
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, idle_paths
 from DroneSwarmSearch.vector.engine import SearchBatch
@@ -316,40 +316,10 @@ def tiny(draw: st.DrawFn) -> NamedSearch:
 
 @settings(deadline=None, max_examples=20, derandomize=True)
 @given(tiny())
-def test_branch_and_bound_finds_the_best_plan(of: NamedSearch) -> None:
-    best = best_success(of.scenario, of.drones)
+def test_the_oracle_finds_the_best_plan(of: NamedSearch) -> None:
+    best = best_success(of)
     assert best == pytest.approx(best_of_all_plans(of), rel=1e-12)
-    assert best_success(of.scenario, of.drones, known=best / 2) == pytest.approx(best)
-    assert best_success(of.scenario, of.drones, known=best + 0.01) == best + 0.01
-
-
-@settings(deadline=None, max_examples=10, derandomize=True)
-@given(tiny())
-def test_branch_and_bound_returns_the_best_paths(of: NamedSearch) -> None:
-    best = best_plan(of.scenario, of.drones)
-    assert best.is_optimal
-    if best.success == 0.0:
-        return
-    assert best.paths is not None
-    assert_legal(best.paths, starts_of(of), of.scenario.grid_size)
-    assert success_of(of, best.paths)[0] == pytest.approx(best.success, rel=1e-12)
-    again = best_plan(of.scenario, of.drones, known=best.success)
-    assert (again.success, again.paths, again.is_optimal) == (best.success, None, True)
-
-
-def test_branch_and_bound_stops_at_its_limit() -> None:
-    of = search(
-        [(0, 0), (4, 4)], grid_size=5, person_initial_position=(2, 2), disperse_constant=5,
-        timestep_limit=6, probability_of_detection=0.7,
-    )  # fmt: skip
-    none = best_plan(of.scenario, of.drones, known=0.01, nodes=0)
-    assert none == (0.01, None, False)
-    some, best = (best_plan(of.scenario, of.drones, nodes=nodes) for nodes in (10, None))
-    assert not some.is_optimal
-    assert best.is_optimal
-    assert 0.0 < some.success <= best.success
-    with pytest.raises(ValueError, match="nodes must be"):
-        best_plan(of.scenario, of.drones, nodes=-1)
+    assert best_success(of, known=best / 2) == pytest.approx(best)
 
 
 @settings(deadline=None, max_examples=20, derandomize=True)
@@ -381,25 +351,3 @@ def test_exploring_leaves_a_local_optimum() -> None:
     local = plan.value()
     plan.explore(np.random.default_rng(0), 1e7)
     assert plan.value() > local + 0.002
-
-
-def test_a_plan_may_leave_a_person_for_later() -> None:
-    """A person who counts as much unfound as found is not searched."""
-    of = search(
-        [(3, 0)], grid_size=7, person_initial_position=[(0, 0), (6, 0)], vector=(0, 0),
-        disperse_constant=0, timestep_limit=4,
-    )  # fmt: skip
-    for later, expected in ((0, [0.0, 1.0]), (1, [1.0, 0.0])):
-        targets = targets_of(of)
-        targets[later].unfound = np.zeros((5, 1, 7, 7))
-        targets[later].unfound[4] = 1.0
-        plan = Plan(targets, 0, idle_paths([3], 4))
-        plan.improve(min_length=4, min_gain=1e-3, max_rounds=1)
-        assert plan.success_probabilities() == expected
-        assert plan.value() == 2.0
-
-
-def test_branch_and_bound_is_for_one_person() -> None:
-    of = search([(0, 0)], grid_size=3, person_initial_position=[(1, 1), (2, 2)], timestep_limit=3)
-    with pytest.raises(ValueError, match="scenario must have one person, got 2"):
-        best_success(of.scenario, of.drones)

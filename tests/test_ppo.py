@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import tracemalloc
-import zipfile
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,7 +16,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import INPUTS, VIEWS
-from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS, MAX_BYTES, Network, PPOPolicy
+from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS, Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
@@ -95,17 +92,7 @@ class TestNetwork:
         with pytest.raises(ValueError, match=r"weights\.npz must hold a network's weights"):
             Network.load(path)
         np.savez(path, weights=np.zeros(3))
-        with pytest.raises(ValueError, match="must hold the arrays weights0, biases0 and so on"):
-            Network.load(path)
-
-    @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-    def test_rejects_unusual_compression(self, tmp_path: Path, method: int) -> None:
-        whole, path = tmp_path / "whole.npz", tmp_path / "weights.npz"
-        Network(network_layers(3)).save(whole)
-        with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", method) as target:
-            for name in source.namelist():
-                target.writestr(name, source.read(name))
-        with pytest.raises(ValueError, match=r"weights.npz must .* must be stored or deflated"):
+        with pytest.raises(ValueError, match=r"must hold a network's weights: .*weights0"):
             Network.load(path)
 
     def test_rejects_damaged_files(self, tmp_path: Path) -> None:
@@ -135,50 +122,14 @@ class TestNetwork:
         assert refused > 1.5 * len(places)
 
     @pytest.mark.parametrize(
-        "header",
-        [
-            "{'descr': '<f4', 'fortran_order': False, 'shape': (805306368,), }",
-            "{'descr': '<f4', 'fortran_order': False, 'shape': (10**18,), }",
-            "{'descr': '<f4', 'fortran_order': False, 'shape': (4000000000000000000, 9), }",
-            "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 5) ",
-            "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 5), 'more': (((",
-            "{'descr': '|O', 'fortran_order': False, 'shape': (1, 5), }",
-            "{'descr': '<c8', 'fortran_order': False, 'shape': (1, 5), }",
-            "{'descr': '<U4', 'fortran_order': False, 'shape': (1, 5), }",
-            "{'descr': 'nothing', 'fortran_order': False, 'shape': (1, 5), }",
-            "[" * 200,
-            "",
-        ],
-    )
-    @pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0), (9, 9)])
-    def test_rejects_wrong_headers(
-        self, tmp_path: Path, header: str, version: tuple[int, int]
-    ) -> None:
-        path = tmp_path / "weights.npz"
-        length = struct.pack("<H" if version == (1, 0) else "<I", len(header))
-        array = b"\x93NUMPY" + bytes(version) + length + header.encode() + bytes(20)
-        with zipfile.ZipFile(path, "w") as archive:
-            archive.writestr("weights0.npy", array)
-            archive.writestr("biases0.npy", array)
-        tracemalloc.start()
-        try:
-            with pytest.raises(ValueError, match=r"weights\.npz must hold a network's weights: "):
-                Network.load(path)
-            assert tracemalloc.get_traced_memory()[1] < 2**22
-        finally:
-            tracemalloc.stop()
-
-    @pytest.mark.parametrize(
         ("arrays", "message"),
         [
-            ({"weights0": np.full((INPUTS, 2), np.nan)}, "must hold finite numbers"),
-            ({"weights0": np.full((INPUTS, 2), 1e300)}, "must hold finite numbers"),
-            ({"biases0": np.full(2, -np.inf, np.float32)}, "must hold finite numbers"),
-            ({"weights0": np.zeros((INPUTS, 2), int)}, "must hold real numbers, got int64"),
+            ({"weights0": np.full((INPUTS, 2), np.nan)}, "its numbers must be finite"),
+            ({"biases0": np.full(2, -np.inf, np.float32)}, "its numbers must be finite"),
             ({"weights0": np.zeros((2, INPUTS))}, r"layers\[0\] must have weights of shape"),
             ({"weights0": np.float64(1.0)}, r"layers\[0\] must have weights of shape"),
             ({"biases0": np.zeros(4)}, r"layers\[0\] must have weights of shape"),
-            ({"weights1": np.zeros((2, 2))}, "must hold the arrays weights0, biases0"),
+            ({"weights1": np.zeros((2, 2))}, "biases1"),
         ],
     )
     def test_rejects_wrong_arrays(
@@ -188,30 +139,6 @@ class TestNetwork:
         np.savez(path, **{"weights0": np.zeros((INPUTS, 2)), "biases0": np.zeros(2), **arrays})
         with pytest.raises(ValueError, match=rf"weights\.npz must hold .*: .*{message}"):
             Network.load(path)
-
-    def test_rejects_files_that_exhaust_the_memory(self, tmp_path: Path) -> None:
-        """Compressed zeros are tiny."""
-        path = tmp_path / "weights.npz"
-        with (
-            zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-            archive.open("weights0.npy", "w") as file,
-        ):
-            for _ in range(MAX_BYTES // 2**22 + 1):
-                file.write(bytes(2**22))
-        with pytest.raises(ValueError, match=f"must have at most {MAX_BYTES} bytes, got"):
-            Network.load(path)
-
-    def test_rejects_a_folder(self, tmp_path: Path) -> None:
-        with pytest.raises(ValueError, match=r"must hold a network's weights: .*directory"):
-            Network.load(tmp_path)
-
-    def test_arrays_may_be_in_either_order(self, tmp_path: Path) -> None:
-        ((weights, biases),) = layers(INPUTS, 2)
-        seen = np.ones((2, INPUTS), np.float32)
-        for order in "CF":
-            path = tmp_path / f"{order}.npz"
-            np.savez(path, weights0=np.array(weights, np.float64, order=order), biases0=biases)
-            assert plain(Network.load(path)(seen)) == plain(Network([(weights, biases)])(seen))
 
     def test_never_unpickles(self, tmp_path: Path) -> None:
         path = tmp_path / "weights.npz"

@@ -558,7 +558,7 @@ class TestCommand:
         path = blocked / "video.gif"
         with pytest.raises(SystemExit) as stop:
             command.main(["record", "pond", "--policy", "random", "--out", str(path)])
-        assert stop.value.code == 2
+        assert stop.value.code == 1
         assert f"cannot write {path}" in capsys.readouterr().err
 
     def test_missing_packages_are_named(

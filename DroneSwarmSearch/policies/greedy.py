@@ -241,10 +241,14 @@ class PosteriorGreedyPolicy(_Greedy):
 
     def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.observe(matrix)
-        targets, success = self._choice(memory, cells)
-        actions = _moves(cells, targets, success)
+        actions = self.actions(memory, cells)
         memory.update(cells, actions)
         return actions
+
+    def actions(self, tracker: BeliefTracker, cells: list[Cell]) -> list[Action]:
+        """The drones' actions, given the beliefs, which do not change."""
+        targets, success = self._choice(tracker, cells)
+        return _moves(cells, targets, success)
 
     def _choice(
         self, memory: BeliefTracker, cells: list[Cell]
