@@ -164,7 +164,7 @@ def test_the_wheel_contains_only_the_packages(built):
         for line in core
         if "extra ==" not in line
     ) == [
-        *("cloudpickle", "gymnasium", "numpy", "pettingzoo"),
+        *("gymnasium", "numpy", "pettingzoo"),
         "pygame-ce; python_version >= '3.14'",
         "pygame; python_version < '3.14'",
     ]

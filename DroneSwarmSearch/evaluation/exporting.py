@@ -20,7 +20,6 @@ from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import Moment, moments
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "SUFFIX", "export"]
@@ -107,8 +106,7 @@ def export(
     maps, episodes = _Maps(), []
     with Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar:
         for spec in specs:
-            with no_exit(f"the policy on {where.name}"):
-                policy = spec.make(where.scenario)
+            policy = spec.make(where.scenario)
             for seed in numbers:
                 played = list(moments(policy, where, seed, bayesian_update))
                 episodes.append({"policy": spec.name, "seed": seed, **_episode(played, maps)})

@@ -20,7 +20,6 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.evaluation.workers import no_exit
 from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step, write_video
 
@@ -149,8 +148,7 @@ def frames(
         bayesian_update = scenario.bayesian_update
     else:
         bayesian_update = checks.boolean("bayesian_update", bayesian_update)
-    with no_exit(f"the policy on {where.name}"):
-        made = PolicySpec.of(policy).make(scenario)
+    made = PolicySpec.of(policy).make(scenario)
     played = moments(made, where, first, bayesian_update)
     return ((moment.prior, moment.posterior) for moment in played)
 
@@ -178,24 +176,23 @@ def moments(
         An iterator over the steps, from the state after `reset`. Returns are those of the
         environment that the policy observes.
     """
-    with no_exit(f"the policy on {search.name}"):
-        scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
-        prior, posterior = envs = [
-            DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios
-        ]
-        shown = [env.reset(seed, drones_positions=search.drones)[0] for env in envs]
-        reset_policy(policy, seed)
+    scenarios = [search.scenario.replace(bayesian_update=flag) for flag in (False, True)]
+    prior, posterior = envs = [
+        DroneSwarmSearch(scenario=each, render_mode=None) for each in scenarios
+    ]
+    shown = [env.reset(seed, drones_positions=search.drones)[0] for env in envs]
+    reset_policy(policy, seed)
 
-        def moment(actions: tuple[int, ...]) -> Moment:
-            pair = prior.frame(), posterior.frame()
-            earned = pair[bayesian_update].total_return
-            before, after = (replace(frame, total_return=earned) for frame in pair)
-            return Moment(before, after, actions)
+    def moment(actions: tuple[int, ...]) -> Moment:
+        pair = prior.frame(), posterior.frame()
+        earned = pair[bayesian_update].total_return
+        before, after = (replace(frame, total_return=earned) for frame in pair)
+        return Moment(before, after, actions)
 
-        yield moment(())
-        while prior.agents:
-            actions = policy(shown[bayesian_update])
-            results = [env.step(actions) for env in envs]
-            chosen = tuple(int(actions[drone]) for drone in prior.get_agents())
-            shown = [result[0] for result in results]
-            yield moment(chosen)
+    yield moment(())
+    while prior.agents:
+        actions = policy(shown[bayesian_update])
+        results = [env.step(actions) for env in envs]
+        chosen = tuple(int(actions[drone]) for drone in prior.get_agents())
+        shown = [result[0] for result in results]
+        yield moment(chosen)
