@@ -436,8 +436,16 @@ def test_a_closed_pipe_ends_the_command_quietly(own):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device is always full")
 @pytest.mark.parametrize("buffered", [False, True])
-@pytest.mark.parametrize("arguments", ["evaluate --list", "evaluate random pond --episodes 2"])
-def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered):
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "evaluate --list",
+        "evaluate random pond --episodes 2",
+        "export pond --policies random --out {folder}/a.json",
+        "play pond --text --timestep-limit 2",
+    ],
+)
+def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered, tmp_path):
     with Path("/dev/full").open("w") as full:
         process = subprocess.run(
             [
@@ -445,7 +453,7 @@ def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered
                 *["-u"] * (not buffered),
                 "-m",
                 "DroneSwarmSearch",
-                *arguments.split(),
+                *arguments.format(folder=tmp_path).split(),
             ],
             stdout=full,
             stderr=subprocess.PIPE,

@@ -339,7 +339,7 @@ def row_numbers(
             return value
     order = "in ascending order" if ascending else "without repetitions"
     what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
-    given = array("rows", value, "a list or an array of integers")
+    given = array("rows", value, what.removeprefix("rows must be "))
     if given.ndim == 1 and not given.size:
         return np.empty(0, np.int64)
     if given.dtype.kind not in "iu":
