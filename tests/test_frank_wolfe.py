@@ -19,7 +19,7 @@ from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
 from DroneSwarmSearch.planning.paths import Path, values_to_go
-from DroneSwarmSearch.planning.trajectories import enumerate_trajectories, sample_trajectories
+from DroneSwarmSearch.planning.trajectories import enumerate_trajectories
 from DroneSwarmSearch.policies import make
 
 Floats = np.ndarray
@@ -115,30 +115,6 @@ class TestObjectives:
             objective.move_towards(self.paths(rng))
         assert 0.0 < objective.value() <= intercept + drones(weights)[0]
 
-    @pytest.mark.parametrize("memory", [0, 2])
-    @pytest.mark.parametrize("detection", [1.0, 0.6])
-    def test_the_value_is_that_of_the_mixture(self, detection: float, memory: int) -> None:
-        rng = np.random.default_rng(2)
-        drones = self.drones(detection, memory)
-        objective = TrajectoryObjective(drones, detection)
-        for _ in range(6):
-            objective.move_towards(self.paths(rng))
-        mixture = objective.mixture
-        assert sum(share for share, _ in mixture) <= 1.0
-        collected = sum(share * drones.collected(paths) for share, paths in mixture)
-        by_hand = expected(collected, drones.probabilities, detection)
-        assert objective.value() == pytest.approx(by_hand, rel=1e-9)
-        again = TrajectoryObjective(drones, detection, mixture)
-        assert again.value() == pytest.approx(by_hand, rel=1e-9)
-
-    def test_the_point_moves_all_the_way_if_that_is_best(self) -> None:
-        drones = self.drones(1.0, 4)
-        _, best = drones(np.array([drones.probabilities, 0 * drones.probabilities]))
-        objective = TrajectoryObjective(drones, 1.0)
-        objective.move_towards(best[:1])
-        credits, _ = drones.collected(best[:1])
-        assert objective.value() == pytest.approx(drones.probabilities @ credits, rel=0.1)
-
     def test_the_chain_objective_is_the_larger_one(self) -> None:
         chain = self.chain(np.zeros(125), -math.log(0.4))
         drones = self.drones(0.6, 0)
@@ -147,16 +123,6 @@ class TestObjectives:
         assert lower.value <= lower.upper_bound
         assert lower.value <= upper.upper_bound
         assert lower.upper_bound - lower.value == lower.gap <= 0.005 * lower.upper_bound
-
-    def test_a_sample_does_not_exceed_the_exact_bound(self) -> None:
-        forecast = self.FORECAST
-        chain = MarkovChainObjective(
-            MarkovChain(forecast), forecast.exact(0)[None], -math.log(0.4), np.zeros((12, 5, 5))
-        )
-        drones = RememberingDrones(sample_trajectories(forecast, 12, 4000), 5, 0.6, [0, 2], 1)
-        sampled = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.02, iterations=60)
-        exact = frank_wolfe(chain, partial(drone_paths, [0, 2]), gap=0.02, iterations=60)
-        assert sampled.value <= exact.upper_bound + 4 * math.sqrt(0.25 / 4000)
 
 
 class TestOracles:
@@ -235,22 +201,3 @@ class TestFreeEffort:
         reached, _ = self.searched(tau)
         assert reached.value == pytest.approx(chance, rel=0.01)
         assert reached.upper_bound == pytest.approx(chance, rel=0.01)
-
-    def test_for_a_stationary_person_several_steps_are_as_good_as_one(self) -> None:
-        reached, _ = self.searched(1.0, steps=3)
-        assert reached.value == pytest.approx(0.264241, rel=0.01)
-        assert reached.upper_bound == pytest.approx(0.264241, rel=0.01)
-
-    def test_the_posterior_is_flat_within_the_searched_radius(self) -> None:
-        """Stone (Theory of Optimal Search, 1975): R² = 2 sigma² sqrt(tau)."""
-        tau = 0.5
-        _, effort = self.searched(tau)
-        radius = self.SIGMA * math.sqrt(2 * math.sqrt(tau))
-        y, x = np.indices(effort.shape) - (self.SIDE - 1) / 2
-        within, outside = np.hypot(x, y) < radius - 1, np.hypot(x, y) > radius + 1
-        posterior = self.normal() * np.exp(-effort)
-        prior = self.normal()[within]
-        assert prior.min() < 0.8 * prior.max()
-        assert posterior[within].min() > 0.95 * posterior[within].max()
-        assert effort[outside].sum() == 0.0
-        assert posterior[outside].max() < posterior[within].min()
