@@ -35,7 +35,6 @@ ADAPTERS = {
 PUBLIC_MODULES = (
     "DroneSwarmSearch",
     "DroneSwarmSearch.env",
-    "DroneSwarmSearch.frame",
     "DroneSwarmSearch.single_drone_env",
     "DroneSwarmSearch.drift",
     "DroneSwarmSearch.leeway",
@@ -49,6 +48,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.planning",
     "DroneSwarmSearch.evaluation",
     "DroneSwarmSearch.training",
+    "DroneSwarmSearch.frame",
 )
 
 MAX_UNDESCRIBED_ARGUMENTS = 3
