@@ -10,8 +10,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import line_search
@@ -20,8 +20,6 @@ from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["MarkovChainObjective", "Mixture", "TrajectoryObjective"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 Mixture = Sequence[tuple[float, Sequence[Path]]]
 """Sets of paths, one for each drone, with their shares in a mixture."""

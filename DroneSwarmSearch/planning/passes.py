@@ -12,12 +12,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Box", "Passes", "Target"]
 
-Floats = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-13
 """A cell with less probability cannot make a plan better."""
