@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import line_search
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -173,8 +172,8 @@ class MarkovChainObjective:
         gains = np.empty_like(self._effort)
         later = np.ones_like(self._prior)  # the probability of staying unfound from here on
         for step in range(len(missed) - 1, -1, -1):
-            later = later * missed[step]
-            gains[step] = self._rate * over_hypotheses(missing[step] * later)
+            later = later * self._chain.lift(missed[step])
+            gains[step] = self._rate * self._chain.map(missing[step] * later)
             if step:
                 later = self._chain.backward(later, step - 1)
         found = 1.0 - missing[-1].sum()
@@ -196,7 +195,7 @@ class MarkovChainObjective:
         mass, missed = self._prior, self._missed(effort)
         missing = [mass]
         for step, fraction in enumerate(missed):
-            mass = mass * fraction
+            mass = mass * self._chain.lift(fraction)
             if step + 1 < len(missed):
                 mass = self._chain.forward(mass, step)
             missing.append(mass)
