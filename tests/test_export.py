@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, export
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import PALETTES
 
 ROOT = Path(__file__).parents[1]

@@ -212,7 +212,7 @@ def _report(parser: argparse.ArgumentParser, path: str, error: Exception) -> NoR
     """Report an error of the arguments or the file; raise one of the policy again."""
     for each in (error.__cause__ or error, error):  # the policy's OSError causes a StorageError
         frames = traceback.walk_tb(each.__traceback__)
-        if any(frame.f_code is recording.moments.__code__ for frame, _ in frames):
+        if any(frame.f_code is recording.play.__code__ for frame, _ in frames):
             raise each
     if isinstance(error, OSError):
         parser.exit(FAILED, f"cannot write {path}: {error.strerror or error}\n")
