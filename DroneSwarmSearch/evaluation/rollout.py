@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal.actions import checked_actions, reader
+from DroneSwarmSearch._internal.actions import Reader, checked_actions
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
@@ -288,7 +288,7 @@ class _ParallelStage:
         self._masks = view.masks
         self._names = tuple(f"drone{i}" for i in range(batch.scenario.n_drones))
         self._neighbours, self._positions = grid_of(batch.scenario.grid_size)
-        self._reader = reader(self._names)
+        self._reader = Reader(self._names)
 
     def seeds(self, seeds: Sequence[int]) -> int:
         return seeds[0]
