@@ -32,8 +32,10 @@ COMMANDS = {
 EVALUATE = """\
 Evaluate a policy on searches of the suite or of files. Success is the share of episodes in
 which every person is found by the time limit; time is the restricted mean time to find
-(failures count with the limit); return is the mean return of the team. Coverage missions are
-judged by the probability of success (POS) of the searches made. Success and time are exact for
+(failures count with the limit); return is the mean return of the team; crashes are episodes in
+which drones collided or left the grid. Coverage missions are judged by the probability of success
+(POS) of the searches made; coverage and repetition are the different cells searched and the
+repeated searches, both divided by the number of cells. Success and time are exact for
 deterministic policies and one person; other figures have 95% intervals. For the same seed, all
 policies use common random numbers.
 """
