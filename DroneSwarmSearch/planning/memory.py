@@ -25,14 +25,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
 __all__ = ["Histories", "RememberingDrones"]
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
 Indices = NDArray[np.int32]
 
 Offset = tuple[int, int] | None
