@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch import Person, RewardScheme
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
-from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
@@ -99,15 +99,15 @@ class TestFrames:
         search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
         shown = frames("greedy-posterior", search, seed=4)
         forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
-        belief = forecast.joint(0)
+        belief = Belief(forecast, 1.0, forecast.joint(0))
         for before, after in pairwise(shown):
             looked = [cell for cell, s in zip(before.drones, after.searching, strict=True) if s]
             if looked and not any(after.found):
-                belief, _ = after_unsuccessful_search(belief, [y * 5 + x for x, y in looked], 1.0)
-            belief = after_drift(belief, *forecast.moves(before.step))
+                belief = belief.after_search([y * 5 + x for x, y in looked])
+            belief = belief.after_drift(before.step)
             assert np.array_equal(after.prior, forecast.at(after.step))
             if not any(after.found):
-                np.testing.assert_allclose(after.matrix, belief[0], atol=1e-6)
+                np.testing.assert_allclose(after.matrix, belief.map(), atol=1e-6)
         assert any(after.searching[0] for after in shown)
 
     @pytest.mark.parametrize("mission", ["rescue", "coverage"])
