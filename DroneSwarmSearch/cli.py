@@ -36,36 +36,30 @@ which every person is found by the time limit; time is the restricted mean time 
 which drones collided or left the grid. Coverage missions are judged by the probability of success
 (POS) of the searches made; coverage and repetition are the different cells searched and the
 repeated searches, both divided by the number of cells. Success and time are exact for
-deterministic policies and one person; other figures have 95% intervals. For the same seed, all
-policies use common random numbers.
+deterministic policies and one person; other figures have 95% intervals.
 """
 
-EVALUATE_EXAMPLES = """\
+EVALUATE_MORE = """\
 examples:
   python -m DroneSwarmSearch evaluate --list
   python -m DroneSwarmSearch evaluate greedy-posterior classic man-overboard --bound
   python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
-  python -m DroneSwarmSearch evaluate parallel-sweep pond my_search.json --mission coverage
-  python -m DroneSwarmSearch evaluate my_network.py:policy classic --posterior
-  python -m DroneSwarmSearch evaluate my_network.py:policy classic --view drone --observation flat
+  python -m DroneSwarmSearch evaluate my_network.py:policy pond --view drone --observation flat
 
 Your own policy is a callable from observations to actions, or a class that is instantiated with
-the search's Scenario. --view and --observation select what it sees: "swarm" and "drone" are the
-observations of SwarmVectorEnv and DroneVectorEnv, "parallel" has PettingZoo's form. With
---action-mask it sees {"observation": ..., "action_mask": ...}. The file or module is executed,
-with everything it imports: only name code that you trust.
+the search's Scenario. Its file or module is executed: only name code that you trust. A file of a
+search, .json, holds the data of Scenario.to_dict, and may hold the start cells of the drones,
+"drones_positions". The guide "Evaluation" of the documentation explains both.
 
-A file of a search, .json, holds the data of Scenario.to_dict, and may hold the start cells of the
-drones, "drones_positions".
-
-With --out, finished results are kept in DIR/finished, and the same command resumes after an
-interruption. Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
+Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """
 
 OWN_POLICY = (
     "your own: weights.npz of examples/train_ppo.py, module:attribute or file.py:attribute, "
     "whose code is executed; each also after name="
 )
+
+ANY_POLICY = f"of {', '.join(POLICIES)}, or {OWN_POLICY}"
 
 SEARCH = "of the suite, or a file of a search, .json"
 
@@ -74,14 +68,11 @@ Evaluate every policy on every search of the suite, in the same episodes; print 
 leaderboard.csv and plots to DIR (default: leaderboard).
 """
 
-LEADERBOARD_EXAMPLES = """\
+LEADERBOARD_MORE = """\
 examples:
   python -m DroneSwarmSearch leaderboard
   python -m DroneSwarmSearch leaderboard --episodes 200 --searches pond fog --workers 2
   python -m DroneSwarmSearch leaderboard --add my_policies.py:MyPolicy --out mine
-
-Finished results are kept in DIR/finished, and the same command resumes after an interruption.
-Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """
 
 BOUND = """\
@@ -90,25 +81,21 @@ the time limit and within each earlier step. In a coverage mission it is a bound
 probability of success (POS) of any searches.
 """
 
-BOUND_EXAMPLES = """\
+BOUND_MORE = """\
 examples:
   python -m DroneSwarmSearch bound pond harbour
-  python -m DroneSwarmSearch bound all --workers 2 --json > bounds.json
+  python -m DroneSwarmSearch bound all --workers 2 --out bounds
 """
 
 RECORD = """\
-Record a video of one search: the prior on the left, the posterior on the right, with the same
-drones and persons.
+Record a video of the episode that `evaluate` plays with the same seed: the prior, which only
+follows the drift, on the left, and the posterior given the searches made on the right.
 """
 
-RECORD_EXAMPLES = """\
+RECORD_MORE = """\
 examples:
   python -m DroneSwarmSearch record classic --policy greedy-posterior --out classic.gif
   python -m DroneSwarmSearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
-
-The video shows the episode that `evaluate` plays with the same seed. The left half shows the
-prior, which only follows the drift; the right half shows the exact posterior given the searches
-made. Colours range from 0 to the likeliest cell of each half.
 """
 
 EXPORT = """\
@@ -117,12 +104,10 @@ returns, prior and posterior of every step. The page "Play a search" of the docu
 such files; `evaluation.export` documents their format.
 """
 
-EXPORT_EXAMPLES = """\
+EXPORT_MORE = """\
 examples:
   python -m DroneSwarmSearch export harbour --policies planner ppo --seeds 0 1 --out harbour.json
   python -m DroneSwarmSearch export fog --policies my_policy.py:MyPolicy planner --out fog.json
-
-Each policy plays one episode for each seed, the one that `evaluate` and `record` play.
 """
 
 
@@ -171,8 +156,7 @@ def _run(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     from DroneSwarmSearch.evaluation import commands  # here, so that `play` starts faster
 
-    code: int = getattr(commands, command)(options.parser, options)
-    return code
+    return commands.run(options)
 
 
 def _format(prog: str) -> argparse.HelpFormatter:
@@ -187,112 +171,73 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
+    commands.add_parser("play", help=COMMANDS["play"], add_help=False)
 
-    def add(name: str, description: str, examples: str) -> argparse.ArgumentParser:
+    def add(name: str, description: str, more: str) -> argparse.ArgumentParser:
         command = commands.add_parser(
             name,
             help=COMMANDS[name],
             description=description,
-            epilog=examples,
+            epilog=more,
             formatter_class=_format,
         )
-        command.set_defaults(parser=command)
+        command.set_defaults(command=name, parser=command)
         return command
 
-    commands.add_parser("play", help=COMMANDS["play"], add_help=False)
-    _add_evaluate(add("evaluate", EVALUATE, EVALUATE_EXAMPLES))
-    _add_leaderboard(add("leaderboard", LEADERBOARD, LEADERBOARD_EXAMPLES))
-    bound = add("bound", BOUND, BOUND_EXAMPLES)
+    _add_evaluate(add("evaluate", EVALUATE, EVALUATE_MORE))
+    _add_leaderboard(add("leaderboard", LEADERBOARD, LEADERBOARD_MORE))
+    bound = add("bound", BOUND, BOUND_MORE)
     bound.add_argument("searches", metavar="SEARCH", nargs="+", help=f"{SEARCH}, or all")
     _add_mission(bound)
     _add_work(bound)
-    bound.add_argument("--json", action="store_true", help="print all values as JSON")
-    _add_record(add("record", RECORD, RECORD_EXAMPLES))
-    _add_export(add("export", EXPORT, EXPORT_EXAMPLES))
+    _add_record(add("record", RECORD, RECORD_MORE))
+    _add_export(add("export", EXPORT, EXPORT_MORE))
     return parser
 
 
 def _add_evaluate(parser: argparse.ArgumentParser) -> None:
-    parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
-    parser.add_argument(
-        "policy",
-        metavar="POLICY",
-        nargs="?",
-        help=f"a policy of this package, or {OWN_POLICY}",
-    )
-    parser.add_argument("searches", metavar="SEARCH", nargs="*", help=f"{SEARCH}, or all")
+    add, parser.usage = parser.add_argument, "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
+    add("policy", metavar="POLICY", nargs="?", help=f"a policy of this package, or {OWN_POLICY}")
+    add("searches", metavar="SEARCH", nargs="*", help=f"{SEARCH}, or all")
     _add_mission(parser)
-    parser.add_argument("--list", action="store_true", help="list the policies and the searches")
-    _add_posterior(parser, "the policy")
-    parser.add_argument(
-        "--bound", action="store_true", help="also show the upper bound, and the share reached"
-    )
-    _add_episodes(parser)
+    add("--list", action="store_true", help="list the policies and the searches")
+    add("--bound", action="store_true", help="also show the upper bound, and the share reached")
+    _add_episodes(parser, "the policy")
     _add_work(parser)
-    output = parser.add_mutually_exclusive_group()
-    output.add_argument("--json", action="store_true", help="print all estimates as JSON")
-    output.add_argument("--csv", action="store_true", help="print the main estimates as CSV")
+    add("--csv", action="store_true", help="print the estimates as CSV")
 
 
 def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
-    parser.usage = "%(prog)s [options]"
-    parser.add_argument("--searches", metavar="NAME", nargs="+", help=f"{SEARCH} (default: all)")
-    parser.add_argument(
-        "--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)} (default: all)"
-    )
-    parser.add_argument(
-        "--add",
-        metavar="POLICY",
-        action="append",
-        default=[],
-        help=f"{OWN_POLICY}; may be repeated",
-    )
-    _add_posterior(parser, "your own policies")
-    parser.add_argument(
-        "--no-bound", dest="bound", action="store_false", help="leave the bounds out: much faster"
-    )
-    _add_episodes(parser)
+    add, parser.usage, names = parser.add_argument, "%(prog)s [options]", ", ".join(POLICIES)
+    add("--searches", metavar="NAME", nargs="+", default=["all"], help=f"{SEARCH} (default: all)")
+    add("--policies", metavar="NAME", nargs="+", help=f"of {names} (default: all)")
+    own = f"{OWN_POLICY}; may be repeated"
+    add("--add", metavar="POLICY", action="append", default=[], help=own)
+    add("--no-bound", dest="bound", action="store_false", help="leave the bounds out: much faster")
+    _add_episodes(parser, "your own policies")
     _add_work(parser)
     has_joblib = importlib.util.find_spec("joblib") is not None
     parser.set_defaults(out=Path("leaderboard"), workers=(os.cpu_count() or 1) if has_joblib else 1)
 
 
 def _add_record(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("search", metavar="SEARCH", help=SEARCH)
-    parser.add_argument(
-        "--policy",
-        metavar="POLICY",
-        default="planner",
-        help=f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)",
-    )
-    parser.add_argument(
-        "--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)"
-    )
-    parser.add_argument("--out", metavar="FILE", required=True, help="the video, .gif or .mp4")
-    parser.add_argument(
-        "--fps", type=float, default=6.0, help="steps shown per second (default: 6)"
-    )
+    add = parser.add_argument
+    add("search", metavar="SEARCH", help=SEARCH)
+    add("--policy", metavar="POLICY", default="planner", help=f"{ANY_POLICY} (default: planner)")
+    add("--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)")
+    add("--out", metavar="FILE", required=True, help="the video, .gif or .mp4")
+    add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
     _add_posterior(parser, "the policy")
 
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("search", metavar="SEARCH", help=SEARCH)
-    parser.add_argument(
-        "--policies",
-        metavar="POLICY",
-        nargs="+",
-        default=["planner"],
-        help=f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)",
-    )
-    parser.add_argument(
-        "--seeds",
-        metavar="N",
-        nargs="+",
-        type=int,
-        default=[0],
-        help="of the episodes (default: 0)",
-    )
-    parser.add_argument("--out", metavar="FILE", required=True, help="the file, .json")
+    add = parser.add_argument
+    add("search", metavar="SEARCH", help=SEARCH)
+    which = f"{ANY_POLICY} (default: planner)"
+    add("--policies", metavar="POLICY", nargs="+", default=["planner"], help=which)
+    seeds = "of the episodes (default: 0)"
+    add("--seeds", metavar="N", nargs="+", type=int, default=[0], help=seeds)
+    add("--out", metavar="FILE", required=True, help="the file, .json")
     _add_posterior(parser, "the policies")
 
 
@@ -307,65 +252,26 @@ def _add_posterior(parser: argparse.ArgumentParser, whom: str) -> None:
     parser.add_argument("--posterior", action="store_true", help=text)
 
 
-def _add_episodes(parser: argparse.ArgumentParser) -> None:
+def _add_episodes(parser: argparse.ArgumentParser, whom: str) -> None:
     """Add the options for the episodes and for what a policy sees."""
-    parser.add_argument(
-        "--episodes", metavar="N", type=int, default=2000, help="of each search (default: 2000)"
-    )
-    parser.add_argument(
-        "--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)"
-    )
-    parser.add_argument(
-        "--view", default="swarm", help="what your policy sees: swarm, drone or parallel (swarm)"
-    )
-    parser.add_argument(
-        "--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)"
-    )
-    parser.add_argument(
-        "--action-mask", action="store_true", help="also show your policy masks of valid actions"
-    )
-    parser.add_argument(
-        "--right-of-way", action="store_true", help="these masks prevent all collisions"
-    )
-    parser.add_argument(
-        "--deterministic",
-        action="store_true",
-        default=None,
-        help="your policy always acts alike after the same observations: exact success and time",
-    )
+    add, layouts = parser.add_argument, ", ".join(LAYOUTS)
+    add("--episodes", metavar="N", type=int, default=2000, help="of each search (default: 2000)")
+    add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
+    _add_posterior(parser, whom)
+    add("--view", default="swarm", help="what your policy sees: swarm, drone or parallel (swarm)")
+    add("--observation", default="dict", help=f"its layout: {layouts} (dict)")
+    add("--action-mask", action="store_true", help="also show your policy masks of valid actions")
+    add("--right-of-way", action="store_true", help="these masks prevent all collisions")
+    alike = "your policy always acts alike after the same observations: exact success and time"
+    add("--deterministic", action="store_true", default=None, help=alike)
 
 
 def _add_work(parser: argparse.ArgumentParser) -> None:
     """Add the options of commands that take long."""
-    parser.add_argument(
-        "--workers",
-        metavar="N",
-        type=_count,
-        default=1,
-        help="processes; the results do not depend on them (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--ray",
-        metavar="ADDRESS",
-        nargs="?",
-        const="local",
-        help="run on Ray: on this machine, or on the cluster at ADDRESS",
-    )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        type=_folder,
-        help="write the results to DIR, and resume from it",
-    )
-
-
-def _folder(text: str) -> Path:
-    if not text:
-        raise argparse.ArgumentTypeError("must name a folder, got ''")
-    return Path(text)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r:.100}")
-    return int(text)
+    add = parser.add_argument
+    workers = "processes; the results do not depend on them (default: %(default)s)"
+    add("--workers", metavar="N", type=int, default=1, help=workers)
+    ray = "run on Ray: on this machine, or on the cluster at ADDRESS"
+    add("--ray", metavar="ADDRESS", nargs="?", const="local", help=ray)
+    out = "write the results to DIR, and resume from it after an interruption"
+    add("--out", metavar="DIR", type=Path, help=out)

@@ -19,7 +19,6 @@ from DroneSwarmSearch import leeway
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.persons import MASS_BEYOND, Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.evaluation.search_file import SUFFIX, search_from_file
 from DroneSwarmSearch.evaluation.suite import NamedSearch, search
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
@@ -251,8 +250,7 @@ def search_of(options: argparse.Namespace) -> NamedSearch:
         size = scenario.grid_size
         name = options.object_class or f"{size} x {size} cells"
         return NamedSearch(name, "Described by options.", scenario, drones, scale)
-    is_file = options.search.endswith(SUFFIX)
-    named = search_from_file(Path(options.search)) if is_file else search(options.search)
+    named = search(options.search)
     for name in ("timestep_limit", "mission"):
         if getattr(options, name) is not None:
             changes[name] = getattr(options, name)

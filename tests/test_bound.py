@@ -161,7 +161,7 @@ def sampled_bound() -> SuccessBound:
 def test_no_policy_exceeds_the_bound(name: str) -> None:
     bound, episodes = sampled_bound(), 400
     assert bound.confidence == 0.999
-    found_by = evaluate(name, SAMPLED, episodes=episodes, progress=False).found_by
+    found_by = evaluate(name, SAMPLED, episodes=episodes, progress=False).episodes.found_at[:, 0]
     for step in range(1, SAMPLED.scenario.timestep_limit + 1):
         most = bound.by_time[step]
         rate = float(np.mean((found_by > 0) & (found_by <= step)))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,6 @@ from DroneSwarmSearch.evaluation import (
     View,
     compare,
     evaluate,
-    save_csv,
 )
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.statistics import ExactValue
@@ -78,7 +75,6 @@ class Climber(SwarmPolicy):
 @lru_cache(maxsize=64)
 def exact_curve(policy: Any, search: NamedSearch, view: View | str = "swarm") -> np.ndarray:
     curves = play(policy, search, [0], View.of(view)).curves
-    assert curves is not None
     return curves[0]
 
 
@@ -264,8 +260,10 @@ def test_a_crash_ends_the_search() -> None:
     scenario = Scenario(6, n_drones=2, persons=person, timestep_limit=8)
     search = NamedSearch("meeting", "", scenario, ((2, 2), (3, 2)))
     got = evaluate(Meets(), search, deterministic=True, episodes=400, progress=False)
-    assert got.exact == pytest.approx(np.array([0, 0.5, 0.75, *[0.875] * 6]))
-    assert (got.found_by > 0).mean() == pytest.approx(0.875, abs=4 * np.sqrt(0.875 / 8 / 400))
+    assert got.success_by_time == pytest.approx(np.array([0, 0.5, 0.75, *[0.875] * 6]))
+    assert (got.episodes.found_at > 0).mean() == pytest.approx(
+        0.875, abs=4 * np.sqrt(0.875 / 8 / 400)
+    )
     assert got.time.value == pytest.approx(1 + 0.5 + 0.25 + 5 * 0.125)
 
 
@@ -277,7 +275,6 @@ def test_samples_agree(name: str, persons: tuple[str, ...]) -> None:
     sampled = evaluate(name, search, episodes=count, deterministic=False, progress=False)
     assert got.is_exact
     assert not sampled.is_exact
-    assert got.sampled_success == sampled.sampled_success
     share = got.success.value
     assert abs(share - sampled.success.value) < 4 * np.sqrt(share * (1 - share) / count) + 1e-9
     off = got.time.value - sampled.time.value
@@ -337,13 +334,13 @@ def test_every_view_gives_the_same_values() -> None:
     def in_drones(shown: Any) -> Any:
         return np.full(len(shown["position"]), int(Action.SEARCH))
 
+    options = {"episodes": 1, "deterministic": True, "progress": False}
     curves = [
-        evaluate(policy, search, view=view, episodes=1, deterministic=True, progress=False).exact
+        evaluate(policy, search, view=view, **options).success_by_time
         for policy, view in (
             (searching, "swarm"), (in_drones, "drone"), (in_parallel, "parallel")
         )
     ]  # fmt: skip
-    assert curves[0] is not None
     for curve in curves[1:]:
         np.testing.assert_array_equal(curve, curves[0])
 
@@ -351,14 +348,10 @@ def test_every_view_gives_the_same_values() -> None:
 def test_coverage_missions_are_exact_for_any_number_of_persons() -> None:
     search = named("known", "missed", "hypotheses", mission="coverage")
     got = evaluate(Climber, search, episodes=4, progress=False)
-    assert got.coverage is not None
     assert isinstance(got.success, ExactValue)
     assert got.success.value == got.curves[0, -1]
     assert got.time.value == pytest.approx(got.times.mean())
-    assert got.sampled_success is None
-    rates = got.coverage_rate, got.repetition_rate, got.mean_return
-    assert all(each is not None and each.is_exact for each in rates)
-    assert got.mean_return.value == pytest.approx(got.episodes.returns.mean())
+    assert got.coverage_rate.is_exact and got.repetition_rate.is_exact
 
 
 def test_the_environment_finds_the_exact_share() -> None:
@@ -386,20 +379,16 @@ def evaluated(policy: Any, **options: Any) -> Evaluation:
 
 def test_exact_values_have_no_interval() -> None:
     got = evaluated(Climber)
-    assert got.exact is not None
-    value = float(got.exact[-1])
+    value = float(got.success_by_time[-1])
     assert got.success == (value, value, value)
     assert got.success.is_exact
     assert got.success.scaled(100.0).is_exact
     assert got.time.is_exact
-    assert got.time.value == pytest.approx((1 - got.exact[:-1]).sum())
-    for curve in got.success_by_time:
-        np.testing.assert_array_equal(curve, got.exact)
+    assert got.time.value == pytest.approx((1 - got.success_by_time[:-1]).sum())
     assert figure(got.time) == f"{got.time.value:.1f}"
     assert percent(got.success) == f"{100 * value:.1f}"
     assert "(exact)" in repr(got)
     assert "exact" not in repr(evaluated(searching))
-    assert not got.mean_return.is_exact
 
 
 def test_differences_of_exact_values_are_exact() -> None:
@@ -426,24 +415,3 @@ def test_an_exact_value_against_a_sample_has_the_interval_of_the_sample() -> Non
         assert not difference.is_exact
     with pytest.raises(ValueError, match="30 from seed 1, got 30 from seed 0"):
         compare(evaluated(Climber, seed=1), sampled)
-
-
-def test_files_mark_exact_values(tmp_path: Path) -> None:
-    exact, sampled = evaluated(Climber), evaluated(searching)
-    for each in (exact, sampled):
-        data = json.loads(json.dumps(each.data))
-        assert data["success"] == {**each.success._asdict(), "exact": each.is_exact}
-        assert data["restricted_mean_time"]["exact"] == each.is_exact
-        assert data["mean_return"]["exact"] is False
-        assert each.sampled_success is not None
-        assert data["sampled_success"]["low"] == each.sampled_success.low
-        assert data["sampled_success"]["exact"] is False
-    save_csv(tmp_path / "both.csv", [exact, sampled])
-    lines = [line.split(",") for line in (tmp_path / "both.csv").read_text().splitlines()]
-    rows = [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
-    assert [row["method"] for row in rows] == ["exact", "conditional"]
-    assert float(rows[0]["success"]) == float(rows[0]["success_low"]) == exact.success.value
-    assert float(rows[0]["sampled_success_low"]) < float(rows[0]["sampled_success_high"])
-
-
-# The store, and workers.

@@ -9,17 +9,10 @@ print(mine.success, mine.time, compare(mine, greedy))
 
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation.board import leaderboard
-from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes
+from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.exporting import export
 from DroneSwarmSearch.evaluation.recording import Video, record
-from DroneSwarmSearch.evaluation.results import (
-    Comparison,
-    Evaluation,
-    compare,
-    save_csv,
-    save_episodes,
-    save_json,
-)
+from DroneSwarmSearch.evaluation.results import Comparison, Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
@@ -28,7 +21,6 @@ from DroneSwarmSearch.evaluation.view import View
 __all__ = [
     "SUITE",
     "Comparison",
-    "Coverage",
     "Episodes",
     "Estimate",
     "Evaluation",
@@ -42,7 +34,5 @@ __all__ = [
     "leaderboard",
     "record",
     "save_csv",
-    "save_episodes",
-    "save_json",
     "search",
 ]

@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.evaluation.statistics import ROUNDING
 
-__all__ = ["POS_EDGES", "Coverage", "Episodes", "Reliability"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
+__all__ = ["POS_EDGES", "Episodes", "Reliability"]
 
 POS_EDGES = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, math.inf)
 """The edges of the bins. Probabilities of single cells are small, so nearly all searches would
 lie in the first of several bins of equal width."""
 
 
-@dataclass(frozen=True, eq=False)
-class Reliability:
+class Reliability(NamedTuple):
     """A reliability table: searches in bins of their forecast probability of success (POS).
 
     The forecast POS of a search is the probability that the matrix shows for the searched
@@ -38,8 +34,7 @@ class Reliability:
     as nobody is found, too low for the others.
 
     A. H. Murphy, A new vector partition of the probability score, Journal of Applied
-    Meteorology 12, 1973; M. DeGroot and S. Fienberg, The comparison and evaluation of
-    forecasters, The Statistician 32, 1983.
+    Meteorology 12, 1973.
 
     Attributes:
         searches: the number of searches in each bin of `POS_EDGES`: int64, (bins,).
@@ -57,17 +52,7 @@ class Reliability:
         bins = len(POS_EDGES) - 1
         return cls(np.zeros(bins, np.int64), np.zeros(bins), np.zeros(bins, np.int64))
 
-    @classmethod
-    def total(cls, parts: Sequence[Reliability]) -> Reliability:
-        """The sum of several tables, in their order, so that rounding is reproducible."""
-        whole = cls.empty()
-        for part in parts:
-            whole.searches[:] += part.searches
-            whole.forecast[:] += part.forecast
-            whole.found[:] += part.found
-        return whole
-
-    def count(self, forecasts: Floats, found: Ints) -> None:
+    def add(self, forecasts: Floats, found: Ints) -> None:
         """Add searches, in place.
 
         Args:
@@ -81,45 +66,14 @@ class Reliability:
         self.found[:] += np.bincount(bins, found, minlength=count).astype(np.int64)
 
     @property
-    def mean_forecast(self) -> Floats:
-        """The mean forecast in each bin; NaN without searches."""
-        return _ratio(self.forecast, self.searches)
-
-    @property
-    def share_found(self) -> Floats:
-        """Persons found per search in each bin; NaN without searches."""
-        return _ratio(self.found, self.searches)
-
-    @property
     def expected_error(self) -> float:
         """The expected calibration error over all searches; 0 without any.
 
         M. Naeini, G. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities using
         Bayesian binning, AAAI 2015, with the bins of `POS_EDGES`.
         """
-        total = int(self.searches.sum())
-        if not total:
-            return 0.0
+        total = max(int(self.searches.sum()), 1)
         return float(np.abs(self.forecast - self.found).sum() / total)
-
-
-def _ratio(above: NDArray[np.number], below: Ints) -> Floats:
-    out = np.full(len(below), np.nan)
-    np.divide(above, below, out=out, where=below > 0)
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class Coverage:
-    """What the searches of some coverage missions covered, in the order of their seeds.
-
-    Attributes:
-        searches: the number of searches: int64, (n,).
-        cells_searched: the number of different cells searched: int64, (n,).
-    """
-
-    searches: Ints
-    cells_searched: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,23 +86,25 @@ class Episodes:
         endings: the `Ending` of each episode: int64, (n,).
         steps: the number of steps: int64, (n,).
         returns: the sum of all drones' rewards: float64, (n,).
+        searches: the number of searches: int64, (n,).
+        cells_searched: the number of different cells searched: int64, (n,).
         reliability: of the forecasts of all searches made; empty in the coverage mission,
             where no search finds anybody.
         curves: the probability of success after each number of completed steps, from 0 to the
             time limit L: float64, (n, L + 1). In a rescue, it is the probability that every
             person is found, given the path that the drones fly if the last find is left out; in
             the coverage mission, the cumulative probability of success (POS). If all episodes
-            have the same curve, its shape may be (1, L + 1). None if it was not followed.
-        coverage: what the searches covered, in the coverage mission; otherwise None.
+            have the same curve, its shape may be (1, L + 1). It may also hold no curve.
     """
 
     found_at: Ints
     endings: Ints
     steps: Ints
     returns: Floats
+    searches: Ints
+    cells_searched: Ints
     reliability: Reliability
-    curves: Floats | None = None
-    coverage: Coverage | None = None
+    curves: Floats
 
     def __len__(self) -> int:
         return len(self.endings)
@@ -156,23 +112,12 @@ class Episodes:
     @classmethod
     def joined(cls, parts: Sequence[Episodes]) -> Episodes:
         """Join several portions, in their order."""
-        curves = [part.curves for part in parts if part.curves is not None]
-        coverages = [part.coverage for part in parts if part.coverage is not None]
-        coverage = None
-        if coverages:
-            coverage = Coverage(
-                np.concatenate([each.searches for each in coverages]),
-                np.concatenate([each.cells_searched for each in coverages]),
-            )
-        return cls(
-            np.concatenate([part.found_at for part in parts]),
-            np.concatenate([part.endings for part in parts]),
-            np.concatenate([part.steps for part in parts]),
-            np.concatenate([part.returns for part in parts]),
-            Reliability.total([part.reliability for part in parts]),
-            np.concatenate(curves) if curves else None,
-            coverage,
-        )
+        reliability = Reliability.empty()
+        for part in parts:  # in this order, so that rounding is reproducible
+            for whole, more in zip(reliability, part.reliability, strict=True):
+                np.add(whole, more, out=whole)
+        arrays = {name: np.concatenate([vars(part)[name] for part in parts]) for name in _ARRAYS}
+        return cls(**arrays, reliability=reliability)
 
     def with_common_curve(self) -> Episodes:
         """The episodes of a deterministic policy, all of which have the same curve.
@@ -180,37 +125,30 @@ class Episodes:
         Raises:
             ValueError: the curves differ.
         """
-        curves = self.curves
-        assert curves is not None
-        if np.abs(curves - curves[0]).max() > ROUNDING:
+        if np.abs(self.curves - self.curves[0]).max() > ROUNDING:
             raise ValueError(
                 "deterministic must be False for a policy that acts differently after the same "
                 "observations"
             )
-        return replace(self, curves=curves[:1])
+        return replace(self, curves=self.curves[:1])
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Everything as arrays, for a file."""
-        arrays: dict[str, NDArray[Any] | None] = {
-            **{name: getattr(self, name) for name in _ARRAYS},
-            **{f"reliability_{name}": getattr(self.reliability, name) for name in _RELIABILITY},
+        table = self.reliability._asdict()
+        return {
+            **{name: vars(self)[name] for name in _ARRAYS},
+            **{f"reliability_{name}": array for name, array in table.items()},
         }
-        if self.coverage is not None:
-            arrays |= {f"coverage_{name}": getattr(self.coverage, name) for name in _COVERAGE}
-        return {name: array for name, array in arrays.items() if array is not None}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Episodes:
         """Make episodes from their `arrays`."""
-        reliability = Reliability(*(arrays[f"reliability_{name}"] for name in _RELIABILITY))
-        coverage = None
-        if "coverage_searches" in arrays:
-            coverage = Coverage(*(arrays[f"coverage_{name}"] for name in _COVERAGE))
-        known = {name: arrays[name] for name in _ARRAYS if name in arrays}
-        return cls(**known, reliability=reliability, coverage=coverage)
+        table = {name: arrays[f"reliability_{name}"] for name in Reliability._fields}
+        return cls(**{name: arrays[name] for name in _ARRAYS}, reliability=Reliability(**table))
 
 
-_ARRAYS = ("found_at", "endings", "steps", "returns", "curves")
-_RELIABILITY = ("searches", "forecast", "found")
-_COVERAGE = ("searches", "cells_searched")
+_ARRAYS = (
+    *("found_at", "endings", "steps", "returns"),
+    *("searches", "cells_searched", "curves"),
+)

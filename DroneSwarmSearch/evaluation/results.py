@@ -1,71 +1,34 @@
-"""Results of evaluations: estimates, comparisons of two policies, and their files."""
+"""Results of evaluations: estimates, comparisons of two policies, and their table as CSV."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import DroneSwarmSearch
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.files import write_text
-from DroneSwarmSearch.evaluation import statistics
-from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Coverage, Episodes, Reliability
-from DroneSwarmSearch.evaluation.statistics import Band, Estimate, ExactValue
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
+from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
+from DroneSwarmSearch.evaluation.statistics import (
+    Estimate,
+    ExactValue,
+    bounded_mean,
+    difference,
+)
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
-__all__ = [
-    "Comparison",
-    "Evaluation",
-    "bound_data",
-    "checked_bound",
-    "compare",
-    "csv_text",
-    "save_csv",
-    "save_episodes",
-    "save_json",
-]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-
-def checked_bound(bound: object, search: NamedSearch) -> SuccessBound | None:
-    """Return a search's bound, or None.
-
-    Raises:
-        TypeError: it is not a bound.
-        ValueError: it belongs to another search.
-    """
-    if bound is None:
-        return None
-    if not isinstance(bound, SuccessBound):
-        raise TypeError(
-            f"bound must be what planning.success_bound returns, or None, got {bound!r:.100}"
-        )
-    steps = search.scenario.timestep_limit
-    if bound.by_time.shape != (steps + 1,):
-        raise ValueError(
-            f"bound must be that of {search.name}, with a by_time of shape ({steps + 1},), "
-            f"got {bound.by_time.shape}"
-        )
-    return bound
-
-
-def bound_data(bound: SuccessBound) -> dict[str, Any]:
-    """A bound as plain JSON data."""
-    return {**asdict(bound), "by_time": bound.by_time.tolist()}
+__all__ = ["Comparison", "Evaluation", "compare", "csv_text", "save_csv"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +45,9 @@ class Evaluation:
         seed: of the first episode; episode i has the seed `seed + i`.
         view: what the policy saw.
         episodes: what happened.
-        is_exact: whether success, its curve and the time have no sampling error.
+        is_exact: whether success, its curve and the time have no sampling error. Otherwise, they
+            are means over sampled paths of the probability of success given the path
+            (conditional Monte Carlo).
         bound: the upper bound for this search, or None.
     """
 
@@ -96,21 +61,16 @@ class Evaluation:
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
-        measure = "success" if self.coverage is None else "POS"
         interval = "exact" if self.is_exact else f"{low:.1f} to {high:.1f}"
         return (
             f"<Evaluation of {self.policy} on {self.search.name}: {len(self.episodes):,} episodes, "
-            f"{value:.1f}% {measure} ({interval})>"
+            f"{value:.1f}% {'POS' if self.is_coverage else 'success'} ({interval})>"
         )
 
-    def with_bound(self, bound: SuccessBound | None) -> Evaluation:
-        """Return the evaluation with the search's bound.
-
-        Raises:
-            TypeError: it is not a bound.
-            ValueError: it belongs to another search.
-        """
-        return replace(self, bound=checked_bound(bound, self.search))
+    @property
+    def is_coverage(self) -> bool:
+        """Whether the mission is coverage."""
+        return self.search.scenario.mission == "coverage"
 
     @property
     def limit(self) -> int:
@@ -123,34 +83,20 @@ class Evaluation:
 
         If it is exact, there is one row, for all episodes. See `Episodes.curves`.
         """
-        assert self.episodes.curves is not None
         return self.episodes.curves
 
-    @property
-    def exact(self) -> Floats | None:
-        """The exact probability of success after each step, (L + 1,); None if it is sampled."""
-        return self.curves[0] if self.is_exact else None
-
-    @property
-    def method(self) -> str:
-        """How success, its curve and the time were computed.
-
-        "exact": without sampling error. "conditional": as means over sampled paths of the
-        probability of success given the path (conditional Monte Carlo).
-        """
-        return "exact" if self.is_exact else "conditional"
-
-    @property
-    def coverage(self) -> Coverage | None:
-        """What the searches of a coverage mission covered; None for another mission."""
-        return self.episodes.coverage
+    @cached_property
+    def success_by_time(self) -> Floats:
+        """The success within t steps, t = 0..L: float64, (L + 1,); the mean of `curves`."""
+        curve: Floats = self.curves.mean(axis=0)
+        return curve
 
     @cached_property
-    def found_by(self) -> Ints:
-        """The step in which the last person was found, 0 for a failure: int64, (n,)."""
-        found_at = self.episodes.found_at
-        everybody = (found_at > 0).all(axis=1)
-        return np.where(everybody, found_at.max(axis=1), 0)
+    def success(self) -> Estimate:
+        """The success by the time limit, exact or with Hall's interval."""
+        if self.is_exact:
+            return ExactValue.of(float(self.curves[0, -1]))
+        return bounded_mean(self.curves[:, -1])
 
     @cached_property
     def times(self) -> Floats:
@@ -168,74 +114,41 @@ class Evaluation:
         return times
 
     @cached_property
-    def success_by_time(self) -> Band:
-        """The success within t steps, t = 0..L, with its interval: (L + 1,).
-
-        It is exact, or the mean of `curves` with Hall's interval.
-        """
-        if self.is_exact:
-            return Band(self.curves[0], self.curves[0], self.curves[0])
-        return statistics.bounded_means(self.curves)
-
-    @property
-    def success(self) -> Estimate:
-        """The success by the time limit, exact or with its interval."""
-        if self.is_exact:
-            return ExactValue.of(float(self.curves[0, -1]))
-        return self.success_by_time.at(-1)
-
-    @cached_property
     def time(self) -> Estimate:
         """The restricted mean time to find, in steps, exact or with Hall's interval."""
         if self.is_exact:
             return ExactValue.of(math.fsum((1.0 - self.curves[0, :-1]).tolist()))
-        return statistics.bounded_mean(self.times, most=self.limit)
+        return bounded_mean(self.times, most=self.limit)
+
+    @property
+    def mean_return(self) -> float:
+        """The mean return of the team in the episodes."""
+        return math.fsum(self.episodes.returns.tolist()) / len(self.episodes)
 
     @cached_property
-    def sampled_success(self) -> Estimate | None:
-        """The share of episodes that succeeded, with Wilson's interval, whatever success is.
-
-        The exact success is the forecast, and this share is what was found; its interval holds
-        the forecast in about 95% of evaluations. None in the coverage mission.
-        """
-        if self.coverage is not None:
-            return None
-        return statistics.wilson(np.count_nonzero(self.found_by), len(self.episodes)).at(())
+    def coverage_rate(self) -> Estimate:
+        """The mean share of the grid's cells that were searched."""
+        return self._per_cell(self.episodes.cells_searched)
 
     @cached_property
-    def mean_return(self) -> Estimate:
-        """The mean return of the team, with its bootstrap interval.
-
-        It is exact in the coverage mission of a deterministic policy, whose episodes are all equal.
-        """
-        return self._mean(self.episodes.returns)
-
-    @cached_property
-    def coverage_rate(self) -> Estimate | None:
-        """The mean share of the grid's cells that were searched; None without coverage."""
-        if self.coverage is None:
-            return None
-        return self._mean_per_cell(self.coverage.cells_searched)
-
-    @cached_property
-    def repetition_rate(self) -> Estimate | None:
+    def repetition_rate(self) -> Estimate:
         """The mean number of repeated searches, divided by the number of cells of the grid.
 
         A search is repeated if its cell was searched before in the episode, by any drone. The
-        rate may exceed 1. None without coverage.
+        rate may exceed 1.
         """
-        if self.coverage is None:
-            return None
-        return self._mean_per_cell(self.coverage.searches - self.coverage.cells_searched)
+        return self._per_cell(self.episodes.searches - self.episodes.cells_searched)
 
-    def _mean_per_cell(self, counts: Ints) -> Estimate:
-        return self._mean(counts / self.search.scenario.grid_size**2)
+    def _per_cell(self, counts: Ints) -> Estimate:
+        """The mean of some counts, divided by the number of cells, with Hall's interval.
 
-    def _mean(self, values: Floats) -> Estimate:
-        """The mean over the episodes; exact if all episodes are equal."""
-        if self.is_exact and self.coverage is not None:
-            return ExactValue.of(float(values[0]))
-        return statistics.bootstrap_mean(values)
+        It is exact in the coverage mission of a deterministic policy, whose episodes are all equal.
+        """
+        scenario = self.search.scenario
+        cells = scenario.grid_size**2
+        if self.is_exact and self.is_coverage:
+            return ExactValue.of(float(counts[0]) / cells)
+        return bounded_mean(counts / cells, most=scenario.n_drones * self.limit / cells)
 
     @property
     def share_of_bound(self) -> Estimate | None:
@@ -256,72 +169,26 @@ class Evaluation:
         return {ending: counts[ending] for ending in Ending}
 
     @property
-    def data(self) -> dict[str, Any]:
-        """Everything except the single episodes, as plain JSON data."""
-        by_time = self.success_by_time
-        return {
-            **versions(),
-            "policy": self.policy,
-            "search": self.search.name,
-            "parameters": self.search.data,
-            "view": self.view.form,
-            "observation": self.view.observation,
-            "action_mask": self.view.action_mask,
-            "right_of_way": self.view.right_of_way,
-            "episodes": len(self.episodes),
-            "seed": self.seed,
-            "confidence": statistics.CONFIDENCE,
-            "method": self.method,
-            "success": self.success.data,
-            "sampled_success": self.sampled_success and self.sampled_success.data,
-            "restricted_mean_time": self.time.data,
-            "mean_return": self.mean_return.data,
-            **{name: rate.data for name, rate in self._rates.items()},
-            "share_of_bound": self.share_of_bound and self.share_of_bound.data,
-            "endings": {ending.name.lower(): count for ending, count in self.endings.items()},
-            "success_by_time": {name: curve.tolist() for name, curve in by_time._asdict().items()},
-            "bound": self.bound and bound_data(self.bound),
-            "calibration": self._calibration if self.coverage is None else None,
-        }
-
-    @property
-    def _rates(self) -> dict[str, Estimate]:
-        """The rates of the coverage mission by name; empty for another mission."""
-        rates = {"coverage_rate": self.coverage_rate, "repetition_rate": self.repetition_rate}
-        return {name: rate for name, rate in rates.items() if rate is not None}
-
-    @property
-    def _calibration(self) -> dict[str, Any]:
-        reliability = self.reliability
-        return {
-            "from": list(POS_EDGES[:-1]),
-            "searches": reliability.searches.tolist(),
-            "mean_forecast": _without_nan(reliability.mean_forecast),
-            "share_found": _without_nan(reliability.share_found),
-            "expected_error": reliability.expected_error,
-        }
-
-    @property
     def summary(self) -> dict[str, Any]:
-        """The main estimates as one row of a table."""
+        """The estimates as one row of a table, with "" for what does not apply."""
         row: dict[str, Any] = {
             "package": DroneSwarmSearch.__version__,
             "suite": SUITE_VERSION,
             "policy": self.policy,
             "search": self.search.name,
+            "mission": self.search.scenario.mission,
             "bayesian_update": self.search.scenario.bayesian_update,
             "episodes": len(self.episodes),
             "seed": self.seed,
             "timestep_limit": self.limit,
-            "method": self.method,
+            "method": "exact" if self.is_exact else "conditional",
         }
         for name, estimate in (
             ("success", self.success),
             ("restricted_mean_time", self.time),
-            ("mean_return", self.mean_return),
             ("share_of_bound", self.share_of_bound),
-            ("sampled_success", self.sampled_success),
-            *self._rates.items(),
+            ("coverage_rate", self.coverage_rate if self.is_coverage else None),
+            ("repetition_rate", self.repetition_rate if self.is_coverage else None),
         ):
             value, low, high = estimate or ("", "", "")
             row |= {name: value, f"{name}_low": low, f"{name}_high": high}
@@ -329,8 +196,9 @@ class Evaluation:
         row["bound"] = "" if bound is None else bound.by_limit
         row["bound_gap"] = "" if bound is None else bound.gap
         row["bound_confidence"] = "" if bound is None else bound.confidence
+        row["mean_return"] = self.mean_return
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
-        row["calibration_error"] = self.reliability.expected_error if self.coverage is None else ""
+        row["calibration_error"] = "" if self.is_coverage else self.reliability.expected_error
         return row
 
 
@@ -367,7 +235,7 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             they are of different episodes.
     """
     one, other = (each.search.with_posterior(False) for each in (first, second))
-    if one.fingerprint != other.fingerprint:
+    if one.data != other.data:
         raise ValueError(
             "second must be of the same search as first, with the same parameters, got "
             f"{second.search.name!r} and {first.search.name!r}"
@@ -381,94 +249,26 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
         )
     if first.is_exact or second.is_exact:
         return Comparison(
-            *names,
-            statistics.difference(first.success, second.success),
-            statistics.difference(first.time, second.time),
+            *names, difference(first.success, second.success), difference(first.time, second.time)
         )
-    times = first.times - second.times
     gained = first.curves[:, -1] - second.curves[:, -1]
-    return Comparison(
-        *names,
-        statistics.bounded_mean(gained, -1.0, 1.0),
-        statistics.bounded_mean(times, -first.limit, first.limit),
-    )
-
-
-# Files.
-
-
-def save_json(path: str | Path, evaluations: Evaluation | Iterable[Evaluation]) -> None:
-    """Write one evaluation, or a list of several, as JSON (`Evaluation.data`).
-
-    Raises:
-        StorageError: the file cannot be written.
-    """
-    data: Any
-    if isinstance(evaluations, Evaluation):
-        data = evaluations.data
-    else:
-        data = [each.data for each in evaluations]
-    write_text(Path(path), json.dumps(data, indent=1, allow_nan=False) + "\n")
+    times, limit = first.times - second.times, first.limit
+    return Comparison(*names, bounded_mean(gained, -1.0), bounded_mean(times, -limit, limit))
 
 
 def save_csv(path: str | Path, evaluations: Iterable[Evaluation]) -> None:
-    """Write the main estimates as CSV, one row for each evaluation (`Evaluation.summary`).
+    """Write the estimates as CSV, one row for each evaluation (`Evaluation.summary`).
 
     Raises:
         StorageError: the file cannot be written.
-        ValueError: there is no evaluation.
     """
     write_text(Path(path), csv_text(evaluations))
 
 
 def csv_text(evaluations: Iterable[Evaluation]) -> str:
     """Return the text that `save_csv` writes."""
-    rows = [each.summary for each in evaluations]
-    if not rows:
-        raise ValueError("evaluations must be at least one, got none")
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    return _csv(names, [[row.get(name, "") for name in names] for row in rows])
-
-
-def save_episodes(path: str | Path, evaluation: Evaluation) -> None:
-    """Write the single episodes as CSV.
-
-    The columns are seed, success, ending, steps, return and finds; in the coverage mission seed,
-    ending, steps, return, POS, searches and different cells searched.
-
-    Raises:
-        StorageError: the file cannot be written.
-    """
-    episodes, coverage = evaluation.episodes, evaluation.coverage
-    columns: dict[str, Iterable[Any]] = {
-        "seed": range(evaluation.seed, evaluation.seed + len(episodes)),
-        "success": (evaluation.found_by > 0).astype(int).tolist(),
-        "ending": [Ending(ending).name.lower() for ending in episodes.endings.tolist()],
-        "steps": episodes.steps.tolist(),
-        "return": episodes.returns.tolist(),
-    }
-    if coverage is None:
-        columns["found_by"] = evaluation.found_by.tolist()
-        for person, steps in enumerate(episodes.found_at.T.tolist()):
-            columns[f"person{person}_found_at"] = steps
-    else:
-        del columns["success"]
-        columns["probability_of_success"] = np.broadcast_to(
-            evaluation.curves[:, -1], len(episodes)
-        ).tolist()
-        columns["searches"] = coverage.searches.tolist()
-        columns["cells_searched"] = coverage.cells_searched.tolist()
-    write_text(Path(path), _csv(list(columns), zip(*columns.values(), strict=True)))
-
-
-def _csv(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
+    rows, out = [each.summary for each in evaluations], io.StringIO()
+    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
     writer.writerows(rows)
     return out.getvalue()
-
-
-def _without_nan(values: Floats) -> list[float | None]:
-    """A list for JSON, which has no NaN."""
-    return [None if math.isnan(value) else value for value in values.tolist()]

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.actions import Reader, checked_actions
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes, Reliability
+from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.observations import observe
@@ -26,8 +26,6 @@ from DroneSwarmSearch.wrappers.masks import swarm_masks
 
 __all__ = ["PolicyLike", "Stage", "play", "reset_policy", "stage_of"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 PolicyLike = Callable[[Any], Any]
 
 TOP_CELLS = 8
@@ -140,21 +138,21 @@ class _Curves:
     @property
     def success(self) -> Floats:
         """After each number of steps: float64, (rows, L + 1); it stays as it is after the end."""
-        return np.maximum.accumulate(self._success, axis=1)
+        return _never_falling(self._success)
 
 
 class _Recorder:
     """Records n episodes."""
 
     def __init__(self, scenario: Scenario, n: int) -> None:
+        self._covers = scenario.mission == "coverage"
         self._detections, self._step = np.array(scenario.detections), 0
         self._found_at = np.zeros((n, len(self._detections)), np.int64)
         self._endings, self._steps = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._returns, self._reliability = np.zeros(n), Reliability.empty()
-        self._covers = scenario.mission == "coverage"
         self._success = np.zeros((n if self._covers else 0, scenario.timestep_limit + 1))
         self._searches = np.zeros(n, np.int64)
-        self._searched = np.zeros((n, scenario.grid_size**2 if self._covers else 0), np.bool_)
+        self._searched = np.zeros((n, scenario.grid_size**2), np.bool_)
 
     def step(self, batch: SearchBatch, actions: Ints, rows: Ints) -> None:
         """Take a step with the batch; record it for the rows whose episodes go on."""
@@ -168,40 +166,40 @@ class _Recorder:
         forecasts *= missing[searchers] @ self._detections
 
         batch.step(mine)
+        self._searches += np.bincount(searchers, minlength=len(self._searches))
+        self._searched[searchers, cells] = True
         if self._covers:
             success = batch.probability_of_success
             assert success is not None
             self._success[rows, self._step] = success[rows]
-            self._searches += np.bincount(searchers, minlength=len(self._searches))
-            self._searched[searchers, cells] = True
         else:
             found = missing & ~batch.missing
             self._found_at[rows] += found[rows] * self._step
             hits = found[searchers] & (persons[searchers] == cells[:, None])
-            self._reliability.count(forecasts, hits.sum(axis=1))
-        for drone in range(
-            batch.scenario.n_drones
-        ):  # one order of additions for any number of rows
+            self._reliability.add(forecasts, hits.sum(axis=1))
+        for drone in range(actions.shape[1]):  # one order of additions for any number of rows
             self._returns[rows] += batch.rewards[rows, drone]
         self._endings[rows] = batch.endings[rows]
         self._steps[rows] = self._step
 
     def result(self, curves: Floats | None) -> Episodes:
         """The episodes, with the curves of a rescue."""
-        coverage = None
-        if self._covers:
-            # The probability never falls, so the last one is carried beyond the end of an episode.
-            curves = np.maximum.accumulate(self._success, axis=1)
-            coverage = Coverage(self._searches, self._searched.sum(axis=1))
         return Episodes(
             self._found_at,
             self._endings,
             self._steps,
             self._returns,
+            self._searches,
+            self._searched.sum(axis=1),
             self._reliability,
-            curves,
-            coverage,
+            _never_falling(self._success) if curves is None else curves,
         )
+
+
+def _never_falling(success: Floats) -> Floats:
+    """The probabilities of success, with the last one carried beyond the end of an episode."""
+    curves: Floats = np.maximum.accumulate(success, axis=1)
+    return curves
 
 
 def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:

@@ -7,11 +7,13 @@ results are therefore identical for any number of workers and after any interrup
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
@@ -19,28 +21,17 @@ from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.parallel import finished
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.results import Evaluation, checked_bound
+from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run_folder import RunFolder
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, as_named
 from DroneSwarmSearch.evaluation.view import View
-from DroneSwarmSearch.planning.bound import SuccessBound
+from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
 
-__all__ = [
-    "PORTION",
-    "Case",
-    "Sampling",
-    "evaluate",
-    "evaluate_cases",
-    "manifest",
-    "run_folder",
-    "searches_manifest",
-]
+__all__ = ["PORTION", "Case", "bounds_of", "evaluate", "evaluate_cases", "searches_manifest"]
 
 PORTION = 500
 """Episodes that are played together."""
-
-_NUMBER_BYTES = 8
 
 
 def evaluate(
@@ -55,7 +46,6 @@ def evaluate(
     ray: str | None = None,
     out: str | Path | None = None,
     name: str | None = None,
-    bound: SuccessBound | None = None,
     progress: bool = True,
 ) -> Evaluation:
     """Evaluate a policy on a search.
@@ -86,7 +76,6 @@ def evaluate(
         out: a folder for a manifest and the finished result, which the same call then reads. The
             results of policies in memory are written, but not read.
         name: the policy's name in results.
-        bound: the upper bound for the search, from `planning.success_bound`.
         progress: show a progress bar after two seconds.
 
     Returns:
@@ -101,32 +90,9 @@ def evaluate(
         StorageError: the folder cannot be written.
     """
     case = Case.of(policy, search, View.of(view), deterministic, name)
-    checked_bound(bound, case.search)
-    sampling = Sampling(episodes, seed)
-    folder = run_folder(out, manifest([case], sampling))
-    what = f"{case.spec.name} on {case.search.name}"
-    (evaluation,) = evaluate_cases(
-        [case], sampling, folder, what, workers=workers, ray=ray, progress=progress
-    )
-    return evaluation.with_bound(bound)
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How many episodes are played, and the seed of the first."""
-
-    episodes: int
-    seed: int
-
-    def __post_init__(self) -> None:
-        checks.integer("episodes", self.episodes, 1)
-        checks.integer("seed", self.seed, 0)
-
-    @property
-    def portions(self) -> list[range]:
-        """The seeds of each portion."""
-        end = self.seed + self.episodes
-        return [range(each, min(each + PORTION, end)) for each in range(self.seed, end, PORTION)]
+    how: dict[str, Any] = {"out": out, "workers": workers, "ray": ray, "progress": progress}
+    (evaluation,) = evaluate_cases([case], episodes, seed, **how)
+    return evaluation
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,26 +140,103 @@ class Case:
         return f"{self.spec.name}.{self.search.name}"
 
 
-def manifest(cases: Iterable[Case], sampling: Sampling) -> dict[str, Any]:
-    """Everything that the results of some cases depend on."""
-    every = list(cases)
-    return {
-        **searches_manifest(case.search for case in every),
-        "episodes": sampling.episodes,
-        "seed": sampling.seed,
-        "policies": {
-            case.spec.name: {
-                **(case.spec.source or {"policy": "in memory"}),
-                "view": asdict(case.view),
+def evaluate_cases(
+    cases: Sequence[Case],
+    episodes: int,
+    seed: int,
+    *,
+    out: str | Path | None,
+    workers: int,
+    ray: str | None,
+    progress: bool = True,
+    bounded: Sequence[NamedSearch] = (),
+) -> list[Evaluation]:
+    """Evaluate several cases together, which keeps all workers busy.
+
+    Args:
+        cases: the policies and searches.
+        episodes: of each case.
+        seed: of the first episode.
+        out: see `evaluate`.
+        workers: see `evaluate`.
+        ray: see `evaluate`.
+        progress: see `evaluate`.
+        bounded: the searches whose bounds are computed.
+    """
+    end = checks.integer("seed", seed, 0) + checks.integer("episodes", episodes, 1)
+    portions = [range(first, min(first + PORTION, end)) for first in range(seed, end, PORTION)]
+    folder = None if out is None else RunFolder(out, _manifest(cases, episodes, seed))
+    how: dict[str, Any] = {"workers": workers, "ray": ray}
+    bounds = bounds_of(bounded, folder, progress=progress, **how)
+    done: dict[Case, Episodes] = {}
+    for case in cases:
+        if folder is not None and case.spec.source is not None:
+            arrays = folder.load(case.label)
+            if arrays is not None:
+                done[case] = Episodes.from_arrays(arrays)
+    left = [case for case in cases if case not in done]
+    # Policies are prepared first, each once.
+    policies = dict(finished([partial(_prepared, case) for case in left], **how))
+    jobs = [(case, policies[i], seeds) for i, case in enumerate(left) for seeds in portions]
+    played: dict[Case, dict[int, Episodes]] = {case: {} for case in left}
+    calls = [partial(_play, policy, case, seeds) for case, policy, seeds in jobs]
+    with Progress(f"{len(cases)} evaluation{'s' * (len(cases) > 1)}", len(jobs), progress) as bar:
+        for count, (job, part) in enumerate(finished(calls, **how), 1):
+            bar(count)
+            case, _, seeds = jobs[job]
+            played[case][seeds.start] = part
+            if len(played[case]) < len(portions):
+                continue
+            whole = Episodes.joined([played[case][each.start] for each in portions])
+            done[case] = whole.with_common_curve() if case.is_exact else whole
+            if folder is not None:
+                folder.save(case.label, done[case].arrays)
+    return [
+        Evaluation(
+            *(case.spec.name, case.search, seed, case.view, done[case], case.is_exact),
+            bounds.get(case.search.name),
+        )
+        for case in cases
+    ]
+
+
+def bounds_of(
+    searches: Iterable[NamedSearch],
+    folder: RunFolder | None = None,
+    *,
+    workers: int,
+    ray: str | None,
+    progress: bool = True,
+) -> dict[str, SuccessBound]:
+    """The bounds of searches by name. They do not depend on `bayesian_update`.
+
+    Args:
+        searches: with different names.
+        folder: where finished bounds are written and looked up.
+        workers: see `evaluate`.
+        ray: see `evaluate`.
+        progress: see `evaluate`.
+    """
+    bounds: dict[str, SuccessBound] = {}
+    left: list[NamedSearch] = []
+    for each in searches:
+        arrays = None if folder is None else folder.load(f"{each.name}.bound")
+        if arrays is None:
+            left.append(each)
+        else:
+            found: dict[str, Any] = {
+                key: value if value.ndim else value.item() for key, value in arrays.items()
             }
-            for case in every
-        },
-    }
-
-
-def run_folder(out: str | Path | None, manifest: Mapping[str, Any]) -> RunFolder | None:
-    """The folder of a run, if one is given."""
-    return None if out is None else RunFolder(out, manifest)
+            bounds[each.name] = SuccessBound(**found)
+    calls = [partial(success_bound, each.scenario, each.drones) for each in left]
+    with Progress(f"{len(left)} bound{'s' * (len(left) > 1)}", len(left), progress) as bar:
+        for count, (job, bound) in enumerate(finished(calls, workers=workers, ray=ray), 1):
+            bar(count)
+            bounds[left[job].name] = bound
+            if folder is not None:
+                arrays = {key: np.asarray(value) for key, value in vars(bound).items()}
+                folder.save(f"{left[job].name}.bound", arrays)
+    return bounds
 
 
 def searches_manifest(searches: Iterable[NamedSearch]) -> dict[str, Any]:
@@ -205,64 +248,14 @@ def searches_manifest(searches: Iterable[NamedSearch]) -> dict[str, Any]:
     }
 
 
-def evaluate_cases(
-    cases: Sequence[Case],
-    sampling: Sampling,
-    folder: RunFolder | None,
-    what: str,
-    *,
-    workers: int,
-    ray: str | None,
-    progress: bool = True,
-) -> list[Evaluation]:
-    """Evaluate several cases together, which keeps all workers busy.
-
-    Args:
-        cases: the policies and searches.
-        sampling: the episodes.
-        folder: where finished results are written and looked up.
-        what: the work, for the progress bar.
-        workers: see `evaluate`.
-        ray: see `evaluate`.
-        progress: see `evaluate`.
-    """
-    for case in cases:
-        _check_memory(case, sampling.episodes)
-    done: dict[Case, Episodes] = {}
-    for case in cases:
-        if folder is not None and case.spec.source is not None:
-            arrays = folder.load(case.label)
-            if arrays is not None:
-                done[case] = Episodes.from_arrays(arrays)
-    left, portions = [case for case in cases if case not in done], sampling.portions
-    # Policies are prepared first, each once.
-    policies: Mapping[int, Callable[..., Any]] = dict(
-        finished([partial(_prepared, each) for each in left], workers=workers, ray=ray)
-    )
-    jobs = [(place, portion) for place in range(len(left)) for portion in range(len(portions))]
-    calls = [partial(_play, policies[i], left[i], portions[portion]) for i, portion in jobs]
-    played: list[dict[int, Episodes]] = [{} for _ in left]
-    with Progress(what, len(jobs), progress) as bar:
-        for count, (job, part) in enumerate(finished(calls, workers=workers, ray=ray), 1):
-            bar(count)
-            place, portion = jobs[job]
-            played[place][portion] = part
-            if len(played[place]) < len(portions):
-                continue
-            case, parts = left[place], played[place]
-            whole = Episodes.joined([parts[each] for each in range(len(portions))])
-            done[case] = whole.with_common_curve() if case.is_exact else whole
-            if folder is not None:
-                folder.save(case.label, done[case].arrays)
-    return [
-        Evaluation(case.spec.name, case.search, sampling.seed, case.view, done[case], case.is_exact)
+def _manifest(cases: Sequence[Case], episodes: int, seed: int) -> dict[str, Any]:
+    """Everything that the results of some cases depend on."""
+    policies = {
+        case.spec.name: {**(case.spec.source or {"policy": "in memory"}), "view": asdict(case.view)}
         for case in cases
-    ]
-
-
-def _check_memory(case: Case, episodes: int) -> None:
-    numbers = 4 if case.is_exact else 4 + case.search.scenario.timestep_limit
-    checks.fits("their results", _NUMBER_BYTES * numbers * episodes, episodes=episodes)
+    }
+    searches = searches_manifest(case.search for case in cases)
+    return {**searches, "episodes": episodes, "seed": seed, "policies": policies}
 
 
 def _prepared(case: Case) -> Callable[..., Any]:
@@ -274,13 +267,13 @@ def _prepared(case: Case) -> Callable[..., Any]:
     return policy
 
 
-def _play(policy: Callable[..., Any], case: Case, seeds: range) -> Episodes:
+def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:
     """Play a portion of episodes with a copy of the policy."""
     if not case.is_exact or case.search.scenario.mission == "coverage":
         return play(_copied(policy), case.search, seeds, case.view)
     player = _copied(policy)
     # One after the other and with two seeds, so that random actions differ.
-    followed = [play(player, case.search, [seeds.start + each], case.view) for each in range(2)]
+    followed = [play(player, case.search, [seeds[0] + each], case.view) for each in range(2)]
     curves = Episodes.joined(followed).with_common_curve().curves
     played = play(_copied(policy), case.search, seeds, case.view, wants_curves=False)
     return replace(played, curves=curves)

@@ -38,14 +38,13 @@ class RunFolder:
     """
 
     def __init__(self, path: str | Path, manifest: Mapping[str, Any]) -> None:
-        if not isinstance(path, (str, Path)) or not str(path):
-            raise ValueError(f"out must be a folder or None, got {path!r:.100}")
         self.path = Path(path)
-        place = self.path / MANIFEST
-        try:
-            before = json.loads(place.read_bytes()) if place.is_file() else {}
-        except ValueError as error:
-            raise ValueError(f"{place} must hold the manifest of a run: {error}") from error
+        place, before = self.path / MANIFEST, {}
+        if place.is_file():
+            try:
+                before = json.loads(place.read_bytes())
+            except ValueError as error:
+                raise ValueError(f"{place} must hold the manifest of a run: {error}") from error
         now = json.loads(json.dumps(manifest))
         write_text(place, json.dumps(self._merged(before, now), indent=1) + "\n")
 
@@ -69,7 +68,7 @@ class RunFolder:
         """The arrays of a finished result; None if there are none, or the file is damaged."""
         try:
             with np.load(self._place(name)) as file:
-                return {key: file[key] for key in file.files}
+                return dict(file)
         except (OSError, ValueError, BadZipFile):
             return None
 

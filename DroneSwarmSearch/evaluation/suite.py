@@ -9,26 +9,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import did_you_mean
-from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
-__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search", "versions"]
+__all__ = ["SUFFIX", "SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
 
-Floats = NDArray[np.float64]
+SUFFIX = ".json"
+"""Of the file of a search."""
 
 LISTING = "python -m DroneSwarmSearch evaluate --list"
 """The command that lists the searches."""
@@ -73,46 +70,26 @@ class NamedSearch:
 
     @property
     def outline(self) -> str:
-        """The main parameters, in a line.
-
-        If the start or the drift is uncertain, the line states the standard deviation of the
-        position at the first step, and the mean drift and its standard deviation, over all
-        hypotheses and both axes; of several persons, the smallest and the largest.
-        """
+        """The main parameters, in a line."""
         scenario, scale = self.scenario, self.scale
         n, persons = scenario.n_drones, scenario.situation
+        hypotheses = max(len(person.drifts) for person in persons)
         width, steps = "", f"{scenario.timestep_limit:,} steps"
         if scale is not None:
             width = f" of {scale.metres_per_cell:g} m"
             minutes = scale.seconds(scenario.timestep_limit) / 60
             steps += f" of {scale.seconds_per_step:g} s ({minutes:.0f} minutes)"
+        detections = ", ".join(f"{value:g}" for value in dict.fromkeys(scenario.detections))
         parts = [
             f"{scenario.grid_size} x {scenario.grid_size} cells{width}",
             f"{n} drone{'s' * (n > 1)}",
-            f"{'coverage for ' * (scenario.mission == 'coverage')}{_number_of_persons(persons)}",
-            *self._motion,
-            f"probability of detection {_figures(scenario.detections)}",
+            f"{'coverage for ' * (scenario.mission == 'coverage')}"
+            f"{len(persons)} person{'s' * (len(persons) > 1)}"
+            f"{f' with up to {hypotheses} hypotheses' if hypotheses > 1 else ''}",
+            f"probability of detection {detections}",
             steps,
         ]
         return "; ".join(parts)
-
-    @property
-    def _motion(self) -> list[str]:
-        """Start and drift, as parts of the outline."""
-        scenario = self.scenario
-        if scenario.persons is None:
-            x, y = scenario.vector
-            return [f"drift ({x:g}, {y:g})", f"disperse constant {scenario.disperse_constant:g}"]
-        lengths, speeds = (1.0, "cells"), (1.0, "cells per step")
-        if self.scale is not None:
-            lengths = self.scale.metres_per_cell, "m"
-            speeds = self.scale.metres_per_cell / self.scale.seconds_per_step, "m/s"
-        starts, means, deviations = zip(*map(_uncertainty, scenario.persons), strict=True)
-        return [
-            f"position sd {_range(starts, *lengths)}",
-            f"drift {_range(means, *speeds)}",
-            f"drift sd {_range(deviations, *speeds)}",
-        ]
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -141,14 +118,30 @@ class NamedSearch:
 
 
 def search(name: str) -> NamedSearch:
-    """Return a search of the suite by its name.
+    """Return a search of the suite by its name, or one from a JSON file by its path.
+
+    A file holds the parameters of a scenario, as `Scenario.to_dict` returns them, and may hold the
+    other attributes of a `NamedSearch`: "name", by default the name of the file, "reason", "scale"
+    and "drones_positions", the start cells. The entries of the suite have this form.
 
     Raises:
         TypeError: the name is not a string.
-        ValueError: the suite has no such search; the message lists similar names.
+        ValueError: the suite has no such search, and the message lists similar names; or there is
+            no such file, or it does not hold a search.
     """
     if not isinstance(name, str):
         raise TypeError(f"search must be the name of a search, got {name!r:.100}")
+    if name.endswith(SUFFIX):
+        path = Path(name)
+        if not path.is_file():
+            raise ValueError(f"search must name a file, but there is no {name!r:.100}")
+        try:
+            data = json.loads(path.read_bytes())
+            if not isinstance(data, dict):
+                raise TypeError("the file must hold the parameters of a scenario")
+            return _named({"name": path.stem, "reason": "Read from a file.", **data})
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:
         hint = did_you_mean(name, SUITE)
         raise ValueError(
@@ -176,87 +169,29 @@ def as_named(value: object) -> NamedSearch:
     )
 
 
-def versions() -> dict[str, str]:
-    """The versions that results depend on, as plain data for files."""
-    return {
-        "package": DroneSwarmSearch.__version__,
-        "numpy": np.__version__,
-        "suite": SUITE_VERSION,
-    }
+def _named(data: Mapping[str, Any]) -> NamedSearch:
+    """A search from the content of a file."""
+    rest = dict(data)
+    name, reason, scale = rest.pop("name"), rest.pop("reason"), rest.pop("scale", None)
+    drones = rest.pop("drones_positions", [])
+    if not isinstance(drones, list):
+        raise TypeError(f"drones_positions must be a list of cells, got {drones!r:.100}")
+    scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
+    if drones:
+        scenario.drone_cells(drones)
+    if scale is not None:
+        if not isinstance(scale, dict) or {*scale} != {"metres_per_cell", "seconds_per_step"}:
+            raise TypeError(
+                f"scale must have metres_per_cell and seconds_per_step, got {scale!r:.100}"
+            )
+        scale = Scale(**scale)
+    return NamedSearch(name, reason, scenario, tuple(map(tuple, drones)), scale)
 
 
 def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
     data = json.loads(path.read_text("utf-8"))
-    named = [_named(**entry) for entry in data["searches"]]
+    named = [_named(entry) for entry in data["searches"]]
     return data["version"], MappingProxyType({each.name: each for each in named})
-
-
-def _named(
-    *,
-    name: str,
-    reason: str,
-    drones_positions: list[list[int]],
-    scale: dict[str, float] | None = None,
-    **parameters: Any,
-) -> NamedSearch:
-    scenario = Scenario.from_dict({"n_drones": len(drones_positions), **parameters})
-    drones = tuple((x, y) for x, y in drones_positions)
-    return NamedSearch(name, reason, scenario, drones, None if scale is None else Scale(**scale))
-
-
-def _number_of_persons(persons: tuple[Person, ...]) -> str:
-    """How many persons and hypotheses there are."""
-    count = len(persons)
-    text = f"{count} person{'s' * (count > 1)}"
-    hypotheses = sorted({len(person.drifts) for person in persons})
-    if hypotheses == [1]:
-        return text
-    numbers = " to ".join(str(number) for number in dict.fromkeys((hypotheses[0], hypotheses[-1])))
-    return f"{text} with {numbers} hypotheses{' each' * (count > 1)}"
-
-
-def _uncertainty(person: Person) -> tuple[float, float, float]:
-    """How well a person's position and drift are known when the search begins.
-
-    Returns:
-        The standard deviation of the position in cells, the mean drift in cells per step, and
-        its standard deviation; standard deviations are root mean squares over the axes.
-    """
-    weights = np.array(person.weights)[:, None]
-    positions = np.array([_position(drift) for drift in person.drifts])
-    vectors = np.array([drift.vector for drift in person.drifts])
-    spreads = np.array([drift.vector_sd for drift in person.drifts]) ** 2
-
-    def deviation(centres: Floats, within: Floats) -> float:
-        mean = (weights * centres).sum(axis=0)
-        total = (weights * (within + (centres - mean) ** 2)).sum(axis=0)
-        return math.sqrt(total.mean())
-
-    drift = math.hypot(*(weights * vectors).sum(axis=0))
-    return deviation(positions[:, 0], positions[:, 1]), drift, deviation(vectors, spreads)
-
-
-def _position(drift: Drift) -> tuple[Floats, Floats]:
-    """The mean and the variance of the position at the first step, each (x, y)."""
-    if drift.prior is None:
-        displacement = np.array([axis.displacement(0) for axis in drift.axes])
-        return drift.start + displacement, np.array([axis.sd(0) for axis in drift.axes]) ** 2
-    y, x = np.indices(drift.prior.shape)
-    cells = np.array([x, y])
-    mean = (drift.prior * cells).sum(axis=(1, 2))
-    return mean, (drift.prior * (cells - mean[:, None, None]) ** 2).sum(axis=(1, 2))
-
-
-def _range(values: Iterable[float], factor: float, unit: str) -> str:
-    """The smallest and the largest value in a unit, to two digits."""
-    ordered = sorted(value * factor for value in values)
-    ends = dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in (ordered[0], ordered[-1]))
-    return f"{' to '.join(ends)} {unit}"
-
-
-def _figures(values: Iterable[float]) -> str:
-    """The different values, in order."""
-    return ", ".join(f"{value:g}" for value in dict.fromkeys(values))
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))

@@ -20,10 +20,8 @@ def percent(estimate: Estimate | None) -> str:
 
 def figure(estimate: Estimate) -> str:
     """A value of at least 0, with its interval unless it is exact."""
-    if estimate.is_exact:
-        return f"{estimate.value:.1f}"
     value, low, high = (f"{number:.{_decimals(estimate)}f}" for number in estimate)
-    return f"{value} ({low}-{high})"
+    return value if estimate.is_exact else f"{value} ({low}-{high})"
 
 
 def signed(estimate: Estimate) -> str:
@@ -37,9 +35,7 @@ def signed(estimate: Estimate) -> str:
 def _decimals(estimate: Estimate) -> int:
     """As many decimals as show the interval."""
     width = estimate.high - estimate.low
-    if not width > 0.0:
-        return 1
-    return min(max(math.ceil(-math.log10(width)), 1), MOST_DECIMALS)
+    return min(max(math.ceil(-math.log10(width)), 1), MOST_DECIMALS) if width > 0.0 else 1
 
 
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:
@@ -51,18 +47,10 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: in
         words: the number of columns, from the left, that hold words. Words are aligned to
             the left, numbers to the right.
     """
-    heading, *others = _aligned([headers, *rows], words)
-    for line in (heading, ["-" * len(cell) for cell in heading], *others):
-        print("  ".join(line).rstrip())
-
-
-def _aligned(rows: Sequence[Sequence[str]], words: int) -> list[list[str]]:
-    """The rows with their cells padded to the widths of the columns."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        [
-            cell.ljust(width) if column < words else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+    widths = [max(map(len, column)) for column in zip(headers, *rows, strict=True)]
+    for line in (headers, ["-" * width for width in widths], *rows):
+        cells = [
+            cell.ljust(width) if place < words else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
         ]
-        for row in rows
-    ]
+        print("  ".join(cells).rstrip())
