@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.vector.arguments import shows_keywords_of
+from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = ["SwarmVectorEnv"]
