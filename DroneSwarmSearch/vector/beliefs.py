@@ -46,7 +46,7 @@ class Beliefs:
         self._size = grid_size
         fit = _TILE_BYTES // (8 * hypotheses * grid_size**2)
         tiles = -(-rows // min(_MOST_ROWS, max(_LEAST_ROWS, fit)))
-        self._width = -(-rows // tiles)
+        self._width = -(-rows // tiles) | 1
         # The columns after the last row are not used.
         self._mass = np.zeros((tiles, persons, hypotheses, grid_size**2, self._width))
         self.begun = np.zeros(rows, np.bool_)
@@ -145,7 +145,7 @@ class Beliefs:
             if self.begun[rows].any():
                 here = counted[:, rows]
                 beliefs = [over_hypotheses(belief)[:, : here.shape[1]] for belief in tile]
-                flat[rows] = means_over_missing(beliefs, here).T
+                flat[rows] = means_over_missing(beliefs, here).astype(np.float32).T
 
     def _of_rows(self, rows: Ints) -> Floats:
         """The beliefs of some rows: (persons, M, N², n)."""
