@@ -45,8 +45,10 @@ class Beliefs:
     def __init__(self, grid_size: int, persons: int, hypotheses: int, rows: int) -> None:
         self._size = grid_size
         fit = _TILE_BYTES // (8 * hypotheses * grid_size**2)
-        tiles = -(-rows // min(_MOST_ROWS, max(_LEAST_ROWS, fit)))
-        self._width = -(-rows // tiles) | 1
+        most = min(_MOST_ROWS, max(_LEAST_ROWS, fit))
+        # An odd width: the cells of a row lie in different lines of the cache.
+        self._width = -(-rows // -(-rows // most)) | 1
+        tiles = -(-rows // self._width)
         # The columns after the last row are not used.
         self._mass = np.zeros((tiles, persons, hypotheses, grid_size**2, self._width))
         self.begun = np.zeros(rows, np.bool_)
