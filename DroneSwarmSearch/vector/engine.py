@@ -88,6 +88,7 @@ class SearchBatch:
         wants_table: keep the matrices of all forecasts and steps in one table.
         finds_last: False simulates searches that never find a search's last missing person,
             although they may find the others.
+        rows_name: the name of `num_rows` in error messages.
 
     Attributes:
         num_rows: the number of searches.
@@ -108,9 +109,10 @@ class SearchBatch:
         sampler: Sampler | None = None,
         wants_table: bool = False,
         finds_last: bool = True,
+        rows_name: str = "num_rows",
         **parameters: Any,
     ) -> None:
-        self.num_rows = rows = checks.integer("num_rows", num_rows, 1)
+        self.num_rows = rows = checks.integer(rows_name, num_rows, 1)
         checks.boolean("wants_table", wants_table)
         checks.boolean("finds_last", finds_last)
         if sampler is not None and not callable(sampler):
@@ -128,18 +130,18 @@ class SearchBatch:
                     )
             scenarios = scenarios_of(scenario, situations)
         n = scenario.n_drones
-        checks.fits("the drones", _DRONE_BYTES * rows * n, num_rows=rows, n_drones=n)
+        checks.fits("the drones", _DRONE_BYTES * rows * n, **{rows_name: rows}, n_drones=n)
         beliefs = max(sum(len(person.drifts) for person in each.situation) for each in scenarios)
         needed = 8 * scenario.grid_size**2 * rows * beliefs * scenario.keeps_beliefs
         size = scenario.grid_size
-        checks.fits("the persons' beliefs", needed, num_rows=rows, grid_size=size)
+        checks.fits("the persons' beliefs", needed, **{rows_name: rows}, grid_size=size)
 
         self._sampler = sampler
         self._rng = np.random.default_rng()  # of the sampler
         self._unused = 0  # episodes until the sampler draws other searches
         self._has_catalogue = situations is not None
         self._choices = len(scenarios)  # the searches that episodes draw from
-        self._situation = self._checked_situation(situation, self._choices)
+        self._situation = self._checked_situation(situation, self._choices, self._has_catalogue)
         self._cells: Ints = np.tile(np.arange(n), (rows, 1))
         if drones_positions is not None:
             self._cells = scenario.drone_cells_of_rows(drones_positions, rows)
@@ -152,11 +154,15 @@ class SearchBatch:
         self._drones = BatchDrones(scenario, rows)
         catalogue = Catalogue(scenarios, complete=wants_table)
         self._world = BatchState(catalogue, rows, finds_last)
+        first = np.zeros_like(self._rows) if self._situation is None else self._situation
+        self._world.begin(self._rows, self._counters, first)
 
-    def _checked_situation(self, value: ArrayLike | None, choices: int) -> Ints | None:
+    def _checked_situation(
+        self, value: ArrayLike | None, choices: int, has_catalogue: bool
+    ) -> Ints | None:
         if value is None:
             return None
-        if not self._has_catalogue:
+        if not has_catalogue:
             raise ValueError(
                 f"situation must be given together with situations, got {value!r} without them"
             )
@@ -202,12 +208,13 @@ class SearchBatch:
             seeds = checks.seeds("seeds", seeds)
             if len(seeds) != len(rows):
                 raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
+        rng, due = self._rng, self._unused <= 0  # of the sampler
         for index, row in enumerate(rows.tolist()):
             seed = None if seeds is None else seeds[index]
             if seed is not None or not self._seeded[row]:
                 counters[:, index] = stream_keys(seed) + GOLDEN
             if seed is not None and row == 0:
-                self._rng, self._unused = np.random.default_rng(seed), 0
+                rng, due = np.random.default_rng(seed), True
         catalogue, choices = None, self._choices
         if situations is not None:
             if self._sampler is not None:
@@ -215,20 +222,20 @@ class SearchBatch:
             persons = len(self._world.missing)
             scenarios = scenarios_of(self._scenario, situations, persons)
             catalogue, choices = self._world.extended(scenarios, rows), len(scenarios)
-            self._has_catalogue = True
-        chosen = self._checked_situation(situation, choices)
-        if self._situation is not None:
-            self._checked_situation(self._situation, choices)
+        has_catalogue = self._has_catalogue or situations is not None
+        chosen = self._checked_situation(situation, choices, has_catalogue)
+        self._checked_situation(self._situation, choices, has_catalogue)
         cells = None
         if drones_positions is not None:
             cells = self._scenario.drone_cells_of_rows(drones_positions, self.num_rows)[rows]
-        sampled = self._sampled(rows)
+        sampled = self._sampled(rows, rng) if due else None
 
         # The input is valid: from here on the batch changes.
         self._changing = True
+        self._rng = rng
         if catalogue is not None:
             self._world.use(catalogue, rows)
-            self._choices = choices
+            self._choices, self._has_catalogue = choices, True
         self._begin(rows, counters, sampled, None if chosen is None else chosen[rows], cells)
         self._drones.forget(rows)
         self._changing = False
@@ -245,23 +252,25 @@ class SearchBatch:
         self._check_complete("restart")
         if not self._seeded[rows].all():
             raise ResetNeeded("restart: not all rows have begun; call reset() first")
-        sampled = self._sampled(rows)
+        sampled = self._sampled(rows, self._rng) if self._unused <= 0 else None
         self._changing = True
         self._begin(rows, self._counters[:, rows] + GOLDEN, sampled)
         self._changing = False
 
-    def _sampled(self, starting: Ints) -> tuple[Catalogue, Ints | None] | None:
-        """New searches from the sampler and their drones' cells, if it is time for them.
+    def _sampled(
+        self, starting: Ints, rng: np.random.Generator
+    ) -> tuple[Catalogue, Ints | None] | None:
+        """New searches from the sampler, if there is one, and their drones' cells.
 
         Raises:
             TypeError: the sampler returns something of the wrong type.
             ValueError: it returns values out of their limits.
         """
-        if self._sampler is None or self._unused > 0:
+        if self._sampler is None:
             return None
         scenarios, cells = [], []
         for _ in range(_CATALOGUE_SIZE):
-            drawn = self._sampler(self._rng)
+            drawn = self._sampler(rng)
             if not isinstance(drawn, Mapping):
                 raise TypeError(f"sampler must return a mapping, got {drawn!r}")
             for name in drawn:
@@ -357,7 +366,7 @@ class SearchBatch:
                 f"step: the episodes of searches {beginning.tolist()} have ended; reset them "
                 "first, in a vector environment with options={'reset_mask': ...}"
             )
-        sampled = self._sampled(beginning) if beginning.size else None
+        sampled = self._sampled(beginning, self._rng) if self._unused <= 0 else None
 
         # The input is valid: from here on the batch changes.
         self._changing = True

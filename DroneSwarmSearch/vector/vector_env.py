@@ -43,7 +43,7 @@ _BYTES_PER_NUMBER = 14
 """The memory of each number of an observation: itself, and its limits in the batched space."""
 
 
-@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "finds_last")
+@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "rows_name", "finds_last")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both vector environments share; `SwarmVectorEnv` describes the arguments.
 
@@ -113,9 +113,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.copies = checks.boolean("copy", copy)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
 
-        rows = checks.integer(self._count_name, num_swarms, 1)
-        self.batch = SearchBatch(rows, wants_table=not self._writes, **parameters)
-        scenario = self.batch.scenario_of(0)
+        self.batch = SearchBatch(
+            num_swarms, wants_table=not self._writes, rows_name=self._count_name, **parameters
+        )
+        scenario, rows = self.batch.scenario_of(0), self.batch.num_rows
         self._size, self._drones = scenario.grid_size, scenario.n_drones
         self._display = Display(
             self._size,
