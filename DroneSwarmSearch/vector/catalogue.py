@@ -79,7 +79,7 @@ class Catalogue:
         n, shape = self._size, (0, most, 2, self._size)
         self._factors, self._right, self._left = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         have_prior = [prior is not None for prior in self._priors]
-        self._has_prior: Flags = np.reshape(have_prior, (self.count, most)).any(axis=1)
+        self._has_prior: Flags = np.logical_or.reduce(np.reshape(have_prior, (-1, most)), axis=1)
         self._joint = np.zeros((0, most, n, n)) if self._has_prior.any() else None
         shows_beliefs = scenarios[0].bayesian_update and not complete
         self._matrices = None if shows_beliefs else np.zeros((0, n, n), np.float32)
@@ -190,8 +190,10 @@ class Catalogue:
         if self._joint is not None:
             return self.matrices(entries).reshape(-1, self._size**2)[np.arange(len(cells)), cells]
         y, x = np.divmod(cells, self._size)
-        along_x, along_y = self._factors[entries, :, 0, x], self._factors[entries, :, 1, y]
-        return over_hypotheses((along_y.astype(np.float32) * along_x.astype(np.float32)).T)
+        at_x, at_y = self._factors[entries, :, 0, x], self._factors[entries, :, 1, y]
+        products = (at_y.astype(np.float32) * at_x.astype(np.float32)).T
+        total: Singles = sum(products[1:], start=products[0])  # in the order of `matrices_of`
+        return total
 
     @property
     def table(self) -> Singles:

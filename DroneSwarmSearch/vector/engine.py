@@ -426,7 +426,7 @@ class SearchBatch:
             ValueError: there is no such search.
         """
         row = checks.integer("row", row, 0, self.num_rows - 1)
-        return self._world.catalogue.scenarios[self._world.situation[row]]
+        return self._world.catalogue.scenarios[int(self._world.situation[row])]
 
     @property
     def situation(self) -> Ints:
@@ -481,7 +481,7 @@ class SearchBatch:
     @property
     def found(self) -> Flags:
         """Whether any person has been found in the episode: bool, (E,)."""
-        found: Flags = ~self._world.missing.all(axis=0)
+        found: Flags = ~np.logical_and.reduce(self._world.missing)
         return found
 
     @property

@@ -342,7 +342,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if mask.shape != (self.num_envs,):
             raise ValueError(f"{what}, got shape {mask.shape}")
         by_swarm = mask.reshape(-1, self._each)
-        wanted = by_swarm.any(axis=1)
+        wanted: Flags = np.logical_or.reduce(by_swarm, axis=1)
         if not wanted.any():
             raise ValueError(f"{what} with at least one True, got none")
         if (by_swarm != wanted[:, None]).any():

@@ -213,7 +213,8 @@ class BatchState:
     @property
     def table_index(self) -> Ints:
         """The entry of each row's only person in the catalogue's table: int64, (rows,)."""
-        return self._entries[0].copy()
+        entries: Ints = self._entries[0].copy()
+        return entries
 
     def success(self) -> Floats | None:
         """The probability of success of every row, (rows,); None without beliefs."""
