@@ -20,6 +20,7 @@ from DroneSwarmSearch import training
 training.exit_on_interrupt(__name__)  # also during the imports below
 os.environ.setdefault("TQDM_DISABLE", "1")  # the run shows its own progress
 
+import torch
 from benchmarl.algorithms import IppoConfig, MappoConfig
 from benchmarl.experiment import Callback, ExperimentConfig
 from benchmarl.models.mlp import MlpConfig
@@ -81,6 +82,7 @@ def main() -> None:
         help="IPPO's critic sees the drone's observation, MAPPO's the state (ippo)",
     )
     options = parser.parse_args()
+    torch.set_num_threads(options.threads)
     algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
     algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}

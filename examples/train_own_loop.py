@@ -189,6 +189,7 @@ def train(run: training.Run, agent: Agent, seed: int) -> None:
 
 def main() -> None:
     options = training.arguments(__doc__, steps=16_000_000, short=20_000).parse_args()
+    torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
     agent = Agent()
     with training.Run(options, "PPO in one file") as run:

@@ -25,7 +25,6 @@ search:
 
 from __future__ import annotations
 
-import os
 from functools import partial
 from typing import Any
 
@@ -38,8 +37,6 @@ from DroneSwarmSearch.training import (
 )
 
 exit_on_interrupt(__name__)  # also during the imports below
-# Set before PyTorch starts its threads, which otherwise spin while they wait for each other.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 import numpy as np
 import torch
@@ -327,6 +324,7 @@ def main() -> None:
     description = 'Train the policy "ppo": one network for all drones, on random searches.'
     parser = arguments(description, steps=180_000, short=10_000)
     options = parser.parse_args()
+    torch.set_num_threads(options.threads)
     with Run(options, 'The policy "ppo"') as run:
         train(run, options.seed)
     test = search(TEST_SEARCH)

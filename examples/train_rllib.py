@@ -21,6 +21,7 @@ from DroneSwarmSearch import training
 training.exit_on_interrupt(__name__)  # also during the imports below
 
 import ray
+import torch
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
@@ -108,6 +109,7 @@ def main() -> None:
         "--address", default="local", help="of a Ray cluster; 'auto' for this machine's (a new one)"
     )
     options = parser.parse_args()
+    torch.set_num_threads(options.threads)
     with training.Run(options, "PPO with RLlib", "checkpoint_*") as run:
         ray.init(address=options.address, log_to_driver=False, logging_level="error")
         try:

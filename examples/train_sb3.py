@@ -72,7 +72,7 @@ def train(run: training.Run, seed: int) -> MaskablePPO:
 def main() -> None:
     parser = training.arguments(__doc__, steps=400_000, short=NUM_SWARMS * NUM_STEPS)
     options = parser.parse_args()
-    torch.set_num_threads(1)  # faster for a small network
+    torch.set_num_threads(options.threads)
     with training.Run(options, "MaskablePPO of sb3-contrib", "model.zip") as run:
         model = train(run, options.seed)
     training.compare_with_baselines(

@@ -116,6 +116,7 @@ def main() -> None:
         "--num-envs", metavar="N", type=int, default=64, help="searches in the batch (64)"
     )
     options = parser.parse_args()
+    torch.set_num_threads(options.threads)
     ppo = train(options)
     training.compare_with_baselines(
         tianshou.TrainedPolicy(ppo.policy),  # samples actions, as in training

@@ -60,6 +60,7 @@ def main() -> None:
     sees = "sees the drone's observation, or also the state (local)"
     parser.add_argument("--critic", choices=["local", "central"], default="local", help=sees)
     options = parser.parse_args()
+    torch.set_num_threads(options.threads)
     with training.Run(options, f"TorchRL, PPO with a {options.critic} critic") as run:
         central = options.critic == "central"
         torch.manual_seed(options.seed)

@@ -238,7 +238,7 @@ def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
         for left in interruptions(
             lambda: copy.deepcopy(batch),
             lambda batch, rows=rows, count=count: batch.reset(range(count), rows, **others),
-            stride=260,
+            stride=100,
         ):
             left.reset(range(20, 20 + ROWS), **given)
             assert seen(left) == expected

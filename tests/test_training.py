@@ -9,6 +9,7 @@ import io
 import math
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -24,6 +25,8 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.training.curve import Curve, moving_mean
 
 DEFAULTS = {"steps": 5000, "seed": 0, "resume": False, "short": False, "episodes": 1000}
+DEFAULTS["threads"] = 1  # PyTorch's default makes small networks slow on a busy machine
+ROOT = Path(__file__).parents[1]
 
 
 def options(folder: Path, *given: str) -> argparse.Namespace:
@@ -84,6 +87,15 @@ def test_a_short_run_has_fewer_steps_and_episodes_by_default(tmp_path: Path) -> 
     assert (short.steps, short.episodes) == (70, 50)
     short = options(tmp_path, "--short", "--steps", "90", "--episodes", "7", "--seed", "3")
     assert (short.steps, short.episodes, short.seed) == (90, 7, 3)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs/guides/trainers").glob("*.md")), ids=str)
+def test_snippets_that_train_use_one_thread(path: Path) -> None:
+    for block in re.findall(r"^```python\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S):
+        uses = re.search(
+            r"^(from|import) (agilerl|ray|stable_baselines3|tianshou|torch)", block, re.M
+        )
+        assert not uses or "torch.set_num_threads(1)" in block or "GymWrapper" in block
 
 
 def test_numbers_may_have_underscores(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ from DroneSwarmSearch._internal.streams import (
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.persons import Drift
 from DroneSwarmSearch.drift.tables import dispersion_rate
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.vector import SearchBatch, beliefs
 from DroneSwarmSearch.wrappers.masks import action_masks
 

@@ -19,8 +19,8 @@ def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentP
     """Create a parser with the options of a training run; add your own to it.
 
     The options are `steps` (the total of environment steps, including those before a
-    resume), `seed`, `out` (a folder), `resume`, `short` and `episodes`. ``--short`` lowers
-    the defaults of steps and episodes.
+    resume), `seed`, `out` (a folder), `resume`, `short`, `episodes` and
+    `threads` (of PyTorch). ``--short`` lowers the defaults of steps and episodes.
 
     Args:
         description: a description of the script.
@@ -63,6 +63,13 @@ def arguments(description: str, *, steps: int, short: int) -> argparse.ArgumentP
         metavar="N",
         type=_at_least(1),
         help=f"episodes of the comparison with the baselines ({EPISODES:,})",
+    )
+    parser.add_argument(
+        "--threads",
+        metavar="N",
+        type=_at_least(1),
+        default=1,
+        help="threads of PyTorch; for small networks, one is usually fastest (1)",
     )
     return parser
 

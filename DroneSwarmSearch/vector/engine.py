@@ -27,8 +27,8 @@ from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, numbers, stream_keys
 from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import batch_state_planes
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import REPLACED, Scenario, is_default, resolve_scenario
 from DroneSwarmSearch.vector.catalogue import Catalogue, scenarios_of
