@@ -1295,7 +1295,7 @@ def test_unknown_swarms_are_refused(
 
 @both_views
 def test_options_of_none_are_as_good_as_none(view: type[SearchVectorEnv]) -> None:
-    names = ("reset_mask", "vector", "person_initial_position", "drones_positions")
+    names = ("reset_mask", "situations", "situation", "drones_positions")
     plainly, env = view(2), view(2)
     given = env.reset(seed=1, options=dict.fromkeys(names))
     assert plain(given) == plain(plainly.reset(seed=1))
