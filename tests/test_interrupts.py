@@ -145,10 +145,6 @@ BATCHES: dict[str, dict[str, Any]] = {
         "person_initial_position": [(1, 0), (2, 2)],
         "probability_of_detection": 0.5,
     },
-    "sampler": {
-        "bayesian_update": True,
-        "sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)},
-    },
     "situations, posterior": {
         "bayesian_update": True,
         "situations": [
