@@ -130,7 +130,7 @@ class SB3VecEnv(VecEnv):
 
     def _kept(self, observations: Any) -> Any:
         """Observations that the next step does not overwrite: the caller keeps the last ones."""
-        return deepcopy(observations) if self.env.reuses_arrays else observations
+        return deepcopy(observations) if not self.env.copies else observations
 
     def get_images(self) -> list[Any]:
         """A picture of every swarm, if the environment has render_mode="rgb_array"."""

@@ -34,9 +34,9 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.adapters._sampling import SamplingPolicy
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.arguments import shows_keywords_of
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 
 __all__ = [
