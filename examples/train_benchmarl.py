@@ -29,6 +29,7 @@ from torch import nn
 
 from DroneSwarmSearch.adapters.benchmarl import ResumableExperiment, RunCallback, SearchTask
 from DroneSwarmSearch.adapters.torchrl import TrainedPolicy
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
 NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
@@ -104,8 +105,7 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(experiment.policy, TRAINING_TASK["n_drones"]),  # samples, as in training
         TRAINING_TASK,
-        action_mask=True,
-        **SHOWN,
+        view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name=f"benchmarl-{options.algorithm}",
         folder=run.folder,

@@ -334,7 +334,6 @@ def main() -> None:
         policy,
         test.parameters,
         view="swarm",
-        observation="dict",
         episodes=options.episodes,
         name="ppo",
         folder=run.folder,

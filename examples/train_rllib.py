@@ -29,6 +29,7 @@ from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
 from DroneSwarmSearch.adapters import rllib
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
 LAYOUT = "crops"
@@ -119,9 +120,7 @@ def main() -> None:
     training.compare_with_baselines(
         rllib.TrainedPolicy(path),  # samples actions, as in training
         TRAINING_TASK,
-        observation=LAYOUT,
-        action_mask=True,
-        right_of_way=True,
+        view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="rllib-ppo",
         folder=run.folder,

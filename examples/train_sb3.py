@@ -20,6 +20,7 @@ from sb3_contrib import MaskablePPO
 from stable_baselines3.common.vec_env import VecMonitor
 
 from DroneSwarmSearch.adapters.sb3 import RunCallback, SB3VecEnv, TrainedPolicy
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -78,9 +79,7 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(model),  # samples actions, as in training
         TRAINING_TASK,
-        observation="crops",
-        action_mask=True,
-        right_of_way=True,
+        view=View("drone", "crops", action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="maskable-ppo",
         folder=options.out,

@@ -38,6 +38,7 @@ from DroneSwarmSearch.adapters.torchrl import (
     episode_metrics,
     masked_policy,
 )
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
 warnings.filterwarnings("ignore", module="torch")  # how TorchRL uses PyTorch
@@ -116,8 +117,7 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(policy, TRAINING_TASK["n_drones"]),  # samples actions, as in training
         TRAINING_TASK,
-        action_mask=True,
-        **SHOWN,
+        view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name="torchrl-ppo",
         folder=run.folder,

@@ -9,10 +9,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from helpers import plain
+from helpers import data_of, plain
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario, training
-from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation import View, evaluate
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
@@ -403,20 +403,17 @@ def test_a_masked_model_is_evaluated_as_trained(
     kind = "MlpPolicy" if where is None else "MultiInputPolicy"
     model = contrib.MaskablePPO(kind, env, n_steps=8, batch_size=16, seed=1, device="cpu")
     how = {
-        "view": "swarm" if view is SwarmVectorEnv else "drone",
-        "observation": "flat",
-        "action_mask": True,
-        "right_of_way": True,
+        "view": View("swarm" if view is SwarmVectorEnv else "drone", "flat", True, True),
         "episodes": 40,
     }
     policy = TrainedPolicy(model, deterministic)
     state = torch.get_rng_state()
     first, second = (evaluate(policy, Scenario(**SMALL), **how) for _ in range(2))
     assert torch.equal(torch.get_rng_state(), state)
-    assert first.episodes.data == second.episodes.data
+    assert data_of(first) == data_of(second)
     assert not first.endings[Ending.COLLISION] and not first.endings[Ending.LEFT_GRID]
     other = evaluate(TrainedPolicy(model, not deterministic), Scenario(**SMALL), **how)
-    assert other.episodes.data != first.episodes.data
+    assert data_of(other) != data_of(first)
 
 
 @both_views
@@ -425,21 +422,26 @@ def test_a_model_of_dicts_is_evaluated(view: type[SearchVectorEnv], masked: bool
     """A swarm's dict also names its row, which the model has not seen."""
     env = made(view, 4, observation="dict")
     policy = TrainedPolicy(PPO("MultiInputPolicy", env, n_steps=8, batch_size=16, device="cpu"))
-    how = {"view": "swarm" if view is SwarmVectorEnv else "drone", "episodes": 5}
-    assert len(evaluate(policy, Scenario(**SMALL), **how, action_mask=masked).episodes) == 5
+    form = "swarm" if view is SwarmVectorEnv else "drone"
+    shown = View(form, action_mask=masked)
+    assert len(evaluate(policy, Scenario(**SMALL), episodes=5, view=shown).episodes) == 5
     with pytest.raises(ValueError, match=r"observations must have the entries \['pos.*action_mask"):
-        evaluate(policy, Scenario(**SMALL), **how, observation="flat", action_mask=masked)
+        evaluate(policy, Scenario(**SMALL), episodes=5, view=View(form, "flat", masked))
 
 
 def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
     env = made(DroneVectorEnv, 4, observation="flat")
     model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, seed=1, device="cpu")
-    how = {"view": "drone", "observation": "flat", "episodes": 20}
     results = [
-        evaluate(TrainedPolicy(model), Scenario(**SMALL), **how, action_mask=masked)
+        evaluate(
+            TrainedPolicy(model),
+            Scenario(**SMALL),
+            episodes=20,
+            view=View("drone", "flat", action_mask=masked),
+        )
         for masked in (False, True)
     ]
-    assert results[0].episodes.data == results[1].episodes.data
+    assert data_of(results[0]) == data_of(results[1])
     with pytest.raises(TypeError, match="deterministic must be True or False, got 1"):
         TrainedPolicy(model, 1)  # type: ignore[arg-type]
 

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training.curve import Curve, moving_mean
 
 DEFAULTS = {"steps": 5000, "seed": 0, "resume": False, "short": False, "episodes": 1000}
@@ -707,5 +708,6 @@ def test_the_comparison_accepts_other_layouts(capsys: pytest.CaptureFixture[str]
         shapes.append(observations["position"].shape)
         return np.full(len(observations["position"]), Action.IDLE)
 
-    training.compare_with_baselines(idle, SMALL, episodes=3, observation="dict", baselines=[])
+    view = View("drone", "dict")
+    training.compare_with_baselines(idle, SMALL, episodes=3, view=view, baselines=[])
     assert set(shapes) <= {(6, 2)}

@@ -215,7 +215,7 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 
 
 class TrainedPolicy(SamplingPolicy):
-    """A masked network from a checkpoint, for `evaluate(..., view="drone", action_mask=True)`.
+    """A masked network from a checkpoint; its view is `View("drone", action_mask=True)`.
 
     Pass `evaluate` the same `observation` and `right_of_way` as in training.
 

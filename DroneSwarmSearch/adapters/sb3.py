@@ -9,9 +9,8 @@ Every drone is a sub-environment, and all drones share one policy::
     with training.Run(options, "MaskablePPO", "model.zip") as run:
         model = MaskablePPO("MlpPolicy", VecMonitor(SB3VecEnv(drones)))
         model.learn(200_000, RunCallback(run))
-    evaluate(
-        TrainedPolicy(model), search, view="drone", observation="flat", action_mask=True, **masks
-    )
+    view = View("drone", "flat", action_mask=True, **masks)
+    evaluate(TrainedPolicy(model), search, view=view)
 """
 
 from __future__ import annotations

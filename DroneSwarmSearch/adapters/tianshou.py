@@ -273,7 +273,7 @@ class MaskedCritic(DiscreteCritic):
 
 
 class TrainedPolicy(SamplingPolicy):
-    """A trained policy for `evaluate(..., view="drone", action_mask=True)`.
+    """A trained policy for `evaluate(..., view=View("drone", action_mask=True))`.
 
     Pass `evaluate` the same `observation` and `right_of_way` as in training. The samples follow
     from the seeds of the episodes, and do not change PyTorch's random state.

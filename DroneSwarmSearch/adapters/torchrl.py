@@ -11,9 +11,8 @@ environments::
         ...
         run.log(steps, **episode_metrics(batch, reward_scale=2.0**-17))
     trained = TrainedPolicy(policy, n_drones=2)
-    evaluate(
-        trained, search, view="drone", observation="flat", action_mask=True, right_of_way=True
-    )
+    view = View("drone", "flat", action_mask=True, right_of_way=True)
+    evaluate(trained, search, view=view)
 """
 
 from __future__ import annotations
@@ -366,7 +365,7 @@ def episode_metrics(
 class TrainedPolicy(SamplingPolicy):
     """A policy of TorchRL or BenchMARL for `evaluate`.
 
-    Pass `evaluate` view="drone", action_mask=True, and the same `observation` and `right_of_way`
+    Its view is `View("drone", action_mask=True)`, with the same `observation` and `right_of_way`
     as in training. The samples follow from the seeds of the episodes, and do not change PyTorch's
     random state.
 
