@@ -18,7 +18,7 @@ from DroneSwarmSearch.drift.belief import (
     over_hypotheses,
     shown_persons,
 )
-from DroneSwarmSearch.drift.person import moves
+from DroneSwarmSearch.drift.probability_matrix import moves
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
