@@ -1,6 +1,7 @@
 """The parameters of a search: meaning, units, defaults and limits.
 
-`Scenario.drone_cells_of_rows` is the array form of the rules for the drones' cells.
+`Scenario.drone_cells_of_rows` is the array form of `drone_cells`: it validates the cells of all
+rows of a batch at once.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Validation of user input: each function returns the value in its plain form, or raises.
 
-Error messages name the parameter, state what is allowed and show the value. `cells`
-and `integers` are the array forms of `cell` and `integer`, for all rows of a batch at once.
+Error messages name the parameter, state what is allowed and show the value. `integers` and
+`cells` are the array forms of `integer` and `cell`: they accept the values of all rows of a batch
+at once, and report a bad one with the scalar form's message.
 """
 
 from __future__ import annotations

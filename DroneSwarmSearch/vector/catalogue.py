@@ -117,7 +117,7 @@ class Catalogue:
         self._ends = self._blocks[:, -1].reshape(-1, self._width).copy()
 
     def starts(self, numbers: Ints, keys: Words) -> tuple[Ints, Ints]:
-        """The hypothesis and the cell of each person at step 0, see `drift.person.start`.
+        """The hypothesis and the cell of each person at step 0, see `ProbabilityMatrix.start`.
 
         Args:
             numbers: the number of each person's forecast: int64, (persons, n).
