@@ -23,16 +23,12 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
 __all__ = ["Histories", "RememberingDrones"]
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
 
 Offset = tuple[int, int] | None
 """A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
