@@ -141,6 +141,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(sys.stdout, io.TextIOWrapper):
             # An ASCII terminal shows "?" for missing characters, instead of failing.
             sys.stdout.reconfigure(errors="replace")
+    code = _run(argv)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # Python must not fail again when it flushes the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if code == 0 and not isinstance(error, BrokenPipeError):
+            print(f"cannot write the output: {error.strerror}", file=sys.stderr)
+        return code or 1
+    return code
+
+
+def _run(argv: Sequence[str]) -> int:
+    """Run a command; returns the exit code."""
     command, *rest = argv or ("play",)
     if command == "play":
         return demo.main(rest)
@@ -149,7 +163,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = _parser()
     if not command.startswith("-") and command not in COMMANDS:
         hint = did_you_mean(command, COMMANDS)
-        print(f"no such command: {command!r}{hint}\n", file=sys.stderr)
+        print(f"no such command: {command!r:.100}{hint}\n", file=sys.stderr)
         parser.print_help(sys.stderr)
         return 2
     options = parser.parse_args(argv)
@@ -339,12 +353,18 @@ def _add_work(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out",
         metavar="DIR",
-        type=Path,
+        type=_folder,
         help="write the results to DIR, and resume from it",
     )
 
 
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("must name a folder, got ''")
+    return Path(text)
+
+
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r}")
+        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r:.100}")
     return int(text)

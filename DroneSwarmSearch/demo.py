@@ -7,37 +7,33 @@ import itertools
 import os
 import sys
 import textwrap
-import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.console import printed_warnings
-from DroneSwarmSearch._internal.files import check_writable
 from DroneSwarmSearch.demo_options import message_on_option, parse, search_of
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import print_table
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering import terminal
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
     Flight,
     Player,
-    PolicyRecording,
     Recording,
     Score,
     score_row,
 )
-from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step, write_video
-from DroneSwarmSearch.rules import OFF_GRID, Action, Ending, neighbours
+from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
+from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 from DroneSwarmSearch.scenario import Cell
 
 if TYPE_CHECKING:
@@ -53,19 +49,11 @@ TEXT_WIDTH = 100
 HOLD_VIDEO = 2.0
 """Seconds for which the last picture of a video stays."""
 
-FPS_LEAST, FPS_MOST = 0.1, 50.0
-"""A GIF cannot show more frames per second."""
-
 INTERRUPTED = 130
 """The exit code of shells after Ctrl-C."""
 
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 """The policies whose results are compared with a flight by hand; all are quick."""
-
-YOU = "you (drone 0)"
-
-NOTE_STEPS = 500
-"""The maximum number of steps that `_note_on_search_without_flight` simulates."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -86,9 +74,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of the output has gone: flushing the buffer must not fail again.
+    except OSError as error:
+        # Python must not fail again when it flushes the rest of the output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):  # which says that the reader has gone
+            print(f"cannot write the output: {error.strerror}", file=sys.stderr)
         return 1
 
 
@@ -230,34 +220,6 @@ def _in_metres_and_seconds(frame: Frame, scale: Scale) -> str:
     )
 
 
-def _note_on_search_without_flight(search: NamedSearch) -> str:
-    """A line on a search in which a drone need not fly; empty for others.
-
-    The drone starts on the likeliest cell, and searching there in every step finds the person
-    with a probability of 99% or more, for example because the drift holds the person in a corner.
-    """
-    scenario = search.scenario
-    size, limit = scenario.grid_size, min(scenario.timestep_limit, NOTE_STEPS)
-    env = DroneSwarmSearch(
-        scenario=scenario.replace(mission="coverage", n_drones=1, timestep_limit=limit),
-        render_mode=None,
-    )
-    by_default = ((drone % size, drone // size) for drone in range(scenario.n_drones))
-    for number, (x, y) in enumerate(search.drones or by_default):
-        env.reset(0, drones_positions=[(x, y)])
-        matrix = env.frame().matrix
-        if matrix[y, x] < matrix.max():
-            continue
-        while env.agents:
-            env.step({"drone0": Action.SEARCH})
-        if env.frame().ending is Ending.COVERED:  # at a probability of success of 99%
-            return (
-                f"note: drone {number} starts on the likeliest cell; searching it in every step, "
-                "without moving, finds the person in at least 99% of the episodes"
-            )
-    return ""
-
-
 # The command.
 
 
@@ -265,8 +227,6 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Play with these options, and print summaries."""
     try:
         checks.real("fps", options.fps, FPS_LEAST, FPS_MOST)
-        if options.record and options.record.suffix.lower() not in SUFFIXES:
-            raise ValueError(f"path must end in .gif or .mp4, got {options.record.name!r}")
         with printed_warnings():
             search = search_of(options)
         episode = _Episode(search, options.policy, options.seed, hide_persons=options.hide_person)
@@ -276,9 +236,6 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
         parser.error(message_on_option(str(error)))
     if options.search is not None:
         print(textwrap.fill(f"{search.name}: {search.reason}", TEXT_WIDTH) + "\n", flush=True)
-    note = _note_on_search_without_flight(search)
-    if note:
-        print(note, file=sys.stderr)
     if not (options.record or options.text) and _play_in_window(parser, search, options):
         return 0
     frames = []
@@ -319,17 +276,15 @@ def _record(
     search: NamedSearch,
 ) -> None:
     path: Path = options.record
-    limit, size = search.scenario.timestep_limit, search.scenario.grid_size
+    limit = search.scenario.timestep_limit
+    print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
+    painter = _painter(search.scenario.grid_size, options)
     try:
-        check_writable(path)
-        print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
-        per_step = pictures_per_step(options.fps)
-        pictures = _painter(size, options).video(frames, per_step)
-        write_video(path, pictures, fps=options.fps * per_step, hold=HOLD_VIDEO)
-    except ImportError as error:
-        parser.error(str(error))
+        write_video(path, painter, frames, fps=options.fps, hold=HOLD_VIDEO)
+    except (ImportError, ValueError) as error:
+        parser.error(message_on_option(str(error)))
     except OSError as error:
-        parser.error(f"cannot write {path}: {error.strerror or error}")
+        parser.exit(1, f"cannot write {path}: {error.strerror or error}\n")
 
 
 # The window.
@@ -360,10 +315,10 @@ def _play_in_window(
     if options.manual and window.is_hidden:
         window.close()
         parser.error("--manual needs a display, and SDL_VIDEODRIVER names one that shows nothing")
-    with window, _Performances(search, options) as performances:
+    with window:
+        performances = _Performances(search, options)
         player = Player(performances.begin, seed=options.seed, fps=options.fps)
-        stopped = window.play(player)
-        performances.report(stopped)
+        performances.report(window.play(player))
     return True
 
 
@@ -380,16 +335,6 @@ class _Performances:
         self._options = options
         self._recording: Recording | None = None
         self._seed = 0
-        self._rivals: dict[str, Future[Frame]] = {}
-        self._rivals_stop = threading.Event()
-        self._executor = ThreadPoolExecutor(1)
-
-    def __enter__(self) -> _Performances:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._rivals_stop.set()
-        self._executor.shutdown(wait=False, cancel_futures=True)
 
     def begin(self, seed: int) -> Recording:
         """Report on the last episode if it has ended, and begin that of a seed."""
@@ -403,36 +348,19 @@ class _Performances:
         )
         title = f"{self._search.name}, {label}, "
         if options.manual:
-            self._let_rivals_play(seed)
-            self._recording = Flight(episode.frame, episode.step, title, self._scores)
+            rivals = self._rivals if options.hide_person else list
+            self._recording = Flight(episode.frame, episode.step, title, rivals)
         else:
-            self._recording = PolicyRecording(episode.frames(), title)
+            self._recording = Recording(episode.frames(), title)
         self._seed = seed
         return self._recording
 
-    def _let_rivals_play(self, seed: int) -> None:
-        """Play the same search with the policies, in the background."""
-        if not self._options.hide_person or (self._rivals and seed == self._seed):
-            return
-        self._rivals_stop.set()  # those of the last seed
-        stop = self._rivals_stop = threading.Event()
-
-        def last_frame(policy: str) -> Frame:
-            episode = _Episode(self._search, policy, seed)
-            while episode.frame.ending is None and not stop.is_set():
-                episode.step()
-            return episode.frame
-
-        self._rivals = {name: self._executor.submit(last_frame, name) for name in RIVALS}
-
-    def _scores(self) -> list[Score]:
-        """The result of the flight beside those of the policies, as far as they are known."""
-        if not self._rivals or self._recording is None:
-            return []
-        others = {
-            name: rival.result() if rival.done() else None for name, rival in self._rivals.items()
-        }
-        return [Score(YOU, self._recording.frames[-1]), *itertools.starmap(Score, others.items())]
+    def _rivals(self) -> list[Score]:
+        """The results of the policies in the search that was flown."""
+        return [
+            Score(name, list(_Episode(self._search, name, self._seed).frames())[-1])
+            for name in RIVALS
+        ]
 
     def report(self, stopped: str) -> None:
         """Print what was seen of the last episode.
@@ -449,9 +377,10 @@ class _Performances:
         seen = recording.frames[: recording.seen + 1]
         lines = _summary(self._search, self._seed, policy, seen, stopped)
         print("\n".join(lines), flush=True)
-        if options.manual and recording.end_was_seen and not self._rivals:
-            print("with --hide-person, your result is compared with those of the policies")
-        elif recording.end_was_seen and self._rivals:
-            wait(self._rivals.values())
+        if not (options.manual and recording.end_was_seen):
+            return
+        if options.hide_person:
             print()
-            print_table(SCORE_HEADERS, [score_row(score) for score in self._scores()])
+            print_table(SCORE_HEADERS, [score_row(score) for score in recording.scores])
+        else:
+            print("with --hide-person, your result is compared with those of the policies")

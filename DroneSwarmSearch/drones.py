@@ -6,7 +6,7 @@ from collections import deque
 from operator import add
 
 from DroneSwarmSearch import rules
-from DroneSwarmSearch.rendering.frame import HISTORY_STEPS, TRAIL_STEPS
+from DroneSwarmSearch.frame import HISTORY_STEPS, TRAIL_STEPS
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.world import WorldState

@@ -26,9 +26,9 @@ from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch._internal.turn_based import TurnBased
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drones import Drones
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation, SearchSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.palette import PALETTES
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, resolve_scenario

@@ -100,6 +100,9 @@ COVERED_AT = 0.99
 OFF_GRID = -1
 """The target of a move that leaves the grid."""
 
+_LARGEST = 1e100
+"""The largest figure of a scheme."""
+
 _NOT_ZERO = ("find", "expected_finds")
 
 _FEW_DRONES = 32
@@ -129,7 +132,7 @@ class RewardScheme:
 
     Raises:
         TypeError: a figure is not a real number, or `expected_finds` is not a bool.
-        ValueError: a figure is not finite.
+        ValueError: a figure is beyond ±1e100, so that sums of rewards could overflow.
     """
 
     step: float = 1.0
@@ -146,12 +149,8 @@ class RewardScheme:
     def __post_init__(self) -> None:
         checks.boolean("RewardScheme.expected_finds", self.expected_finds)
         for field in fields(self)[:-1]:
-            value = getattr(self, field.name)
-            if not checks.is_number(value):
-                raise TypeError(f"RewardScheme.{field.name} must be a real number, got {value!r}")
-            number = checks.finite(value)
-            if number is None:
-                raise ValueError(f"RewardScheme.{field.name} must be finite, got {value!r}")
+            name = f"RewardScheme.{field.name}"
+            number = checks.real(name, getattr(self, field.name), -_LARGEST, _LARGEST)
             object.__setattr__(self, field.name, number)
 
     def largest(self, timestep_limit: int) -> float:

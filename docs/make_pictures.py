@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from DroneSwarmSearch.evaluation import NamedSearch, record, search
-from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.evaluation.recording import play
+from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.policies import POLICIES, make
 from DroneSwarmSearch.rendering import palette, sprites
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import to_array
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
-from DroneSwarmSearch.rendering.video import write_video
+from DroneSwarmSearch.rendering.video import write_pictures
 
 IMAGES = Path(__file__).parent / "images"
 
@@ -64,14 +64,14 @@ def gallery() -> None:
     where = replace(where, scenario=where.scenario.replace(mission="coverage"))
     for policy in SHOWN:
         path = IMAGES / f"gallery-{policy}.gif"
-        write_video(path, tiles(policy, where), fps=FPS, hold=3.0, gif_width=WIDTH)
+        write_pictures(path, tiles(policy, where), fps=FPS, hold=3.0, gif_width=WIDTH)
 
 
 def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
     """The pictures of a video of the gallery."""
     rows = CROP[0]
     drawing = SearchMap(rows.stop - rows.start, palette="sea", side=WIDTH)
-    for _, frame in frames(policy, where):
+    for frame, _ in play(make(policy, where.scenario), where, seed=0):
         if frame.step % STRIDE and frame.ending is None:
             continue
         canvas = pygame.Surface(drawing.size, 0, 32)

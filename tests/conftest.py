@@ -28,4 +28,3 @@ def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
     if request.node.get_closest_marker("good_plans") is None:
         monkeypatch.setattr(planner, "RANDOM_STARTS", 0)
         monkeypatch.setattr(planner, "EXPLORED_ROUNDS", 1)
-        monkeypatch.setattr(planner, "EXACT_NODES", 100)

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
-from DroneSwarmSearch.rendering import Frame
 
 TWO_DRONES: dict[str, Any] = {
     "grid_size": 5,

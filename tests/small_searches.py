@@ -9,13 +9,13 @@ from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
+from branch_and_bound import best_success
 from helpers import inside, target_of
 
 from DroneSwarmSearch import Action, Scenario
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning import best_success
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan
@@ -146,8 +146,7 @@ SMALL = [
 @cache
 def best(index: int, steps: int | None = None) -> float:
     """The optimal probability of success of a search of `SMALL`, perhaps in fewer steps."""
-    of = shortened(SMALL[index], steps)
-    return best_success(of.scenario, of.drones)
+    return best_success(shortened(SMALL[index], steps))
 
 
 def shortened(of: NamedSearch, steps: int | None) -> NamedSearch:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import (
     BASELINE,
     FAR,
-    INPUTS,
     NEAR,
     TURNS,
     VIEWS,
@@ -22,12 +19,10 @@ from DroneSwarmSearch.policies.arrivals import (
 )
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
-    CLAIMED,
     WORTHWHILE_ON_ARRIVAL,
     PosteriorGreedyPolicy,
     claimed_in_turn,
 )
-from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.training import ExpectedSearches
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
@@ -101,46 +96,6 @@ def test_drones_claim_the_targets_of_greedy_search() -> None:
         assert [targets[k][1] * size + targets[k][0] for k in range(drones)] == [*claims[search]]
 
 
-def test_the_baseline_is_about_as_good_as_greedy_search(tmp_path: Path) -> None:
-    weights = np.zeros((INPUTS, 2), np.float32)
-    weights[BASELINE, (0, 1)] = 1.0
-    Network([(weights, np.zeros(2, np.float32))]).save(tmp_path / "baseline.npz")
-    rng = np.random.default_rng(2)
-    found = []
-    for _ in range(6):  # two persons: cells at the flanks of one distract from the other
-        persons = [
-            Person(Drift(start, start_sd=2.0, vector=rng.uniform(-0.4, 0.4, 2), diffusion=0.2), 0.6)
-            for start in rng.integers(0, 20, (2, 2)).tolist()
-        ]
-        scenario = Scenario(20, 3, timestep_limit=50, persons=persons, mission="coverage")
-        search = NamedSearch("drawn", "Drawn.", scenario)
-        baseline = PPOPolicy(scenario, tmp_path / "baseline.npz", samples=None)
-        both = (evaluate(each, search, episodes=1) for each in (baseline, "greedy-forecast"))
-        found.append([each.success.value for each in both])
-    baseline_mean, greedy_mean = np.mean(found, axis=0)
-    assert baseline_mean > greedy_mean - 0.02
-
-
-def test_claimed_cells_are_left_to_the_drone_that_claims_them() -> None:
-    ahead = np.full((1, 1, 7, 7), 1e-4, np.float32)
-    ahead[0, 0, 3, 3], ahead[0, 0, 3, 0] = 1.0, 0.3
-    arguments = {
-        "ahead": ahead,
-        "positions": np.array([[(4, 3), (5, 3)]]),
-        "remaining": np.array([50]),
-        "limit": 50,
-        "detections": np.ones(1, np.float32),
-    }
-    near, behind = inputs(**arguments)[0]
-    left = BASELINE[0] + TURNS.index(Action.LEFT)
-    assert near[left] == behind[left] == 0.0  # the best direction of both
-    group = slice(BASELINE[0] + 25, BASELINE[0] + 30)
-    assert near[group][4] == pytest.approx(1 / 7)  # its claim is next to it
-    assert behind[group][4] == pytest.approx(5 / 7)  # and the other's is the lesser cell
-    assert near[group][:4].tolist() == behind[group][:4].tolist() == [0, 0, 1, 0]
-    assert CLAIMED * NEAR**2 < 0.3 * NEAR**5
-
-
 def test_turned_searches_have_turned_inputs() -> None:
     """In view k, everything is as it would be in view 0 after turning the search k times."""
     arguments = drawn(1)
@@ -151,11 +106,6 @@ def test_turned_searches_have_turned_inputs() -> None:
         x, y = np.moveaxis(arguments["positions"], -1, 0)
         arguments["positions"] = np.stack([y, SIZE - 1 - x], -1)
         assert np.allclose(inputs(**arguments)[..., VIEWS[0]], seen[..., VIEWS[turn]], atol=1e-3)
-
-
-def test_the_views_are_permutations() -> None:
-    assert (np.sort(VIEWS, axis=1) == np.arange(INPUTS)).all()
-    assert (VIEWS[0] == np.arange(INPUTS)).all()
 
 
 def test_do_not_depend_on_the_scale_or_on_the_rest_of_the_batch() -> None:

@@ -20,6 +20,7 @@ from DroneSwarmSearch import (
     DroneSwarmSearch,
     ResetNeeded,
     RewardScheme,
+    Scenario,
 )
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.policies import make
@@ -418,11 +419,17 @@ def test_spaces_of_unknown_agents(space, agent):
 @pytest.mark.parametrize(
     ("value", "error"),
     [("1", TypeError), (True, TypeError), (None, TypeError), (1j, TypeError)]
-    + [(NAN, ValueError), (INF, ValueError), (-INF, ValueError)],
+    + [(NAN, ValueError), (INF, ValueError), (-INF, ValueError), (1e308, ValueError)],
 )
 @pytest.mark.parametrize("figure", ["step", "search_threshold", "collision"])
 def test_reward_scheme_rejects(figure, value, error):
     refused(lambda: RewardScheme(**{figure: value}), error, f"RewardScheme.{figure}", repr(value))
+
+
+@pytest.mark.parametrize("text", ["ab", b"ab", bytearray(b"ab")])
+def test_text_is_never_numbers(text):
+    refused(lambda: Drift(start=text), TypeError, "start", repr(text))
+    refused(lambda: Scenario(vector=text), TypeError, "vector", repr(text))
 
 
 # Every form of an argument is equivalent to its plain form.

@@ -328,8 +328,8 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
         (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
-        (["evaluate", "nofile.py:act", "pond"], "there is no 'nofile.py'"),
-        (["evaluate", "nofile.npz", "pond"], "there is no 'nofile.npz'"),
+        (["evaluate", "nofile.py:act", "pond"], "'nofile.py' does not exist"),
+        (["evaluate", "nofile.npz", "pond"], "'nofile.npz' does not exist"),
         (["evaluate", "no.module:act", "pond"], "there is no 'no.module'"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--episodes", "0"], "episodes must be an integer of at"),
@@ -344,8 +344,11 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
             "view must be 'swarm' or 'parallel' for DroneSwarmSearch.policies:GreedyPolicy",
         ),
         (["leaderboard", "--add", "own=ppo", "--view", "drone"], "view must be 'swarm' or"),
-        (["evaluate", "/.npz", "pond"], "there is no '/.npz'"),
+        (["evaluate", "/.npz", "pond"], "'/.npz' does not exist"),
         (["bound", "harbor"], "got 'harbor'; did you mean harbour"),
+        (["evaluate", "random", "x" * 1000], f"got '{'x' * 99} (`python"),
+        (["evaluate", "random", "pond", "--out", ""], "--out: must name a folder, got ''"),
+        (["record", "all", "--out", "all.gif"], "search must be one of pond"),
         (["bound"], "the following arguments are required: SEARCH"),
     ],
 )
@@ -558,6 +561,38 @@ def test_a_closed_pipe_ends_the_command_quietly(own):
     process.stderr.close()
     assert process.wait(PATIENCE) == 1
     assert output == b""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device is always full")
+@pytest.mark.parametrize("buffered", [False, True])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "evaluate --list",
+        "evaluate random pond --episodes 2",
+        "export pond --policies random --out {folder}/a.json",
+        "play pond --text --timestep-limit 2",
+    ],
+)
+def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered, tmp_path):
+    with Path("/dev/full").open("w") as full:
+        process = subprocess.run(
+            [
+                sys.executable,
+                *["-u"] * (not buffered),
+                "-m",
+                "DroneSwarmSearch",
+                *arguments.format(folder=tmp_path).split(),
+            ],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"},
+            check=False,
+        )
+    assert process.returncode == 1
+    (line,) = process.stderr.splitlines()
+    assert "No space left on device" in line
 
 
 def test_without_ray_there_is_a_hint(capsys, monkeypatch):

@@ -46,14 +46,6 @@ def test_no_drones_collide_and_none_waits_unnecessarily(data: st.DataObject) -> 
         assert nexts[0] == wanted[0], "the first moves if no drone is in its way"
 
 
-def test_drones_exchange_cells() -> None:
-    assert resolve_conflicts([(0, 0), (1, 0)], [(1, 0), (0, 0)]) == [(1, 0), (0, 0)]
-
-
-def test_drones_follow_one_another() -> None:
-    assert resolve_conflicts(LINE[:3], LINE[1:]) == LINE[1:]
-
-
 def test_the_first_drone_enters_a_contested_cell() -> None:
     cells, wanted = [(0, 0), (2, 0)], [(1, 0), (1, 0)]
     assert resolve_conflicts(cells, wanted) == [(1, 0), (2, 0)]

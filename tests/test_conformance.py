@@ -226,6 +226,19 @@ def test_the_aec_form_needs_a_reset_after_an_interrupt(monkeypatch):
     assert aec.observe("drone1")["observation"][0] == (1, 1)
 
 
+@pytest.mark.parametrize("make", [env_module.env, drone_swarm_search_v0.raw_env])
+def test_the_aec_form_before_reset_and_with_an_unknown_agent(make):
+    aec = make(n_drones=2)
+    for name in ("agents", "num_agents", "agent_selection", "rewards", "infos"):
+        with pytest.raises(AttributeError, match=f"{name} cannot be accessed before reset"):
+            getattr(aec, name)
+    with pytest.raises((AssertionError, ResetNeeded), match=r"reset\(\)"):
+        aec.observe("drone0")
+    aec.reset(seed=1)
+    with pytest.raises(KeyError, match="drone7"):
+        aec.observe("drone7")
+
+
 def test_the_aec_form_converts_back_to_the_parallel_form():
     aec = env_module.env(n_drones=2)
     assert aec_to_parallel(aec) is aec.unwrapped

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import runpy
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from itertools import compress
@@ -21,13 +19,12 @@ import pytest
 from DroneSwarmSearch import DroneSwarmSearch, Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.player import Player
 from DroneSwarmSearch.rendering.terminal import fitted
 from DroneSwarmSearch.rendering.text import render_text
-from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step
 from DroneSwarmSearch.rules import Ending
 
 pygame = pytest.importorskip("pygame")
@@ -738,15 +735,6 @@ class TestManual:
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
             assert re.search(r"\d+", results[policy])[0] == steps
 
-    def test_quitting_stops_the_policies_of_the_game(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        perform(monkeypatch, keys("n", "n"))
-        before = set(threading.enumerate())
-        long = ["--timestep-limit", "100000", "--probability-of-detection", "0"]
-        assert demo.main(["--manual", "--hide-person", *long]) == 0
-        for thread in set(threading.enumerate()) - before:
-            thread.join(5.0)
-            assert not thread.is_alive()
-
     def test_the_result_is_compared_only_if_the_person_is_hidden(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -808,34 +796,6 @@ class TestNamedSearch:
         assert line.endswith(f"error: argument {option}: not allowed with a SEARCH")
 
 
-class TestNote:
-    """The note on searches in which a drone need not fly."""
-
-    def note(self, capsys: pytest.CaptureFixture[str], tmp_path: Path, **search: Any) -> str:
-        path = tmp_path / "search.json"
-        path.write_text(json.dumps(search))
-        assert demo.main([str(path), "--text"]) == 0
-        return capsys.readouterr().err
-
-    def test_the_default_search_of_the_environment(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        note = self.note(capsys, tmp_path, grid_size=7)
-        assert note.startswith("note: drone 0 starts on the likeliest cell")
-        assert note.count("\n") == 1
-
-    def test_a_person_who_drifts_away_is_no_such_case(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        search = {"grid_size": 7, "vector": [0.5, 0.5], "probability_of_detection": 0.3}
-        assert self.note(capsys, tmp_path, **search) == ""
-
-    def test_nor_is_a_start_elsewhere(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        assert self.note(capsys, tmp_path, grid_size=7, drones_positions=[[1, 0]]) == ""
-
-
 class TestVideo:
     def test_gif(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         image = pytest.importorskip("PIL.Image")
@@ -843,92 +803,36 @@ class TestVideo:
         assert demo.main(["--record", str(video), "--fps", "10", *SHORT]) == 0
         assert "search.gif" in capsys.readouterr().err
         with image.open(video) as gif:
-            assert 9 < gif.n_frames <= 9 * pictures_per_step(10.0)  # drones move smoothly
             assert gif.width == 600
-            assert gif.info["loop"] == 0
             durations = []
             for picture in range(gif.n_frames):
                 gif.seek(picture)
                 durations.append(gif.info["duration"])
             # Eight steps of 100 ms; the last picture, like all, is shown for a part of a step.
             assert sum(durations) == pytest.approx(8 * 100 + 2000, abs=60)
-            assert durations[-1] >= 2000
         assert video.stat().st_size < 250_000
 
-    def test_an_incident(self, tmp_path: Path) -> None:
-        image = pytest.importorskip("PIL.Image")
-        video = tmp_path / "incident.gif"
-        assert demo.main(["--record", str(video), *INCIDENT, "--seed", "1"]) == 0
-        with image.open(video) as gif:
-            assert 13 < gif.n_frames <= 13 * pictures_per_step(6.0)
-
     def test_mp4(self, tmp_path: Path) -> None:
-        imageio = pytest.importorskip("imageio.v2")
-        pytest.importorskip("imageio_ffmpeg")
+        ffmpeg = pytest.importorskip("imageio_ffmpeg")
         video = tmp_path / "search.mp4"
-        assert demo.main(["--record", str(video), "--fps", "10", *SHORT]) == 0
-        with imageio.get_reader(video) as reader:
-            rate = 10 * pictures_per_step(10.0)
-            count = 1 + 8 * rate // 10 + 2 * rate
-            assert reader.get_meta_data()["fps"] == rate
-            assert reader.count_frames() == count
-            first, last = reader.get_data(0), reader.get_data(count - 1)
-        assert first.shape[1::-1] == Painter(9).size
-        changed = np.abs(last.astype(int) - first).max(axis=2) > 40
-        assert changed.mean() > 0.05, "the video ends with the outcome"
+        assert demo.main(["--record", str(video), "--fps", "10", *INCIDENT]) == 0
+        _, seconds = ffmpeg.count_frames_and_secs(str(video))
+        assert seconds == pytest.approx(12 / 10 + 2, abs=0.1)
 
-    @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_without_the_extra(
-        self,
-        suffix: str,
-        tmp_path: Path,
-        capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        for name in ("PIL", "imageio", "imageio.v2", "imageio_ffmpeg"):
-            monkeypatch.setitem(sys.modules, name, None)
-        line = refusal(capsys, "--record", str(tmp_path / f"video{suffix}"), *SHORT)
-        assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
-        assert list(tmp_path.iterdir()) == []
-
-    def test_without_ffmpeg(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        pytest.importorskip("imageio_ffmpeg")
-        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "missing"))
-        line = refusal(capsys, "--record", str(tmp_path / "video.mp4"), *SHORT)
-        assert "error: an MP4 video needs the program ffmpeg" in line
+        monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+        line = refusal(capsys, "--record", str(tmp_path / "video.gif"), *SHORT)
+        assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
         assert list(tmp_path.iterdir()) == []
-
-    @pytest.mark.parametrize("suffix", SUFFIXES)
-    def test_an_interrupted_recording_keeps_the_previous_video(
-        self,
-        suffix: str,
-        tmp_path: Path,
-        capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        if suffix == ".mp4":
-            pytest.importorskip("imageio_ffmpeg")
-        video = tmp_path / f"video{suffix}"
-        video.write_bytes(b"before")
-        step = DroneSwarmSearch.step
-
-        def interrupted(env: DroneSwarmSearch, actions: Any) -> Any:
-            if env.frame().step == 5:
-                raise KeyboardInterrupt
-            return step(env, actions)
-
-        monkeypatch.setattr(DroneSwarmSearch, "step", interrupted)
-        assert demo.main(["--record", str(video), *SHORT]) == 130
-        assert capsys.readouterr().err.endswith("\ninterrupted\n")
-        assert video.read_bytes() == b"before"
-        assert list(tmp_path.iterdir()) == [video]
 
     def test_a_path_that_cannot_be_written(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         (tmp_path / "file").touch()
         target = tmp_path / "file" / "video.gif"
-        line = refusal(capsys, "--record", str(target), *SHORT)
-        assert f"error: cannot write {target}: " in line
+        with pytest.raises(SystemExit) as stop:
+            demo.main(["--record", str(target), *SHORT])
+        assert stop.value.code == 1
+        assert capsys.readouterr().err.splitlines()[-1].startswith(f"cannot write {target}: ")

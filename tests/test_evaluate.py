@@ -573,7 +573,7 @@ def test_actions_are_validated(returned, view, error, message):
         ({"policy": 4}, TypeError, "policy must be a policy's name or a callable .*, got 4"),
         ({"policy": "greedy-posteriro"}, ValueError, "did you mean greedy-posterior"),
         ({"policy": "nowhere:act"}, ValueError, "there is no 'nowhere'"),
-        ({"policy": "nowhere.py:act"}, ValueError, "there is no 'nowhere.py'"),
+        ({"policy": "nowhere.py:act"}, ValueError, "'nowhere.py' does not exist"),
         ({"policy": "math:nothing"}, ValueError, "math has none called 'nothing'"),
         ({"policy": "random", "view": "drone"}, ValueError, "view must be 'swarm' or 'parallel'"),
         ({"policy": "ppo", "observation": "flat"}, ValueError, "observation must be 'dict' for"),

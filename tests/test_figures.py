@@ -208,28 +208,6 @@ def test_committed_results_are_complete_and_at_the_floor() -> None:
             assert difference < margin(int(row["episodes"]))
 
 
-def test_the_model_page_has_the_committed_results() -> None:
-    page = (DOCS / "model.md").read_text("utf-8")
-    columns = [
-        *(("DroneSwarmSearch", "3.0"), ("DroneSwarmSearch", "10.0"), ("DSSE 1.1.9", "")),
-        *(("2023 package", "3.0"), ("2023 package", "10.0")),
-    ]
-    at = {
-        (row["package"], row["constant"], float(row["drift_x"]), float(row["drift_y"])): row
-        for row in committed_results()
-        if row["step"] == "40"
-    }
-    for x, y in calibration.DRIFTS:
-        cells = [
-            "{distance:.2f} ({floor:.2f})".format(
-                distance=float(at[(*column, x, y)]["distance"]),
-                floor=float(at[(*column, x, y)]["floor"]),
-            )
-            for column in columns
-        ]
-        assert f"| ({x:g}, {y:g}) | " + " | ".join(cells) + " |" in page
-
-
 def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
     page = " ".join((DOCS / "model.md").read_text("utf-8").split())
     with (COMMITTED / "opendrift.csv").open(encoding="utf-8", newline="") as file:

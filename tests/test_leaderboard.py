@@ -509,7 +509,7 @@ class TestCommand:
             (["--policies", "planer"], "did you mean planner"),
             (["--episodes", "0"], "episodes must be an integer of at least 1, got 0"),
             (["--workers", "0"], "--workers: must be an integer of at least 1, got '0'"),
-            (["--add", "nowhere.py:policy"], "there is no 'nowhere.py'"),
+            (["--add", "nowhere.py:policy"], "'nowhere.py' does not exist"),
         ],
     )
     def test_wrong_arguments_are_refused_before_any_work(

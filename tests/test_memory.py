@@ -139,27 +139,3 @@ def test_credits_are_at_least_the_probability_of_finding(
 def test_histories_are_few() -> None:
     counts = [len(Histories(memory).all) for memory in range(6)]
     assert counts == [1, 2, 7, 25, 88, 309]
-
-
-def test_actions_change_histories() -> None:
-    """Searching, moving right and searching leaves the earlier search on the left."""
-    histories = Histories(3)
-    history = 0
-    for action in ("search", 1, "search"):
-        shorter = histories.shorter[history]
-        if action == "search":
-            history = histories.after_search[shorter]
-        else:
-            history = histories.after_move[action, shorter]
-    assert histories.all[history] == ((0, 0), None, (-1, 0))
-    for move, (dx, dy) in enumerate(MOVES):
-        after = histories.after_move[move, histories.shorter[history]]
-        assert histories.all[after] == (None, (-dx, -dy), None)
-
-
-def test_the_work_grows_with_the_memory() -> None:
-    cells = np.random.default_rng(0).integers(0, SIZE**2, (STEPS, 50))
-    trajectories = Trajectories(cells, np.full(50, 1 / 50))
-    work = [RememberingDrones(trajectories, SIZE, 1.0, [0], memory).work for memory in range(STEPS)]
-    assert work[0] > STEPS * SIZE**2
-    assert all(more > 2 * less for less, more in pairwise(work))

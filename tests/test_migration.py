@@ -1,31 +1,26 @@
 """Test the migration guides from the 2023 package and from DSSE.
 
 Blocks marked ``py`` are scripts for the other package. A script followed by a text block must
-raise the error in that block; all others must run. Statements about DSSE are tested if DSSE is
-installed.
+raise the error in that block; all others must run.
 """
 
 from __future__ import annotations
 
 import ast
-import contextlib
 import dataclasses
 import importlib
 import inspect
-import io
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from helpers import tables_of
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Action, Ending, RewardScheme
-from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
+from DroneSwarmSearch import Ending, RewardScheme
 from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
 
 GUIDES = Path(__file__).parents[1] / "docs" / "guides"
@@ -218,15 +213,9 @@ def test_parameters_of_2023():
         assert f"`{name}`" in section(OF_2023, "Parameters")
 
 
-def test_actions_of_2023():
-    table = {int(code(row[0])): code(row[2]) for row in rows(section(OF_2023, "Actions"))}
-    assert table == {int(action): action.name for action in Action}
-    assert f"Discrete({len(Action)})" in section(OF_2023, "Actions")
-
-
 def test_rewards_of_2023():
     table = rows(section(OF_2023, "Rewards"))
-    figures = {code(row[3]): float(code(row[2])) for row in table if row[3]}
+    figures = {code(row[2]): float(code(row[1])) for row in table}
     assert {**figures, "expected_finds": False} == dataclasses.asdict(RewardScheme())
 
 
@@ -244,14 +233,6 @@ def test_attribute_of_2023(row):
         eval(code(before), {"env": env})
     if not now.startswith("none"):
         assert eval(code(now), {"env": env}) is not None
-
-
-def test_unchanged_attributes_of_2023():
-    env = environment()
-    unchanged = section(OF_2023, "Attributes").split(" are")[0]
-    names = re.findall(r"`env\.(\w+)`", unchanged)
-    assert len(names) == 5
-    assert all(hasattr(env, name) for name in names)
 
 
 def test_methods_of_2023():
@@ -293,25 +274,6 @@ def test_names_imported_in_the_guides_exist(page):
             assert hasattr(importlib.import_module(module), name), (module, name)
 
 
-def spreads(constant: float, drift: float, steps: list[int]) -> list[tuple[float, float]]:
-    """Return the drift of the mean from cell 20 of 61, and the standard deviation, at each step."""
-    diffusion = dispersion_rate(constant)
-    forecast = ProbabilityMatrix(61, Drift((20, 20), vector=(drift, 0), diffusion=diffusion))
-    cells, result = np.arange(61), []
-    for step in steps:
-        columns, _ = forecast.marginals(step)
-        mean = (columns * cells).sum()
-        result.append((mean - 20, np.sqrt((columns * (cells - mean) ** 2).sum())))
-    return result
-
-
-def test_spread_of_2023():
-    table = rows(section(OF_2023, "Drift and spread"))
-    for constant, column in ((3, 3), (10, 6)):
-        expected = spreads(constant, 0.0, [int(row[0]) for row in table])
-        assert [float(row[column]) for row in table] == [round(sd, 1) for _, sd in expected]
-
-
 # Statements of the DSSE guide about this package.
 
 
@@ -327,13 +289,6 @@ def test_parameters_here():
             assert code(row[2]) in here
     assert "`grid_size`, 7 by default" in OF_DSSE
     assert inspect.signature(DroneSwarmSearch).parameters["grid_size"].default == 7
-
-
-def test_actions_here():
-    table = {row[2]: row[3] for row in rows(section(OF_DSSE, "Actions")) if row[2] != "none"}
-    assert {code(name): int(code(value)) for name, value in table.items()} == {
-        action.name: int(action) for action in Action
-    }
 
 
 def test_attributes_and_wrappers_here():
@@ -355,280 +310,3 @@ def test_rewards_here():
     figures = (scheme.find, scheme.search, scheme.search_unlikely, scheme.timeout)
     assert all(f"{figure:.0f}" in text for figure in figures)
     assert str(scheme.search_threshold) in text
-
-
-def test_spread_here():
-    table = rows(section(OF_DSSE, "Drift and spread"))[:4]
-    steps = [int(row[0]) for row in table]
-    for constant, drift, column in ((15.8, 0.1635, 3), (0.65, 0.083, 4)):
-        expected = [f"{mean:.1f} and {sd:.1f}" for mean, sd in spreads(constant, drift, steps)]
-        assert [row[column] for row in table] == expected
-
-
-def test_path_length_without_diagonals():
-    """Compare the mean Manhattan and Chebyshev distances of random cells."""
-    difference = np.abs(np.subtract.outer(np.arange(200), np.arange(200))).ravel()
-    probability = np.bincount(difference) / difference.size
-    cells = np.arange(200)
-    manhattan = 2 * probability @ cells
-    chebyshev = probability @ np.maximum.outer(cells, cells) @ probability
-    assert manhattan / chebyshev == pytest.approx(10 / 7, rel=1e-3)
-
-
-def test_each_known_problem_has_a_test():
-    text = section(OF_DSSE, "Known problems in DSSE")
-    problems = re.findall(r"^- ", text, re.MULTILINE)
-    names = re.findall(r"\[`(\w+)`\]", text)
-    assert len(names) == len(problems) > 5
-    assert all(f"test_dsse_{name}" in globals() for name in names)
-
-
-# Statements about DSSE, if it is installed.
-
-
-@pytest.fixture
-def dsse(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    module = pytest.importorskip("DSSE")
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield module
-
-
-@pytest.fixture
-def coverage(dsse, monkeypatch, tmp_path):
-    """Return a function that makes coverage environments on a 6 x 6 map, with OpenDrift stubbed."""
-    for name in ("opendrift", "opendrift.models", "opendrift.models.oceandrift"):
-        monkeypatch.setitem(sys.modules, name, type(sys)(name))
-    sys.modules["opendrift.models.oceandrift"].OceanDrift = object
-    matrix = np.full((6, 6), 1 / 30)
-    matrix[0] = 0
-    path = tmp_path / "matrix.npy"
-    np.save(path, matrix)
-    monkeypatch.setattr(
-        dsse.CoverageDroneSwarmSearch,
-        "reward_scheme",
-        dict(dsse.CoverageDroneSwarmSearch.reward_scheme),
-    )
-
-    def make(**parameters):
-        return dsse.CoverageDroneSwarmSearch(prob_matrix_path=str(path), **parameters)
-
-    return make
-
-
-@pytest.mark.parametrize("script", [block.values[0] for block in scripts(OF_DSSE)])
-@pytest.mark.filterwarnings("default")
-def test_script_for_dsse(script, dsse):
-    exec(compile(script, "before", "exec"), {})
-
-
-def test_tables_of_parameters_of_dsse(dsse):
-    for kind, title in (
-        (dsse.DroneSwarmSearch, "Parameters"),
-        (dsse.CoverageDroneSwarmSearch, "Coverage"),
-    ):
-        table = {code(row[0]): code(row[1]) for row in dsse_parameters(title)}
-        signature = inspect.signature(kind).parameters
-        for name, value in table.items():
-            assert ast.literal_eval(value) == signature[name].default
-        assert all(f"`{name}`" in section(OF_DSSE, title) for name in signature)
-
-
-def test_table_of_actions_of_dsse(dsse):
-    table = rows(section(OF_DSSE, "Actions"))
-    assert {code(row[0]): int(code(row[1])) for row in table if row[0] != "none"} == {
-        action.name: action.value for action in dsse.Actions
-    }
-
-
-def dsse_path(env, steps: int, seed: int | None = None) -> list[tuple[int, int]]:
-    """Return the person's cells in DSSE while its drone stays in its corner."""
-    env.reset(seed=seed)
-    path = []
-    for _ in range(steps):
-        env.step({"drone0": 0})
-        path.append(next(iter(env.get_persons())).get_position())
-    return path
-
-
-def test_dsse_seeds(dsse):
-    env = dsse.DroneSwarmSearch(grid_size=30, person_initial_position=(15, 15))
-    assert len({tuple(dsse_path(env, 60, seed=3)) for _ in range(5)}) > 1
-
-
-def moments(matrix) -> list[float]:
-    """Return the mean and standard deviation along x."""
-    columns = np.asarray(matrix, float).sum(axis=0)
-    cells = np.arange(len(columns))
-    mean = (columns * cells).sum() / columns.sum()
-    return [mean, np.sqrt((columns * (cells - mean) ** 2).sum() / columns.sum())]
-
-
-@pytest.mark.filterwarnings("ignore:divide by zero")
-def test_dsse_still_person(dsse):
-    env = dsse.DroneSwarmSearch(grid_size=61, vector=(0, 0), person_initial_position=(20, 20))
-    assert set(dsse_path(env, 40)) == {(20, 20)}
-    matrix = env.probability_matrix.get_matrix()
-    assert moments(matrix)[1] == pytest.approx(4.5, rel=0.01)
-    assert 1 - matrix[20, 20] == pytest.approx(0.99, abs=0.005)
-
-
-@pytest.mark.parametrize("cell", [130, 500])
-@pytest.mark.parametrize(("speed", "drifted"), [(2, 16), (0.5, 1), (1, 4)])
-def test_dsse_drift_of_the_matrix(dsse, speed, drifted, cell):
-    env = dsse.DroneSwarmSearch(
-        grid_size=81,
-        vector=(speed, 0),
-        dispersion_inc=0.05,
-        person_initial_position=(30, 30),
-        grid_cell_size=cell,
-    )
-    dsse_path(env, 40)
-    mean, deviation = moments(env.probability_matrix.get_matrix())
-    assert mean - 30 == pytest.approx(drifted, abs=0.05)
-    assert int(speed * speed / 10 * 41) == drifted  # including the step of the reset
-    assert deviation == pytest.approx(0.5 + 0.05 * 40, rel=0.01)
-
-
-def test_dsse_drift_and_spread_of_the_person(dsse):
-    env = dsse.DroneSwarmSearch(grid_size=61, person_initial_position=(20, 20))
-    paths = np.array([dsse_path(env, 80) for _ in range(150)]) - 20
-    table = rows(section(OF_DSSE, "Drift and spread"))[:4]
-    for row in table:
-        step = int(row[0])
-        mean, deviation = map(float, row[2].split(" and "))
-        ends = paths[:, step - 1, 0]
-        assert ends.mean() == pytest.approx(mean, abs=5 * deviation / np.sqrt(150) + 0.2)
-        assert ends.std() == pytest.approx(deviation, rel=0.35)
-
-
-def test_dsse_limit(dsse):
-    env = dsse.DroneSwarmSearch(timestep_limit=5, person_initial_position=(15, 15))
-    env.reset()
-    steps = 0
-    while env.agents:
-        env.step({"drone0": dsse.Actions.RIGHT.value})
-        steps += 1
-    assert steps == 6
-    assert env.agents_positions == [(5, 0)]
-
-
-def test_dsse_after_the_end(dsse):
-    env = dsse.DroneSwarmSearch(timestep_limit=1, person_initial_position=(15, 15))
-    env.reset()
-    while env.agents:
-        *_, infos = env.step({"drone0": 1})
-    assert infos == {"drone0": {"Found": False}}
-    assert env.step({}) == ({}, {}, {}, {}, {})
-
-
-@pytest.mark.filterwarnings("ignore:divide by zero")
-def test_dsse_rewards_sum(dsse):
-    env = dsse.DroneSwarmSearch(drone_amount=2, vector=(0, 0), person_initial_position=(3, 3))
-    env.reset(options={"drones_positions": [(3, 3), (0, 0)]})
-    _, rewards, terminations, truncations, infos = env.step({"drone0": 8, "drone1": 1})
-    assert rewards == {"drone0": 2.0, "drone1": 0.0}
-    assert env.rewards_sum["drone0"] == 0
-    assert all([*terminations.values(), *truncations.values(), infos["drone1"]["Found"]])
-
-    scheme = dataclasses.replace(RewardScheme.sparse(), find_early=1)
-    ours = DroneSwarmSearch(20, n_drones=2, vector=(0, 0), reward_scheme=scheme)
-    ours.reset(drones_positions=[(0, 0), (3, 3)])
-    assert ours.step({"drone0": 4, "drone1": 1})[1] == {"drone0": 2.0, "drone1": 0.0}
-
-
-def test_dsse_leaving_and_colliding(dsse):
-    env = dsse.DroneSwarmSearch(drone_amount=2, person_initial_position=(15, 15))
-    env.reset()
-    observations, rewards, *_ = env.step({"drone0": 1, "drone1": 8})
-    assert observations["drone0"][0] == observations["drone1"][0] == (1, 0)
-    env.step({"drone0": 2, "drone1": 2})
-    assert env.agents == ["drone0", "drone1"]
-    assert env.rewards_sum["drone0"] == rewards["drone0"] == 0
-
-
-def test_dsse_checks(dsse):
-    make = dsse.DroneSwarmSearch
-    env = make(timestep_limit=-1)
-    make(vector=(float("nan"), 0))
-    env = make()
-    env.reset(options={"vectr": (3, 3)})
-    assert env.vector == (1.1, 1)
-    env.step({"drone0": 1, "drone7": 3})
-    with pytest.raises(ValueError, match="truth value"):
-        env.reset(options={"vector": np.array([0.1, 0.1])})
-    with pytest.raises(AttributeError):
-        env.render()
-
-
-def test_dsse_zero_vector(dsse):
-    with pytest.warns(RuntimeWarning, match="divide by zero"):
-        dsse.DroneSwarmSearch(vector=(0, 0)).reset()
-
-
-def test_dsse_constructor(dsse, monkeypatch):
-    import pygame
-
-    pygame.quit()
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        dsse.DroneSwarmSearch()
-    assert len(printed.getvalue().splitlines()) == 2
-    assert pygame.get_init()
-
-
-def test_dsse_wrappers(dsse):
-    wrappers = importlib.import_module("DSSE.environment.wrappers")
-    listed = {code(row[0]).split("(")[0] for row in rows(section(OF_DSSE, "Wrappers"))}
-    assert set(wrappers.__all__) <= listed
-    for name in wrappers.__all__:
-        given = [[(1, 1), (2, 2)]] if name == "RetainDronePosWrapper" else []
-        env = dsse.DroneSwarmSearch(drone_amount=2, person_initial_position=(10, 10))
-        env = getattr(wrappers, name)(env, *given)
-        observations, _ = env.reset()
-        assert env.observation_space("drone0").contains(observations["drone0"])
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_dsse_passes_the_tests_of_pettingzoo(dsse):
-    tests = importlib.import_module("pettingzoo.test")
-    tests.parallel_api_test(dsse.DroneSwarmSearch(drone_amount=2), num_cycles=200)
-    tests.parallel_seed_test(lambda: dsse.DroneSwarmSearch(drone_amount=2))
-
-
-@pytest.mark.filterwarnings("ignore:.*Casting input")
-def test_dsse_gaussian_wrapper(dsse):
-    wrapper = importlib.import_module("DSSE.environment.wrappers.gaussian_wrapper").GaussianWrapper
-    env = wrapper(dsse.DroneSwarmSearch(person_initial_position=(10, 10)))
-    observations, _ = env.reset()
-    assert isinstance(observations["drone0"], tuple)
-    assert not env.observation_space("drone0").contains(observations["drone0"])
-
-
-def test_dsse_coverage_needs_opendrift(dsse, tmp_path):
-    try:
-        importlib.import_module("opendrift")
-    except ImportError:
-        np.save(tmp_path / "matrix.npy", np.ones((6, 6)))
-        with pytest.raises(ImportError, match="OpenDrift not installed"):
-            dsse.CoverageDroneSwarmSearch(prob_matrix_path=str(tmp_path / "matrix.npy"))
-
-
-def test_dsse_coverage_rewards(coverage):
-    one = coverage(drone_amount=2)
-    one.reset()
-    done = one.reward_scheme["done"]
-    coverage(drone_amount=1).reset()
-    assert one.reward_scheme["done"] == 2 * done
-
-
-def test_dsse_coverage_steps(coverage):
-    env = coverage(drone_amount=2, timestep_limit=5)
-    observations, _ = env.reset(options={"drones_positions": [(0, 1), (3, 3)]})
-    assert observations["drone0"][1].max() == 1
-    *_, infos = env.step({"drone0": 8, "drone1": 8})
-    assert env.agents_positions == [(0, 1), (3, 3)]
-    assert infos["drone0"]["coverage_rate"] == pytest.approx(2 / 30)
-    assert infos["drone0"]["accumulated_pos"] == pytest.approx(0.9 * 2 / 30)
-    assert set(infos["drone0"]) == {
-        *("is_completed", "coverage_rate", "repeated_coverage", "accumulated_pos")
-    }

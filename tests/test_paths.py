@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import hypothesis.strategies as st
 import numpy as np
-import pytest
 from hypothesis import given, settings
 
 from DroneSwarmSearch.planning.paths import FORBIDDEN, best_path, values_to_go
@@ -70,43 +69,3 @@ def test_the_best_path_is_the_first_of_all_best_paths(
         path = best_path(gains, values, start, blocked)
         assert path.cells.tolist() == cells
         assert path.searches.tolist() == searches
-
-
-@settings(deadline=None, max_examples=20, derandomize=True)
-@given(boards())
-def test_values_do_not_depend_on_earlier_steps(
-    board: tuple[np.ndarray, np.ndarray, list[list[int]]],
-) -> None:
-    gains, at_end, blocked = board
-    values = values_to_go(gains, at_end, blocked)
-    for step in range(len(gains)):
-        assert np.array_equal(values[step:], values_to_go(gains[step:], at_end, blocked[step:]))
-
-
-def test_real_gains_are_summed() -> None:
-    rng = np.random.default_rng(1)
-    gains, nothing = rng.random((5, 3, 3)), np.zeros((3, 3))
-    values = values_to_go(gains, nothing)
-    for start in range(9):
-        most = max(it[0] for it in all_paths(gains, nothing, [[]] * 5, start))
-        assert values[0].reshape(-1)[start] == pytest.approx(most, rel=1e-12)
-        path = best_path(gains, values, start)
-        flat = gains.reshape(5, -1)[np.arange(5), path.cells[:-1]]
-        assert flat[path.searches].sum() == pytest.approx(most, rel=1e-12)
-
-
-def test_a_drone_without_gains_idles() -> None:
-    gains = np.zeros((4, 3, 3))
-    path = best_path(gains, values_to_go(gains, gains[0]), 4)
-    assert path.cells.tolist() == [4] * 5
-    assert not path.searches.any()
-
-
-def test_arguments_are_not_changed() -> None:
-    rng = np.random.default_rng(2)
-    arrays = rng.random((4, 3, 3)), rng.random((3, 3))
-    before = [array.copy() for array in arrays]
-    blocked = [[1, 4], [], [8], [0]]
-    best_path(arrays[0], values_to_go(*arrays, blocked), 0, blocked)
-    assert all(np.array_equal(*pair) for pair in zip(arrays, before, strict=True))
-    assert blocked == [[1, 4], [], [8], [0]]

@@ -8,6 +8,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from branch_and_bound import best_success
 from helpers import inside, target_of
 from hypothesis import given, settings
 from small_searches import (
@@ -23,7 +24,6 @@ from small_searches import (
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning import best_plan, best_success
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, idle_paths
 from DroneSwarmSearch.vector.engine import SearchBatch
@@ -91,23 +91,6 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     assert plan.steps == of.scenario.timestep_limit
 
 
-def test_a_plan_may_start_at_a_later_step() -> None:
-    of = search(
-        [(0, 0)], grid_size=4, person_initial_position=(1, 1), vector=(0.4, 0.2),
-        disperse_constant=5, timestep_limit=6, probability_of_detection=0.7,
-    )  # fmt: skip
-    paths = random_paths(of, 6, 3)
-    whole = np.array(found_in_each_step(forecast_of(of), 0.7, schedule_of(paths)))
-    idle = [Path(p.cells, np.where(np.arange(6) < 3, False, p.searches)) for p in paths]
-    late = np.array(found_in_each_step(forecast_of(of), 0.7, schedule_of(idle)))
-    assert whole[:3].sum() > 0.0
-    assert late[3:].sum() > 0.0
-    (target,) = targets_of(of)
-    target.belief = forecast_of(of).joint(3)
-    rest = [Path(path.cells[3:], path.searches[3:]) for path in paths]
-    assert Plan([target], 3, rest).value() == pytest.approx(late.sum(), rel=1e-12)
-
-
 @pytest.mark.parametrize("detection", [1.0, (0.8, 0.35)])
 def test_simulated_plans_find_as_often_as_computed(detection: Any) -> None:
     of = search(
@@ -145,44 +128,6 @@ def actions_of(path: Path, size: int) -> list[int]:
     return [int(moves.get(move, stay[i])) for i, move in enumerate(np.diff(path.cells).tolist())]
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
-@given(plans(most_steps=9), st.integers(1, 4), st.integers(1, 3))
-def test_improvement_never_lowers_the_value_and_keeps_paths_legal(
-    plan_of: tuple[NamedSearch, list[Path], np.ndarray], shortest: int, rounds: int
-) -> None:
-    of, paths, worth = plan_of
-    size = of.scenario.grid_size
-    assert_legal(paths, starts_of(of), size)
-    plan = Plan(targets_of(of, worth=worth), 0, paths)
-    value = plan.value()
-    for _ in range(rounds):
-        plan.improve(min_length=shortest, min_gain=0.0, max_rounds=1)
-        assert plan.value() >= value - 1e-12
-        value = plan.value()
-        assert_legal(plan.paths, starts_of(of), size)
-
-
-@settings(deadline=None, max_examples=30, derandomize=True)
-@given(plans(most_steps=9), st.data())
-def test_improving_a_path_changes_only_that_path_and_returns_the_gain(
-    plan_of: tuple[NamedSearch, list[Path], np.ndarray], data: st.DataObject
-) -> None:
-    of, paths, worth = plan_of
-    drone = data.draw(st.integers(0, len(paths) - 1))
-    begin = data.draw(st.integers(0, len(worth) - 1))
-    end = data.draw(st.integers(begin + 1, len(worth)))
-    plan = Plan(targets_of(of, worth=worth), 0, paths)
-    before = plan.value()
-    gained = plan.improve_segment(drone, begin, end)
-    assert gained >= 0.0
-    assert plan.value() - before == pytest.approx(gained, abs=1e-12)
-    assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
-    for other, (path, now) in enumerate(zip(paths, plan.paths, strict=True)):
-        if other != drone:
-            assert np.array_equal(path.cells, now.cells)
-            assert np.array_equal(path.searches, now.searches)
-
-
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(plans(most_steps=9), st.data())
 def test_the_gain_of_any_other_segment_is_exact(
@@ -197,19 +142,6 @@ def test_the_gain_of_any_other_segment_is_exact(
     gained = plan.improve_segment(0, begin, end, lambda gains: rng.random(gains.shape))
     assert plan.value() - before == pytest.approx(gained, abs=1e-12)
     assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
-
-
-def test_the_initial_paths_are_not_changed() -> None:
-    of = search(
-        [(0, 0)], grid_size=5, person_initial_position=(2, 2), disperse_constant=5,
-        timestep_limit=12,
-    )  # fmt: skip
-    paths = idle_paths([0], 12)
-    plan = Plan(targets_of(of), 0, paths)
-    plan.improve(min_length=4, min_gain=0.0, max_rounds=2)
-    assert plan.value() > 0.0
-    assert not paths[0].searches.any()
-    assert not paths[0].cells.any()
 
 
 def test_a_path_meets_the_person_as_early_as_possible() -> None:
@@ -237,17 +169,6 @@ def test_the_person_with_the_larger_weight_is_searched_first() -> None:
         plan.improve(min_length=4, min_gain=1e-3, max_rounds=1)
         assert plan.success_probabilities() == expected
         assert plan.value() == 2.0
-
-
-def test_early_finds_are_preferred_if_they_have_a_higher_value() -> None:
-    of = search(
-        [(2, 0)], grid_size=7, person_initial_position=(2, 0), vector=(0, 0),
-        disperse_constant=0, timestep_limit=6,
-    )  # fmt: skip
-    plan = Plan(targets_of(of, worth=np.linspace(2, 1, 6)), 0, idle_paths([2], 6))
-    plan.improve(min_length=6, min_gain=1e-3, max_rounds=2)
-    assert plan.value() == 2.0
-    assert plan.paths[0].searches[0]
 
 
 def test_each_kind_of_improvement_adds_value() -> None:
@@ -316,40 +237,10 @@ def tiny(draw: st.DrawFn) -> NamedSearch:
 
 @settings(deadline=None, max_examples=20, derandomize=True)
 @given(tiny())
-def test_branch_and_bound_finds_the_best_plan(of: NamedSearch) -> None:
-    best = best_success(of.scenario, of.drones)
+def test_the_oracle_finds_the_best_plan(of: NamedSearch) -> None:
+    best = best_success(of)
     assert best == pytest.approx(best_of_all_plans(of), rel=1e-12)
-    assert best_success(of.scenario, of.drones, known=best / 2) == pytest.approx(best)
-    assert best_success(of.scenario, of.drones, known=best + 0.01) == best + 0.01
-
-
-@settings(deadline=None, max_examples=10, derandomize=True)
-@given(tiny())
-def test_branch_and_bound_returns_the_best_paths(of: NamedSearch) -> None:
-    best = best_plan(of.scenario, of.drones)
-    assert best.is_optimal
-    if best.success == 0.0:
-        return
-    assert best.paths is not None
-    assert_legal(best.paths, starts_of(of), of.scenario.grid_size)
-    assert success_of(of, best.paths)[0] == pytest.approx(best.success, rel=1e-12)
-    again = best_plan(of.scenario, of.drones, known=best.success)
-    assert (again.success, again.paths, again.is_optimal) == (best.success, None, True)
-
-
-def test_branch_and_bound_stops_at_its_limit() -> None:
-    of = search(
-        [(0, 0), (4, 4)], grid_size=5, person_initial_position=(2, 2), disperse_constant=5,
-        timestep_limit=6, probability_of_detection=0.7,
-    )  # fmt: skip
-    none = best_plan(of.scenario, of.drones, known=0.01, nodes=0)
-    assert none == (0.01, None, False)
-    some, best = (best_plan(of.scenario, of.drones, nodes=nodes) for nodes in (10, None))
-    assert not some.is_optimal
-    assert best.is_optimal
-    assert 0.0 < some.success <= best.success
-    with pytest.raises(ValueError, match="nodes must be"):
-        best_plan(of.scenario, of.drones, nodes=-1)
+    assert best_success(of, known=best / 2) == pytest.approx(best)
 
 
 @settings(deadline=None, max_examples=20, derandomize=True)
@@ -368,38 +259,3 @@ def test_exploring_never_lowers_the_value_and_keeps_paths_legal(
     assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] <= fractions[-1] < 1.0
-
-
-def test_exploring_leaves_a_local_optimum() -> None:
-    of = search(
-        [(0, 0), (9, 9)], grid_size=10, person_initial_position=(5, 5), vector=(0.1, 0),
-        disperse_constant=5, timestep_limit=40,
-    )  # fmt: skip
-    plan = Plan(targets_of(of), 0, idle_paths(starts_of(of), 40))
-    while plan.improve(min_length=3, min_gain=0.0, max_rounds=4):
-        pass
-    local = plan.value()
-    plan.explore(np.random.default_rng(0), 1e7)
-    assert plan.value() > local + 0.002
-
-
-def test_a_plan_may_leave_a_person_for_later() -> None:
-    """A person who counts as much unfound as found is not searched."""
-    of = search(
-        [(3, 0)], grid_size=7, person_initial_position=[(0, 0), (6, 0)], vector=(0, 0),
-        disperse_constant=0, timestep_limit=4,
-    )  # fmt: skip
-    for later, expected in ((0, [0.0, 1.0]), (1, [1.0, 0.0])):
-        targets = targets_of(of)
-        targets[later].unfound = np.zeros((5, 1, 7, 7))
-        targets[later].unfound[4] = 1.0
-        plan = Plan(targets, 0, idle_paths([3], 4))
-        plan.improve(min_length=4, min_gain=1e-3, max_rounds=1)
-        assert plan.success_probabilities() == expected
-        assert plan.value() == 2.0
-
-
-def test_branch_and_bound_is_for_one_person() -> None:
-    of = search([(0, 0)], grid_size=3, person_initial_position=[(1, 1), (2, 2)], timestep_limit=3)
-    with pytest.raises(ValueError, match="scenario must have one person, got 2"):
-        best_success(of.scenario, of.drones)

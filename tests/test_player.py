@@ -10,13 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.player import (
-    AHEAD,
     SPEEDS,
     Flight,
     Player,
-    PolicyRecording,
     Recording,
     Score,
     refusal,
@@ -50,7 +48,7 @@ class Whole(Recording):
     """A recording that is complete from the start."""
 
     def __init__(self) -> None:
-        super().__init__(frame(), "calm, ")
+        super().__init__(iter([frame()]), "calm, ")
         self.frames += [frame(step) for step in range(1, LAST + 1)]
 
 
@@ -224,24 +222,7 @@ class TestWatching:
         assert not player.moment.frame.hide_persons
 
 
-class TestPolicyRecording:
-    def test_it_plays_a_little_ahead(self) -> None:
-        def frames() -> Iterator[Frame]:
-            for step in range(1000):
-                yield replace(frame(), step=step)
-                reached.release()
-
-        reached = threading.Semaphore(0)
-        recording = PolicyRecording(frames())
-        player = Player(lambda seed: recording, seed=0, fps=1)
-        for _ in range(AHEAD):
-            assert reached.acquire(timeout=10)
-        assert not reached.acquire(timeout=0.05)
-        player.advance(3)
-        for _ in range(3):
-            assert reached.acquire(timeout=10)
-        recording.stop()
-
+class TestRecording:
     def test_it_waits_for_a_slow_policy(self) -> None:
         go_on = threading.Event()
 
@@ -250,7 +231,7 @@ class TestPolicyRecording:
             assert go_on.wait(10)
             yield frame(LAST)
 
-        player = watching(lambda seed: PolicyRecording(frames()))
+        player = watching(lambda seed: Recording(frames()))
         player.advance(10)
         assert step_of(player) == 0
         assert "planning" in player.status
@@ -267,7 +248,7 @@ class TestPolicyRecording:
             for step in range(1, LAST + 1):
                 yield frame(step)
 
-        player = watching(lambda seed: PolicyRecording(frames()))
+        player = watching(lambda seed: Recording(frames()))
         player.press("right")
         player.press("right")
         go_on.set()
@@ -287,7 +268,7 @@ class TestPolicyRecording:
             failed.set()
             raise ValueError("no plan")
 
-        player = watching(lambda seed: PolicyRecording(frames()))
+        player = watching(lambda seed: Recording(frames()))
         assert failed.wait(10)
         time.sleep(0.01)
         player.advance(1 / FPS)
@@ -432,5 +413,4 @@ def test_scores_as_rows() -> None:
     last = replace(frame(LAST), probability_of_success=0.417, total_return=-1234.5)
     row = ("you", "not found in 10 steps", "41.7%", "-1,234")
     assert score_row(Score("you", last)) == row
-    assert score_row(Score("greedy", None)) == ("greedy", "...", "", "")
     assert score_row(Score("you", replace(last, probability_of_success=None)))[2] == ""

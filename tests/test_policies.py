@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from small_searches import uncertain_persons
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
-from DroneSwarmSearch._internal.streams import policy_key, stream_keys
 from DroneSwarmSearch.policies import POLICIES, BatchPolicy, SwarmPolicy, make
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.rules import Ending
@@ -89,20 +88,6 @@ class TestRegistry:
     def test_rejects_anything_but_a_scenario(self, name: str) -> None:
         with pytest.raises(TypeError, match=r"scenario must be a Scenario, got 7"):
             make(name, 7)  # type: ignore[arg-type]
-
-
-class TestEnvironmentScenario:
-    def test_has_the_constructor_arguments_before_the_first_reset(self) -> None:
-        env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
-        assert (env.scenario.grid_size, env.scenario.vector) == (9, (0.1, 0.2))
-
-    def test_is_that_of_the_current_episode(self) -> None:
-        env = DroneSwarmSearch(grid_size=9, vector=(0.1, 0.2))
-        env.reset(0, {"person_initial_position": [(1, 2), (3, 4)]}, vector=(1, 0))
-        assert env.scenario.person_initial_position == ((1, 2), (3, 4))
-        assert env.scenario.vector == (1, 0)
-        env.reset()
-        assert (env.scenario.person_initial_position, env.scenario.vector) == (((0, 0),), (1, 0))
 
 
 KNOWN: dict[str, Any] = {
@@ -303,13 +288,6 @@ def test_rows_with_identical_observations_share_one_choice() -> None:
     assert policy.calls == 7, "their observations differed once"
 
 
-def test_rows_are_numbered_from_0_by_default() -> None:
-    policy, twin = Historian(scenario()), Historian(scenario())
-    first = policy(identical(3))
-    assert np.array_equal(first, twin({**identical(3), "row": np.arange(3)}))
-    assert np.array_equal(policy(identical(3)), twin({**identical(3), "row": np.array([0, 1, 2])}))
-
-
 def test_accepts_the_observations_of_the_vector_environment() -> None:
     envs = SwarmVectorEnv(num_envs=3, grid_size=5, n_drones=2)
     observations, _ = envs.reset(seed=0)
@@ -409,12 +387,6 @@ class TestRandom:
         assert np.array_equal(self.draws(policy, [0, 1]), together[[2, 0]])
         policy.reset(seed=[41], rows=[7])
         assert np.array_equal(self.draws(policy, [7]), together[[1]])
-        policy.reset(seed=33, rows=[8, 9])
-        assert np.array_equal(self.draws(policy, [9]), draws_of_seed(42))
-
-    def test_rows_differ(self) -> None:
-        drawn = self.draws(RandomPolicy(scenario()), list(range(50)))
-        assert len(np.unique(drawn.reshape(50, -1), axis=0)) == 50
 
     def test_without_a_seed_every_episode_has_new_draws(self) -> None:
         policy = RandomPolicy(scenario())
@@ -430,16 +402,6 @@ class TestRandom:
             assert np.array_equal(self.draws(twin, [0, 1]), expected)
             twin.reset()
 
-    def test_a_row_first_used_after_resets_has_the_same_draws(self) -> None:
-        early, late = RandomPolicy(scenario()), RandomPolicy(scenario())
-        self.draws(early, [0, 1])
-        early.reset()
-        late.reset()
-        assert np.array_equal(self.draws(early, [0, 1]), self.draws(late, [0, 1]))
-
-    def test_the_random_stream_is_not_the_environments(self) -> None:
-        assert policy_key(5) not in stream_keys(5)
-
     def test_safe_actions_are_equally_likely(self) -> None:
         # Drone 0 is in a corner next to drone 1: down, search and idle are safe. Drone 1 can
         # also move right.
@@ -450,10 +412,3 @@ class TestRandom:
         second = Counter(drawn[:, 1].tolist())
         assert set(second) == {Action.RIGHT, Action.DOWN, Action.SEARCH, Action.IDLE}
         assert all(abs(count / 8000 - 1 / 4) < 0.02 for count in second.values())
-
-
-def draws_of_seed(seed: int) -> np.ndarray:
-    """The actions of a single row with a seed."""
-    policy = RandomPolicy(scenario())
-    policy.reset(seed=seed)
-    return TestRandom.draws(policy, [0])

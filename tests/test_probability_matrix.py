@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, dispersion_rate, tables
 from DroneSwarmSearch.drift import probability_matrix as module
@@ -336,6 +337,29 @@ def test_blocks_of_huge_grids_are_small() -> None:
 def test_bad_arguments(arguments: tuple, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         ProbabilityMatrix(*arguments)
+
+
+def test_the_memory_of_a_long_episode_stops_growing_at_the_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "CACHE_BYTES", 4 * 2**20)
+    env = DroneSwarmSearch(
+        40,
+        person_initial_position=(20, 20),
+        timestep_limit=10**9,
+        bayesian_update=True,
+    )
+    env.reset(seed=0)
+    env.step({"drone0": Action.SEARCH})
+    tracemalloc.start()
+    used = []
+    for _ in range(4):
+        for _ in range(400):
+            env.step({"drone0": Action.IDLE})
+        used.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert used[0] < 8 * 2**20
+    assert used[-1] - used[1] < 2**20
 
 
 def test_steps_before_the_first() -> None:

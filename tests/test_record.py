@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -21,18 +19,19 @@ from DroneSwarmSearch import Person, RewardScheme
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
-from DroneSwarmSearch.evaluation import NamedSearch, Video, evaluate, record, recording
-from DroneSwarmSearch.evaluation.recording import frames
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
+from DroneSwarmSearch.evaluation.recording import play
+from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.palette import NOT_FOUND
-from DroneSwarmSearch.rendering.video import SUFFIXES, pictures_per_step, write_video
+from DroneSwarmSearch.rendering.video import SUFFIXES, write_pictures
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 
 pytest.importorskip("pygame")
 Image = pytest.importorskip("PIL.Image")
-imageio = pytest.importorskip("imageio.v2")
+ffmpeg = pytest.importorskip("imageio_ffmpeg")
 
 from DroneSwarmSearch.rendering.painter import HEAD, Painter  # noqa: E402 (needs pygame)
 
@@ -90,74 +89,57 @@ class Watcher:
         return dict.fromkeys(observations, int(Action.IDLE))
 
 
+def frames(policy: Any, search: NamedSearch, seed: int = 0) -> list[Frame]:
+    """The frames of an episode."""
+    made = make(policy, search.scenario) if isinstance(policy, str) else policy
+    return [frame for frame, _ in play(made, search, seed)]
+
+
 class TestFrames:
-    def test_both_halves_show_the_same_episode(self) -> None:
+    def test_prior_and_posterior_follow_the_drift_and_the_searches(self) -> None:
         search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
-        pairs = list(frames("greedy-posterior", search, seed=4))
-        for prior, posterior in pairs:
-            same = replace(
-                posterior,
-                matrix=prior.matrix,
-                probability_of_success=None,
-                hypotheses=prior.hypotheses,
-                prior=None,
-            )
-            assert vars(same) == vars(prior)
-            assert posterior.hypotheses == (pytest.approx((1.0,)),)
+        shown = frames("greedy-posterior", search, seed=4)
         forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
         belief = forecast.joint(0)
-        for (_, before), (prior, after) in pairwise(pairs):
+        for before, after in pairwise(shown):
             looked = [cell for cell, s in zip(before.drones, after.searching, strict=True) if s]
             if looked and not any(after.found):
                 belief, _ = after_unsuccessful_search(belief, [y * 5 + x for x, y in looked], 1.0)
             belief = after_drift(belief, *forecast.moves(before.step))
-            assert np.array_equal(prior.matrix, forecast.at(after.step))
+            assert np.array_equal(after.prior, forecast.at(after.step))
             if not any(after.found):
                 np.testing.assert_allclose(after.matrix, belief[0], atol=1e-6)
-        assert any(after.searching[0] for _, after in pairs)
+        assert any(after.searching[0] for after in shown)
 
     @pytest.mark.parametrize("mission", ["rescue", "coverage"])
     def test_uncertain_persons(self, mission: str) -> None:
         search = at_sea(mission=mission)
-        *_, (prior, posterior) = pairs = list(frames("greedy-posterior", search, seed=1))
-        assert all(before.hypotheses == ((0.75, 0.25),) for before, _ in pairs)
-        assert posterior.hypotheses != prior.hypotheses
-        assert sum(posterior.hypotheses[0]) == pytest.approx(1)
-        found = [after.probability_of_success for _, after in pairs]
-        assert found[0] == 0
-        assert found == sorted(found)
-        assert found[-1] > 0.1
-        assert (prior.persons == ()) == (mission == "coverage")
+        shown = frames("greedy-posterior", search, seed=1)
+        assert shown[0].hypotheses == ((0.75, 0.25),) != shown[-1].hypotheses
+        assert sum(shown[-1].hypotheses[0]) == pytest.approx(1)
+        success = [frame.probability_of_success for frame in shown]
+        assert success[0] == 0
+        assert success == sorted(success)
+        assert success[-1] > 0.1
+        assert (shown[0].persons == ()) == (mission == "coverage")
 
     @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
     def test_it_is_the_episode_that_evaluate_plays_with_the_seed(self, policy: str) -> None:
         search = small(timestep_limit=25)
         episodes = evaluate(policy, search, episodes=3, seed=5, progress=False).episodes
         for place, seed in enumerate((5, 6, 7)):
-            *_, (_, last) = frames(policy, search, seed=seed)
+            last = frames(policy, search, seed=seed)[-1]
             assert last.step == episodes.steps[place]
             assert any(last.found) == bool(episodes.found_at[place, 0])
 
     @pytest.mark.parametrize("updates", [False, True])
     def test_the_policy_sees_the_prior_or_the_posterior(self, updates: bool) -> None:
-        for search, asked in ((small(bayesian_update=updates), None), (small(), updates)):
-            watcher = Watcher()
-            pairs = list(frames(watcher, search, seed=3, bayesian_update=asked))
-            for shown, pair in zip(watcher.shown, pairs, strict=False):
-                assert np.array_equal(shown, pair[updates].matrix)
-            assert watcher.seeds == [3]
-
-    def test_bad_input_is_refused(self) -> None:
-        with pytest.raises(ValueError, match=r"got 'pnd'; did you mean pond?"):
-            frames("random", "pnd")
-        with pytest.raises(ValueError, match=r"policy must be one of random"):
-            frames("greedy", "pond")
-        with pytest.raises(TypeError, match="path must be the path of a file, got None"):
-            record("random", "pond", None)
-        with pytest.raises(ValueError, match=r"seed must be an integer of at least 0, got -1"):
-            frames("random", "pond", seed=-1)
-        with pytest.raises(TypeError, match=r"bayesian_update must be True or False, got 1"):
-            frames("random", "pond", bayesian_update=1)  # type: ignore[arg-type]
+        watcher = Watcher()
+        for shown, frame in zip(
+            watcher.shown, frames(watcher, small(bayesian_update=updates), seed=3), strict=False
+        ):
+            assert np.array_equal(shown, frame.matrix if updates else frame.prior)
+        assert watcher.seeds == [3]
 
     def test_bad_input_makes_no_folder(self, tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="policy must be one of random"):
@@ -199,21 +181,16 @@ class TestVideo:
         assert made.path == path
         assert (made.last.step, made.last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as video:
-            # Equal pictures are kept as one that stays longer.
-            assert 1 < video.n_frames <= 9 * pictures_per_step(recording.FPS)
+            assert video.n_frames > 8
             assert video.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
 
     def test_a_video_holds_the_last_picture(self, tmp_path: Path) -> None:
-        pytest.importorskip("imageio_ffmpeg")
         path = tmp_path / "video.mp4"
         record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
-        with imageio.get_reader(path) as video:
-            rate = 2 * pictures_per_step(2.0)
-            assert 20 <= rate <= 30
-            assert video.get_meta_data()["fps"] == rate
-            assert video.count_frames() == 1 + 3 * rate // 2 + round(rate * recording.HOLD)
-            assert video.get_data(0).shape == Painter(5, view="both").pixels(frame(5)).shape
+        count, seconds = ffmpeg.count_frames_and_secs(str(path))
+        assert seconds == pytest.approx(3 / 2 + recording.HOLD, abs=0.1)
+        assert 20 <= count / seconds <= 30
 
     @pytest.mark.parametrize(
         ("name", "tag", "kind"), [("a.GIF", "img", "image/gif"), ("a.mp4", "video", "video/mp4")]
@@ -257,12 +234,8 @@ class TestVideo:
         assert not list(tmp_path.iterdir())
 
 
-class StoppedError(BaseException):
-    """What no library expects."""
-
-
 class TestWriting:
-    """`write_video`, on which the commands rest."""
+    """`write_pictures`, on which the commands rest."""
 
     @staticmethod
     def pictures(count: int, height: int = 60, width: int = 80) -> Iterator[NDArray[np.uint8]]:
@@ -277,46 +250,15 @@ class TestWriting:
     @pytest.fixture(params=SUFFIXES)
     def path(self, request: pytest.FixtureRequest, tmp_path: Path) -> Path:
         """Where a video is already."""
-        if request.param == ".mp4":
-            pytest.importorskip("imageio_ffmpeg")
         path = tmp_path / f"video{request.param}"
         path.write_bytes(b"before")
         return path
 
-    @pytest.mark.parametrize("suffix", SUFFIXES)
-    def test_any_name_will_do(
-        self, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        if suffix == ".mp4":
-            pytest.importorskip("imageio_ffmpeg")
-        monkeypatch.chdir(tmp_path)
-        path = Path(f"a:b -y%d{suffix}")
-        assert write_video(path, self.pictures(3), fps=5, hold=0) == 3
-        assert path.stat().st_size > 100 and len(list(tmp_path.iterdir())) == 1
+    @staticmethod
+    def write(path: Path, pictures: Any, fps: float = 5, hold: float = 1) -> None:
+        write_pictures(path, pictures, fps=fps, hold=hold, gif_width=600)
 
-    @pytest.mark.parametrize(
-        ("changes", "error", "message"),
-        [
-            ({"fps": 0}, ValueError, "fps must be .* got 0"),
-            ({"fps": -1}, ValueError, "fps must be .* got -1"),
-            ({"fps": float("nan")}, ValueError, "fps must be"),
-            ({"hold": -9}, ValueError, "hold must be .* got -9"),
-            ({"hold": "1"}, TypeError, "hold must be"),
-            ({"gif_width": 0}, ValueError, "gif_width must be"),
-            ({"path": "video.gif"}, TypeError, "path must be"),
-        ],
-    )
-    def test_bad_arguments_are_refused_before_the_first_picture(
-        self, path: Path, changes: dict[str, Any], error: type[Exception], message: str
-    ) -> None:
-        taken: list[int] = []
-        pictures = (taken.append(1) or each for each in self.pictures(3))
-        given: dict[str, Any] = {"path": path, "fps": 5, "hold": 1, **changes}
-        with pytest.raises(error, match=message):
-            write_video(given.pop("path"), pictures, **given)
-        assert not taken and path.read_bytes() == b"before"
-
-    @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError, StoppedError])
+    @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
     @pytest.mark.parametrize("place", [0, 1, 29])
     def test_an_error_keeps_the_existing_video(
         self, path: Path, error: type[BaseException], place: int
@@ -326,173 +268,59 @@ class TestWriting:
             raise error
 
         with pytest.raises(error):
-            write_video(path, failing(), fps=5, hold=1)
+            self.write(path, failing())
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
 
     @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
-    @pytest.mark.parametrize("room", [0, 1000, 20_000])
+    @pytest.mark.parametrize("room", [0, 20_000])
     def test_a_full_disk_keeps_the_existing_video(self, path: Path, room: int) -> None:
         resource = pytest.importorskip("resource")
         before = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
         try:
             with pytest.raises(OSError, match="files written before are kept") as caught:
-                write_video(path, self.pictures(30, 200, 300), fps=5, hold=1)
+                self.write(path, self.pictures(30, 200, 300))
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
         assert str(path) in str(caught.value)
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
 
-    @pytest.mark.skipif(sys.platform == "win32", reason="the module resource is POSIX's")
-    def test_memory_does_not_grow_with_the_number_of_pictures(self, path: Path) -> None:
-        code = (
-            "import resource, sys\n"
-            "from pathlib import Path\n"
-            "import numpy as np\n"
-            "from DroneSwarmSearch.rendering.video import write_video\n"
-            "def pictures(count):\n"
-            "    picture = np.random.default_rng(0).integers(0, 256, (300, 400, 3), np.uint8)\n"
-            "    for row in range(count):\n"
-            "        picture = picture.copy()\n"
-            "        picture[row] = 255\n"
-            "        yield picture\n"
-            "def most(count):\n"
-            "    write_video(Path(sys.argv[1]), pictures(count), fps=5, hold=1)\n"
-            "    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-            "few = most(10)\n"
-            "print(most(50) - few)\n"
-        )
-        unit = 1 if sys.platform == "darwin" else 1024
-        assert int(python(code, path)) * unit < 6_000_000  # 40 pictures have 14 million bytes
-
-    def test_a_gif_shows_every_picture_for_its_time(self, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("fps", [4, 7, 16.7, 28, 49])
+    def test_a_gif_is_as_fast_as_asked(self, tmp_path: Path, fps: float) -> None:
         path = tmp_path / "video.gif"
-        ramp = np.zeros((40, 50, 3), np.uint8)
-        pictures = [ramp]
-        for box in [(0, 0, 5, 5), (39, 49, 40, 50), None, None, (0, 0, 40, 50), (3, 4, 20, 5)]:
-            picture = pictures[-1].copy()
-            if box is not None:
-                top, left, bottom, right = box
-                picture[top:bottom, left:right] ^= 255
-            pictures.append(picture)
-        assert write_video(path, iter(pictures), fps=4, hold=1.5) == 7
-        shown, durations = [], []
+        pictures = [np.full((20, 30, 3), 200 * (number % 2), np.uint8) for number in range(100)]
+        self.write(path, pictures, fps=fps, hold=1.5)
+        total, shown = 0, []
         with Image.open(path) as video:
             assert video.info["loop"] == 0
             for number in range(video.n_frames):
                 video.seek(number)
+                total += video.info["duration"]
                 shown.append(np.asarray(video.convert("RGB")))
-                durations.append(video.info["duration"])
-        assert durations == [250, 250, 750, 250, 1750]
-        for seen, wanted in zip(shown, [0, 1, 2, 5, 6], strict=True):
-            assert np.abs(seen.astype(int) - pictures[wanted]).max() <= 8
-
-    @pytest.mark.parametrize("fps", [7, 16.7, 26, 28, 33, 49])
-    def test_a_gif_is_as_fast_as_asked(self, tmp_path: Path, fps: float) -> None:
-        path = tmp_path / "video.gif"
-        pictures = [np.full((2, 2, 3), 200 * (number % 2), np.uint8) for number in range(100)]
-        write_video(path, pictures, fps=fps, hold=0)
-        total = 0
-        with Image.open(path) as video:
-            for number in range(video.n_frames):
-                video.seek(number)
-                total += video.info["duration"]
-                assert video.info["duration"] >= 20  # browsers slow shorter delays down
-        assert total == pytest.approx(100_000 / fps, abs=10)
-
-    def test_a_picture_that_stays_too_long_for_a_gif_is_repeated(self, tmp_path: Path) -> None:
-        path = tmp_path / "video.gif"
-        same = np.full((20, 30, 3), 77, np.uint8)
-        assert write_video(path, [same] * 100, fps=0.1, hold=3) == 100
-        total = 0
-        with Image.open(path) as video:
-            for number in range(video.n_frames):
-                video.seek(number)
-                total += video.info["duration"]
-        assert video.n_frames == 2
-        assert total == 1_003_000
+        assert total == pytest.approx(100_000 / fps + 1500, abs=1000 / fps)
+        for picture, wanted in zip(shown[:100], pictures, strict=True):
+            assert np.abs(picture.astype(int) - wanted).max() <= 8
 
     def test_a_video_of_odd_lengths(self, tmp_path: Path) -> None:
-        pytest.importorskip("imageio_ffmpeg")
         path = tmp_path / "video.mp4"
-        assert write_video(path, self.pictures(4, 61, 83), fps=4, hold=1) == 4
-        with imageio.get_reader(path) as video:
-            assert video.count_frames() == 8
-            assert video.get_data(0).shape == (62, 84, 3)
+        self.write(path, self.pictures(4, 61, 83), fps=4)
+        assert ffmpeg.count_frames_and_secs(str(path)) == (8, 2.0)
+        assert next(ffmpeg.read_frames(str(path)))["size"] == (84, 62)
 
-    @pytest.mark.parametrize(
-        ("pictures", "words"),
-        [
-            ([], "pictures must be at least one, got none"),
-            ([np.zeros((4, 4), np.uint8)], r"got uint8 of shape \(4, 4\)"),
-            ([np.zeros((4, 4, 3), np.float32)], r"got float32 of shape \(4, 4, 3\)"),
-            (
-                [np.zeros((4, 4, 3), np.uint8), np.zeros((6, 4, 3), np.uint8)],
-                r"got uint8 of shape \(6, 4, 3\) after \(4, 4, 3\)",
-            ),
-        ],
-    )
-    def test_bad_pictures_are_refused(
-        self, path: Path, pictures: list[NDArray[Any]], words: str
+    def test_what_is_missing_is_named_before_the_first_picture(
+        self, path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        with pytest.raises(ValueError, match=words):
-            write_video(path, pictures, fps=5, hold=1)
-        assert path.read_bytes() == b"before"
-
-    @pytest.mark.parametrize("suffix", SUFFIXES)
-    def test_a_folder_in_the_way_is_named_before_the_first_picture(
-        self, tmp_path: Path, suffix: str
-    ) -> None:
-        path = tmp_path / f"video{suffix}"
-        path.mkdir()
-        with pytest.raises(IsADirectoryError):
-            write_video(path, untouchable(), fps=5, hold=1)
-
-    @pytest.mark.parametrize(("suffix", "missing"), [(".gif", "PIL"), (".mp4", "imageio_ffmpeg")])
-    def test_a_missing_package_is_named_before_the_first_picture(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, missing: str
-    ) -> None:
-        monkeypatch.setitem(sys.modules, missing, None)
-        with pytest.raises(ImportError, match=rf"needs the package {missing}: pip install .*video"):
-            write_video(tmp_path / f"video{suffix}", untouchable(), fps=5, hold=1)
-        assert not list(tmp_path.iterdir())
-
-    @pytest.mark.parametrize("program", ["nowhere", "folder", "text", ""])
-    def test_a_missing_ffmpeg_is_named_before_the_first_picture(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str
-    ) -> None:
-        ffmpeg = pytest.importorskip("imageio_ffmpeg")
-        (tmp_path / "folder").mkdir()
-        (tmp_path / "text").write_text("no program")
-        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / program) if program else "")
-        if not program:
-            monkeypatch.setattr(ffmpeg._utils, "_get_ffmpeg_exe", lambda: None)
-        before = sorted(tmp_path.iterdir())
-        with pytest.raises(ImportError, match=r"needs the program ffmpeg.*imageio-ffmpeg"):
-            write_video(tmp_path / "video.mp4", untouchable(), fps=5, hold=1)
-        assert sorted(tmp_path.iterdir()) == before
+        monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+        with pytest.raises(ImportError, match=r"imageio_ffmpeg: pip install .*\[video\]"):
+            self.write(path, untouchable())
 
 
 def untouchable() -> Iterator[NDArray[np.uint8]]:
     """Pictures of which none may be taken."""
     pytest.fail("an episode was begun")
     yield
-
-
-def python(code: str, *arguments: object) -> str:
-    """What some code prints in a process of its own."""
-    here = Path(__file__).parent
-    done = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])},
-    )
-    return done.stdout
 
 
 class TestCommand:
@@ -505,13 +333,13 @@ class TestCommand:
         file.write_text(json.dumps(search.data), "utf-8")
         arguments = ["record", str(file), "--policy", "greedy-posterior", "--out", str(path)]
         assert command.main(arguments) == 0
-        pairs = list(frames("greedy-posterior", search))
-        outcome = outcome_in_brief(pairs[-1][1])
+        shown = frames("greedy-posterior", search)
+        outcome = outcome_in_brief(shown[-1])
         captured = capsys.readouterr()
         assert captured.out == f"{path}: greedy-posterior searching storm, {outcome}\n"
         assert captured.err == ""
         with Image.open(path) as video:
-            assert len(pairs) < video.n_frames <= len(pairs) * pictures_per_step(recording.FPS)
+            assert video.n_frames > len(shown)
 
     def test_it_writes_the_video_and_prints_the_outcome(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -519,7 +347,7 @@ class TestCommand:
         path = tmp_path / "pond.gif"
         arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3"]
         assert command.main([*arguments, "--out", str(path)]) == 0
-        *_, (_, last) = frames("greedy-posterior", "pond", seed=3)
+        last = frames("greedy-posterior", SUITE["pond"], seed=3)[-1]
         output = f"{path}: greedy-posterior searching pond, {outcome_in_brief(last)}\n"
         assert capsys.readouterr().out == output
         assert path.stat().st_size > 10_000
@@ -558,40 +386,21 @@ class TestCommand:
         path = blocked / "video.gif"
         with pytest.raises(SystemExit) as stop:
             command.main(["record", "pond", "--policy", "random", "--out", str(path)])
-        assert stop.value.code == 2
+        assert stop.value.code == 1
         assert f"cannot write {path}" in capsys.readouterr().err
 
-    def test_missing_packages_are_named(
+    def test_a_missing_package_is_named(
         self,
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str],
     ) -> None:
-        monkeypatch.setitem(sys.modules, "PIL", None)
+        monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+        out = str(tmp_path / "video.gif")
         with pytest.raises(SystemExit) as stop:
-            command.main(
-                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "video.gif")]
-            )
+            command.main(["record", "pond", "--policy", "random", "--out", out])
         assert stop.value.code == 2
-        assert 'needs the package PIL: pip install "DroneSwarm' in capsys.readouterr().err
-        assert not list(tmp_path.iterdir())
-
-    def test_a_missing_ffmpeg_is_reported_in_a_line(
-        self,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
-        pytest.importorskip("imageio_ffmpeg")
-        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
-        with pytest.raises(SystemExit) as stop:
-            command.main(
-                ["record", "pond", "--policy", "random", "--out", str(tmp_path / "video.mp4")]
-            )
-        assert stop.value.code == 2
-        output = capsys.readouterr().err
-        assert "needs the program ffmpeg" in output
-        assert "Traceback" not in output
+        assert 'needs the package imageio_ffmpeg: pip install "Dr' in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
 
     def test_an_interruption_leaves_no_file(

@@ -6,10 +6,10 @@ import copy
 import pickle
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +17,9 @@ from helpers import plain, whole_state
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering import panel
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.labels import outcome_in_brief, percent, signed, tick_stride
 from DroneSwarmSearch.rendering.painter import GAP, HEAD, Painter
 from DroneSwarmSearch.rendering.palette import (
@@ -30,7 +31,6 @@ from DroneSwarmSearch.rendering.palette import (
 )
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
 from DroneSwarmSearch.rendering.text import RAMP, render_text
-from DroneSwarmSearch.rendering.window import KEYS_KEPT, Window
 from DroneSwarmSearch.rules import Ending
 
 pygame = pytest.importorskip("pygame")
@@ -852,12 +852,6 @@ class TestMotion:
         )
         assert (halfway == nearly).all()
 
-    def test_a_video_has_as_many_pictures_per_step_as_asked(self) -> None:
-        frames = [make_frame(drones=((x, 0),)) for x in range(3)]
-        pictures = [*Painter(7).video(frames, 4)]
-        assert len(pictures) == 1 + 2 * 4
-        assert all((a != b).any() for a, b in pairwise(pictures))
-
 
 class TestLargeGrids:
     """Of a large grid, the map shows where the search takes place."""
@@ -972,7 +966,7 @@ class TestPainter:
     def test_off_screen_only_the_font_is_started(self) -> None:
         code = (
             "import numpy as np\n"
-            "from DroneSwarmSearch.rendering.frame import Frame\n"
+            "from DroneSwarmSearch.frame import Frame\n"
             "from DroneSwarmSearch.rendering.painter import Painter\n"
             "import pygame\n"
             "p = Painter(2, render_grid=True, render_gradient=True)\n"
@@ -998,104 +992,63 @@ def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     pygame.quit()
 
 
-def make_window(grid_size: int = 7, *, title: str = "test", fps: float = 1000.0) -> Window:
-    painter = Painter(grid_size, render_grid=False, render_gradient=True)
-    return Window(painter, title=title, fps=fps)
-
-
 def _no_surface() -> None:
     raise pygame.error("display Surface quit")
 
 
+def show(display: Display, **changes: Any) -> None:
+    """Show a frame in the window of an environment."""
+    display.render(make_frame(**changes), "human")
+
+
 @pytest.mark.usefixtures("dummy_display")
 class TestWindow:
-    def test_it_opens_with_the_first_frame(self) -> None:
-        window = make_window(title="a search")
-        assert not window.is_open
-        assert not pygame.display.get_init()
-        window.show(make_frame())
-        assert window.is_open
-        assert pygame.display.get_caption()[0] == "a search"
-        assert not pygame.joystick.get_init()
-        assert pygame.mixer.get_init() is None
-        window.close()
-        assert not window.is_open
-        assert not pygame.display.get_init()
-
     def test_it_shows_the_picture(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
-        window = make_window()
-        frame = make_frame(searching=(0,))
-        window.show(frame)
+        display = Display(7, fps=1000)
+        assert not pygame.display.get_init()
+        show(display, searching=(0,))
         screen = pygame.display.get_surface()
-        painter = Painter(7, render_grid=False, render_gradient=True)
-        assert screen.get_size() == painter.size
         shown = pygame.surfarray.array3d(screen).transpose(1, 0, 2)
-        assert (shown == painter.pixels(frame)).all()
+        assert np.array_equal(shown, Painter(7).pixels(make_frame(searching=(0,))))
+        assert not pygame.joystick.get_init()
+        assert pygame.mixer.get_init() is None
+        display.close()
+        display.close()
+        assert not pygame.display.get_init()
+        show(display)
+        assert pygame.display.get_init()
 
     def test_it_fits_a_small_desktop(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(800, 600)])
-        window = make_window()
-        for _ in range(2):
-            window.show(make_frame())
+        show(Display(7, fps=1000))
         width, height = pygame.display.get_surface().get_size()
         assert 600 < width < 800 and 400 < height < 600
 
     def test_a_reset_reopens_a_window_that_the_user_closed(self) -> None:
-        window = make_window()
-        window.show(make_frame())
+        env = DroneSwarmSearch(grid_size=5, render_mode="human")
+        env.reset(seed=1)
         pygame.event.post(pygame.event.Event(pygame.QUIT))
         with pytest.warns(UserWarning, match="window was closed") as caught:
-            window.show(make_frame())
+            env.step({"drone0": 5})
         assert len(caught) == 1
+        env.step({"drone0": 5})
         assert not pygame.display.get_init()
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            window.show(make_frame())
-            assert not pygame.display.get_init()
-            window.open()
-            window.show(make_frame())
-        assert window.is_open
-
-    def test_reopening_an_open_window_changes_nothing(self) -> None:
-        window = make_window()
-        window.show(make_frame())
-        screen = pygame.display.get_surface()
-        window.open()
-        window.show(make_frame())
-        assert pygame.display.get_surface() is screen
-
-    def test_it_may_be_closed_repeatedly_and_reopened_by_show(self) -> None:
-        window = make_window()
-        window.close()
-        window.show(make_frame())
-        window.close()
-        window.close()
-        window.show(make_frame())
-        assert window.is_open
+        env.reset()
+        assert pygame.display.get_init()
 
     def test_key_events_stay_in_the_queue_and_others_are_removed(self) -> None:
-        window = make_window()
-        window.show(make_frame())
+        display = Display(7, fps=1000)
+        show(display)
         pygame.event.clear()
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_LEFT, unicode="", mod=0))
         pygame.event.post(pygame.event.Event(pygame.USEREVENT))
         pygame.event.post(pygame.event.Event(pygame.KEYUP, key=pygame.K_LEFT, mod=0))
         for _ in range(3):
-            window.show(make_frame())
+            show(display)
         left = pygame.event.get()
         assert [event.type for event in left] == [pygame.KEYDOWN, pygame.KEYUP]
         assert left[0].key == pygame.K_LEFT
-
-    def test_unread_key_events_do_not_fill_the_queue(self) -> None:
-        window = make_window()
-        window.show(make_frame())
-        pygame.event.clear()
-        for key in range(3 * KEYS_KEPT):
-            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
-        window.show(make_frame())
-        kept = [event.key for event in pygame.event.get(pygame.KEYDOWN)]
-        assert kept == list(range(2 * KEYS_KEPT, 3 * KEYS_KEPT))
 
     def test_waits_for_a_frame_period_after_each_frame(
         self, monkeypatch: pytest.MonkeyPatch
@@ -1107,59 +1060,41 @@ class TestWindow:
                 ticks.append(fps)
 
         monkeypatch.setattr(pygame.time, "Clock", Clock)
-        window = make_window(fps=20.0)
-        for shown in range(3):
-            assert len(ticks) == shown
-            window.show(make_frame())
-        window.dismiss()
-        window.show(make_frame())
+        display = Display(7, fps=20.0)
+        for _ in range(3):
+            show(display)
         assert ticks == [20.0] * 3
 
     def test_windows_share_the_display(self) -> None:
-        first, second = make_window(7, title="first"), make_window(50, title="second")
-        first.show(make_frame(7))
-        second.show(make_frame(50))
-        assert (first.is_open, second.is_open) == (False, True)
+        first, second = Display(7, fps=1000), Display(7, fps=1000)
+        show(first)
+        show(second)
         first.close()
-        assert second.is_open
-        first.show(make_frame(7))
-        assert pygame.display.get_caption()[0] == "first"
+        assert pygame.display.get_init()
         second.close()
-        assert first.is_open
-        first.close()
         assert not pygame.display.get_init()
 
-    def test_a_display_that_the_program_initialised_stays_initialised(self) -> None:
-        pygame.display.init()
-        window = make_window()
-        window.show(make_frame())
-        window.close()
-        assert pygame.display.get_init()
-        assert pygame.display.get_surface() is None
-
     def test_it_reopens_after_pygame_quit(self) -> None:
-        window = make_window()
-        window.show(make_frame())
+        display = Display(7, fps=1000)
+        show(display)
         pygame.quit()
-        window.show(make_frame())
-        assert window.is_open
+        show(display)
+        assert pygame.display.get_init()
 
     def test_copies_are_not_open(self) -> None:
-        window = make_window()
-        window.show(make_frame())
-        twin = copy.deepcopy(window)
-        assert not twin.is_open
+        display = Display(7, fps=1000)
+        show(display)
+        twin = copy.deepcopy(display)
         twin.close()
-        assert window.is_open
-        twin.show(make_frame())
-        assert twin.is_open
+        assert pygame.display.get_init()
+        show(twin)
 
     def test_without_a_display_the_error_states_what_to_do(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
         with pytest.raises(RuntimeError, match=r"rgb_array.*ansi.*SDL_VIDEODRIVER=dummy"):
-            make_window().show(make_frame())
+            show(Display(7, fps=1000))
         assert not pygame.display.get_init()
 
     def test_without_a_display_a_reset_changes_nothing(
@@ -1210,9 +1145,9 @@ class TestWindow:
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
-        make_window().show(make_frame())
+        show(Display(7, fps=1000))
         pygame.quit()
         monkeypatch.delenv("SDL_VIDEODRIVER")
         monkeypatch.setattr(pygame.display, "init", lambda: None)
         with pytest.raises(RuntimeError, match="no screen"):
-            make_window().show(make_frame())
+            show(Display(7, fps=1000))

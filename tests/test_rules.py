@@ -150,7 +150,7 @@ def test_the_reward_of_an_unsuccessful_search_matches_the_table(scheme: RewardSc
 def test_reward_scheme_is_frozen_and_limited_to_floats() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         RewardScheme().step = 2.0  # type: ignore[misc]
-    with pytest.raises(ValueError, match=r"RewardScheme\.step must be finite, got 1000"):
+    with pytest.raises(ValueError, match=r"RewardScheme\.step must be .* got 1000"):
         RewardScheme(step=10**400)
     assert RewardScheme(step=2).step == 2.0
 

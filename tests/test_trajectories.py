@@ -43,19 +43,6 @@ class TestChernoff:
         # (1 - p)^n = 1 - confidence
         assert chernoff_bound(0.0, 100, 0.999) == pytest.approx(1 - 0.001**0.01, rel=1e-9)
 
-    def test_is_1_for_a_mean_of_1(self) -> None:
-        assert chernoff_bound(1.0, 100, 0.9) == 1.0
-
-    def test_is_monotone(self) -> None:
-        means = np.linspace(0, 1, 60)
-        bounds = [chernoff_bound(mean, 200, 0.99) for mean in means]
-        assert (np.diff(bounds) > 0).all()
-        assert (np.array(bounds[:-1]) > means[:-1]).all()
-        more = [chernoff_bound(0.3, count, 0.99) for count in (1, 10, 100, 1000, 10**6)]
-        assert (np.diff(more) < 0).all()
-        surer = [chernoff_bound(0.3, 200, confidence) for confidence in (0.5, 0.9, 0.99, 0.999)]
-        assert (np.diff(surer) > 0).all()
-
     @pytest.mark.parametrize("p", [0.03, 0.4, 0.9])
     def test_fails_at_most_with_the_stated_probability(self, p: float) -> None:
         n, confidence = 80, 0.95
@@ -69,27 +56,6 @@ class TestChernoff:
 
 class TestTrajectories:
     FORECAST = ProbabilityMatrix(5, Drift((1, 3), vector=(0.4, -0.2), diffusion=0.41))
-
-    def test_enumerated_ones_are_distributed_as_the_forecast(self) -> None:
-        trajectories = enumerate_trajectories(self.FORECAST, 5)
-        assert trajectories is not None
-        assert trajectories.probabilities.sum() == pytest.approx(1.0, rel=1e-12)
-        assert len(np.unique(trajectories.cells, axis=1).T) == len(trajectories.probabilities)
-        for step in range(5):
-            reached = np.bincount(trajectories.cells[step], trajectories.probabilities, 25).reshape(
-                5, 5
-            )
-            np.testing.assert_allclose(reached, self.FORECAST.exact(step), atol=1e-13)
-        product = np.ones(len(trajectories.probabilities))
-        for step in range(4):
-            (y, x), (v, u) = (np.divmod(trajectories.cells[t], 5) for t in (step, step + 1))
-            for here, there, up, down in ((x, u, 0, 1), (y, v, 2, 3)):
-                higher, lower = (self.FORECAST.moves(step)[axis][0, here] for axis in (up, down))
-                assert (abs(there - here) <= 1).all()
-                product *= np.select(
-                    [there > here, there < here], [higher, lower], 1 - higher - lower
-                )
-        np.testing.assert_allclose(trajectories.probabilities, product, rtol=1e-12)
 
     def test_sampled_ones_are_distributed_as_the_forecast(self) -> None:
         count = 20_000
@@ -143,8 +109,3 @@ class TestTrajectories:
     def test_too_many_are_not_enumerated(self) -> None:
         forecast = ProbabilityMatrix(300, Drift(np.ones((300, 300)), diffusion=0.1))
         assert enumerate_trajectories(forecast, 1) is None
-
-    def test_until_returns_the_first_steps(self) -> None:
-        trajectories = enumerate_trajectories(self.FORECAST, 5)
-        assert np.array_equal(trajectories.until(3).cells, trajectories.cells[:3])
-        assert trajectories.until(3).probabilities is trajectories.probabilities

@@ -42,7 +42,7 @@ from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
 from DroneSwarmSearch.drift.persons import Drift
 from DroneSwarmSearch.drift.tables import dispersion_rate
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.vector import (
     SearchBatch,
     beliefs,

@@ -110,7 +110,7 @@ BAD_ROWS: list[tuple[Any, type[Exception], str]] = [
     ([0.0, 1.0], TypeError, "got float64"),
     ([True, False], TypeError, "got bool"),
     (["0"], TypeError, "got <U1"),
-    ("0", TypeError, "got <U1"),
+    ("0", TypeError, "got '0'"),
     (1, ValueError, r"got shape \(\)"),
     ([[0], [1]], ValueError, r"got shape \(2, 1\)"),
     ([[0], [1, 2]], ValueError, "list or an array of integers, got"),

@@ -1283,7 +1283,7 @@ def test_a_shared_reward_is_the_mean_over_the_swarm() -> None:
         (np.float16, {}),
         (np.float16, {"reward_scale": 0.5}),
         (np.float16, {"reward_scheme": RewardScheme.sparse(), "reward_scale": 2.0**17}),
-        (np.float32, {"reward_scheme": RewardScheme(find=1e300)}),
+        (np.float32, {"reward_scheme": RewardScheme(find=1e99)}),
         (np.float32, {"reward_scale": 1e36}),
         (np.complex64, {}),
         (np.int64, {}),

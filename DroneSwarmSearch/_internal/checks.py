@@ -52,20 +52,22 @@ Ints = NDArray[np.int64]
 LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""
 
+_TEXT = (str, bytes, bytearray)  # sequences that never count as numbers
+
 
 def boolean(name: str, value: object) -> bool:
     """True or False; TypeError otherwise."""
     if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{name} must be True or False, got {value!r}")
+        raise TypeError(f"{name} must be True or False, got {value!r:.100}")
     return bool(value)
 
 
 def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | None:
     """One of the allowed strings; None if it is one of them."""
     if value is not None and not isinstance(value, str):
-        raise TypeError(f"{name} must be one of {_listed(allowed)}, got {value!r}")
+        raise TypeError(f"{name} must be one of {_listed(allowed)}, got {value!r:.100}")
     if value not in allowed:
-        raise ValueError(f"{name} must be one of {_listed(allowed)}, got {value!r}")
+        raise ValueError(f"{name} must be one of {_listed(allowed)}, got {value!r:.100}")
     return value
 
 
@@ -78,7 +80,7 @@ def known_options(options: object, known: Sequence[str], stacklevel: int) -> dic
         stacklevel: the warning's stack level, counted from the caller.
     """
     if not isinstance(options, Mapping):
-        raise TypeError(f"options must be a mapping, got {options!r}")
+        raise TypeError(f"options must be a mapping, got {options!r:.100}")
     unknown = [key for key in options if key not in known]
     if unknown:
         warnings.warn(
@@ -96,9 +98,9 @@ def integer(name: str, value: object, low: int, high: int | None = None) -> int:
             raise TypeError
         number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
-        raise TypeError(f"{name} must be an integer {limits}, got {value!r}") from None
+        raise TypeError(f"{name} must be an integer {limits}, got {value!r:.100}") from None
     if number < low or (high is not None and number > high):
-        raise ValueError(f"{name} must be an integer {limits}, got {value!r}")
+        raise ValueError(f"{name} must be an integer {limits}, got {value!r:.100}")
     return number
 
 
@@ -114,7 +116,7 @@ def integers(name: str, value: object, rows: int, low: int, high: int) -> Ints:
         return np.full(rows, integer(name, value, low, high))
     _check_rows(name, given, (rows,), what)
     if given.dtype.kind not in "iu":
-        raise TypeError(f"{name} must be {what}, or one for each search, got {value!r}")
+        raise TypeError(f"{name} must be {what}, or one for each search, got {value!r:.100}")
     for row in ((given < low) | (given > high)).nonzero()[0]:
         integer(f"{name}[{row}]", given[row].item(), low, high)
     return given.astype(np.int64)
@@ -135,7 +137,7 @@ def real(name: str, value: object, low: float | None = None, high: float | None 
     ]
     limits = f" of at {' and at '.join(bounds)}" if bounds else ""
     error = ValueError if is_number(value) else TypeError
-    raise error(f"{name} must be a finite number{limits}, got {value!r}")
+    raise error(f"{name} must be a finite number{limits}, got {value!r:.100}")
 
 
 def reals(name: str, value: object, rows: int, low: float) -> Floats:
@@ -160,7 +162,7 @@ def positive(name: str, value: object) -> float:
     if number is not None and number > 0.0:
         return number
     error = ValueError if is_number(value) else TypeError
-    raise error(f"{name} must be a finite number above 0, got {value!r}")
+    raise error(f"{name} must be a finite number above 0, got {value!r:.100}")
 
 
 def finite(value: object) -> float | None:
@@ -176,8 +178,8 @@ def items(name: str, value: object, what: str) -> list[object]:
     """The items of a list, a tuple, another sequence or a NumPy array, as a list."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
-        raise TypeError(f"{name} must be {what}, got {value!r}")
+    if not isinstance(value, Sequence) or isinstance(value, _TEXT):
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
     return list(value)
 
 
@@ -195,7 +197,7 @@ def pair(name: str, value: object) -> tuple[float, float]:
     what = "two finite numbers (x, y)"
     numbers = items(name, value, what)
     if len(numbers) != 2:
-        raise ValueError(f"{name} must be {what}, got {value!r}")
+        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     x, y = (real(f"{name}[{axis}]", number) for axis, number in enumerate(numbers))
     return x, y
 
@@ -221,9 +223,9 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
     what = f"a cell (x, y) with whole numbers from 0 to {grid_size - 1}"
     numbers = items(name, value, what)
     if not all(is_number(number) for number in numbers):
-        raise TypeError(f"{name} must be {what}, got {value!r}")
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
     if len(numbers) != 2 or not all(number in range(grid_size) for number in numbers):
-        raise ValueError(f"{name} must be {what}, got {value!r}")
+        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
     return x, y
 
@@ -258,12 +260,12 @@ def numbers(name: str, value: object, what: str) -> NDArray[Any]:
     """
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return value
-    entries = np.asarray(value, object)
+    entries = np.asarray(None if isinstance(value, _TEXT) else value, object)
     floats = np.empty(entries.shape)
     for place, entry in enumerate(entries.flat):
         if not is_number(entry):
-            ragged = isinstance(entry, (list, tuple, np.ndarray))
-            raise (ValueError if ragged else TypeError)(f"{name} must be {what}, got {value!r}")
+            error = ValueError if isinstance(entry, (list, tuple, np.ndarray)) else TypeError
+            raise error(f"{name} must be {what}, got {value!r:.100}")
         try:
             floats.flat[place] = float(entry)
         except OverflowError:
@@ -290,7 +292,7 @@ def fits(what: str, size: int, **parameters: object) -> None:
     memory = _memory()
     if size <= memory:
         return
-    given = ", ".join(f"{name}={value!r}" for name, value in parameters.items())
+    given = ", ".join(f"{name}={value!r:.100}" for name, value in parameters.items())
     raise ValueError(
         f"{' or '.join(parameters)} must be smaller: with {given}, {what} would take at "
         f"least {-(-size // 2**30):,} GiB, and this machine has {memory // 2**30:,}"
@@ -306,11 +308,13 @@ def _memory() -> int:
 
 
 def array(name: str, value: object, what: str) -> NDArray[Any]:
-    """The value as an array; ValueError if its rows differ in length."""
+    """The value as an array; TypeError for text, ValueError if its rows differ in length."""
+    if isinstance(value, _TEXT):
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
     try:
         return np.asarray(value)
     except ValueError:
-        raise ValueError(f"{name} must be {what}, got {value!r}") from None
+        raise ValueError(f"{name} must be {what}, got {value!r:.100}") from None
 
 
 def row_numbers(
@@ -335,7 +339,7 @@ def row_numbers(
             return value
     order = "in ascending order" if ascending else "without repetitions"
     what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
-    given = array("rows", value, "a list or an array of integers")
+    given = array("rows", value, what.removeprefix("rows must be "))
     if given.ndim == 1 and not given.size:
         return np.empty(0, np.int64)
     if given.dtype.kind not in "iu":
@@ -348,7 +352,7 @@ def row_numbers(
         raise ValueError(f"{what}; got {wrong[0]}")
     steps = np.diff(rows if ascending else np.sort(rows))
     if (steps < (not repeated)).any():
-        raise ValueError(f"{what}; got {value!r}")
+        raise ValueError(f"{what}; got {value!r:.100}")
     return rows
 
 

@@ -29,7 +29,8 @@ __all__ = ["ProbabilityMatrix", "belief_shape", "joint_at_start", "matrices_of"]
 _Key = tuple[Hashable, ...]  # the parameters of a forecast
 
 CACHE_BYTES = 56 * 2**20
-"""The limit of the cache of all forecasts together."""
+"""The limit of the cache of all forecasts together. Memory stops growing there, however long an
+episode is."""
 
 _EXPANDED_SIZE = 32
 """On grids up to this size, a block keeps its flows for every cell."""

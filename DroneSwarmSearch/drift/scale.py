@@ -27,6 +27,8 @@ class Scale:
         scale.vector((0.1, 0.2))  # m/s east and north: (0.01, -0.02) cells per step
         scale.whole_steps(3600)  # an hour: 277 steps
 
+    Results beyond the largest float, about 1.8e308, are infinite.
+
     Attributes:
         metres_per_cell: side of a cell in metres; from 1e-6 to 1e9.
         seconds_per_step: duration of a step in seconds; from 1e-6 to 1e9.

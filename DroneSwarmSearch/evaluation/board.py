@@ -325,7 +325,7 @@ class Contest:
     ) -> None:
         for name, values in (("policies", policies), ("searches", searches), ("added", added)):
             if values is not None and (isinstance(values, str) or not isinstance(values, Iterable)):
-                raise TypeError(f"{name} must be a list, got {values!r}")
+                raise TypeError(f"{name} must be a list, got {values!r:.100}")
         view, observation = checked_view(view, observation)
         checked_masks(action_mask, right_of_way)
         updated = checks.boolean("posterior", posterior) or None

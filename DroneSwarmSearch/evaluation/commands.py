@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import inspect
 import json
-import os
 import re
 import shlex
 import sys
@@ -197,7 +196,7 @@ def _write(
 ) -> int:
     """Write a file about one search; `write` returns a description of it, which is printed."""
     with _refusing(parser):
-        (search,) = _searches([options.search])
+        search = _search(options.search)
     _warn_of_small_grids([search])
     try:
         content = write(search)
@@ -206,19 +205,25 @@ def _write(
         return INTERRUPTED
     except (ImportError, OSError, TypeError, ValueError) as error:
         _report(parser, options.out, error)
-    print(f"{options.out}: {content}")
-    return 0
+    return _guarded(lambda: print(f"{options.out}: {content}"), None)
 
 
 def _report(parser: argparse.ArgumentParser, path: str, error: Exception) -> NoReturn:
     """Report an error of the arguments or the file; raise one of the policy again."""
     for each in (error.__cause__ or error, error):  # the policy's OSError causes a StorageError
         frames = traceback.walk_tb(each.__traceback__)
-        if any(frame.f_code is recording.moments.__code__ for frame, _ in frames):
+        if any(frame.f_code is recording.play.__code__ for frame, _ in frames):
             raise each
     if isinstance(error, OSError):
-        parser.error(f"cannot write {path}: {error.strerror or error}")
+        parser.exit(FAILED, f"cannot write {path}: {error.strerror or error}\n")
     parser.error(re.sub("^path must ", "argument --out: must ", str(error)))
+
+
+def _search(name: str) -> NamedSearch:
+    """A search of the suite or of a file."""
+    if name.endswith(search_file.SUFFIX):
+        return search_file.search_from_file(Path(name))
+    return search(name)
 
 
 def _searches(names: Sequence[str], mission: str | None = None) -> list[NamedSearch]:
@@ -227,11 +232,8 @@ def _searches(names: Sequence[str], mission: str | None = None) -> list[NamedSea
     Raises:
         ValueError: a name is unknown, a file does not hold a search, or two have the same name.
     """
-    found = []
     every = [name for each in names for name in (SUITE if each == "all" else [each])]
-    for name in dict.fromkeys(every):
-        is_file = name.endswith(search_file.SUFFIX)
-        found.append(search_file.search_from_file(Path(name)) if is_file else search(name))
+    found = [_search(name) for name in dict.fromkeys(every)]
     if len({each.name for each in found}) < len(found):
         all_names = ", ".join(each.name for each in found)
         raise ValueError(f"searches must have different names, got {all_names}")
@@ -411,9 +413,7 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
         reason = str(error)
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _is_ours(error):
-            # The reader of stdout has gone; Python must not fail when it flushes the rest.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return FAILED
+            return FAILED  # the reader of stdout has gone
         reason = _described(error)
     if store is not None and len(store):
         reason += f"; finished work is kept in {store.directory}; repeat the command to resume"

@@ -1,4 +1,7 @@
-"""Write episodes of a search to a file, for pages and scripts that play them without Python."""
+"""Write episodes to a file, for pages and scripts that play them without Python.
+
+The command `export` needs this module: the page "Play a search" opens the files of users.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,9 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import check_writable, write_text
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.recording import Moment, moments
+from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.evaluation.workers import no_exit
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "SUFFIX", "export"]
@@ -89,35 +92,30 @@ def export(
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of range, a name is unknown or occurs twice.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise TypeError(f"path must be the path of a file, got {path!r}")
     if Path(path).suffix.lower() != SUFFIX:
-        raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r}")
+        raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r:.100}")
     where = as_named(search)
+    if bayesian_update is not None:
+        where = where.with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in _listed("policies", policies)]
     _all_different("policies", [spec.name for spec in specs])
     numbers = [checks.integer("seeds", seed, 0) for seed in _listed("seeds", seeds)]
     _all_different("seeds", numbers)
-    if bayesian_update is None:
-        bayesian_update = where.scenario.bayesian_update
-    else:
-        bayesian_update = checks.boolean("bayesian_update", bayesian_update)
     check_writable(Path(path))
 
     maps, episodes = _Maps(), []
     with Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar:
         for spec in specs:
-            with no_exit(f"the policy on {where.name}"):
-                policy = spec.make(where.scenario)
+            policy = spec.make(where.scenario)
             for seed in numbers:
-                played = list(moments(policy, where, seed, bayesian_update))
+                played = list(play(policy, where, seed))
                 episodes.append({"policy": spec.name, "seed": seed, **_episode(played, maps)})
                 bar(len(episodes))
     data = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
         "package": DroneSwarmSearch.__version__,
-        "search": _description(where, played[0]),
+        "search": _description(where),
         "maps": maps.data(),
         "episodes": episodes,
     }
@@ -140,7 +138,7 @@ def _all_different(name: str, values: Sequence[object]) -> None:
         raise ValueError(f"{name} must be different, got {', '.join(map(str, values))}")
 
 
-def _description(search: NamedSearch, start: Moment) -> dict[str, Any]:
+def _description(search: NamedSearch) -> dict[str, Any]:
     """The search, for people and for drawing."""
     scenario, scale = search.scenario, search.scale
     return {
@@ -150,35 +148,32 @@ def _description(search: NamedSearch, start: Moment) -> dict[str, Any]:
         "mission": scenario.mission,
         "grid_size": scenario.grid_size,
         "timestep_limit": scenario.timestep_limit,
-        "drones": [y * scenario.grid_size + x for x, y in start.prior.drones],
+        "drones": [y * scenario.grid_size + x for x, y in search.drones],
         "metres_per_cell": None if scale is None else scale.metres_per_cell,
         "seconds_per_step": None if scale is None else scale.seconds_per_step,
     }
 
 
-def _episode(played: Sequence[Moment], maps: _Maps) -> dict[str, Any]:
+def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: _Maps) -> dict[str, Any]:
     """One episode, whose maps are added to those of the file."""
-    last = played[-1].posterior
-    assert last.ending is not None
+    frames, actions = zip(*played, strict=True)
+    last = frames[-1]
     return {
-        "ending": last.ending.name.lower(),
+        "ending": last.ending.name.lower() if last.ending else None,
         "steps": last.step,
-        "actions": [
-            "".join(str(moment.actions[drone]) for moment in played[1:])
-            for drone in range(len(last.drones))
-        ],
-        "persons": [_person(played, person) for person in range(len(last.persons))],
-        "success": [round(moment.posterior.probability_of_success or 0.0, 4) for moment in played],
-        "returns": [round(moment.posterior.total_return or 0.0, 1) for moment in played],
-        "prior": [maps.number(moment.prior.matrix) for moment in played],
-        "posterior": [maps.number(moment.posterior.matrix) for moment in played],
+        "actions": ["".join(map(str, each)) for each in zip(*actions[1:], strict=True)],
+        "persons": [_person(frames, person) for person in range(len(last.persons))],
+        "success": [round(frame.probability_of_success or 0.0, 4) for frame in frames],
+        "returns": [round(frame.total_return or 0.0, 1) for frame in frames],
+        "prior": [maps.number(frame.prior) for frame in frames],
+        "posterior": [maps.number(frame.matrix) for frame in frames],
     }
 
 
-def _person(played: Sequence[Moment], person: int) -> dict[str, Any]:
+def _person(frames: Sequence[Frame], person: int) -> dict[str, Any]:
     """A person's cells and find."""
     cells = []
-    for frame in (moment.posterior for moment in played):
+    for frame in frames:
         x, y = frame.persons[person]
         cells.append(y * frame.grid_size + x)
         if frame.found[person]:

@@ -88,13 +88,13 @@ class PolicySpec:
                 does not hold weights.
         """
         if name is not None and not isinstance(name, str):
-            raise TypeError(f"name must be a string or None, got {name!r}")
+            raise TypeError(f"name must be a string or None, got {name!r:.100}")
         if isinstance(policy, PolicySpec):
             return policy
         if isinstance(policy, str) and name is None and (named := _NAMED.match(policy)):
             return cls.of(policy[named.end() :], named[1])
         if isinstance(policy, str) and policy.endswith(".npz"):
-            Network.load(_existing(policy, policy))
+            Network.load(_existing(policy))
             return cls(name or policy, "weights", False, policy)
         if isinstance(policy, str) and ":" in policy:
             return _loaded(policy, name)
@@ -105,7 +105,7 @@ class PolicySpec:
         if not callable(policy):
             raise TypeError(
                 "policy must be a policy's name or a callable from observations to actions, "
-                f"got {policy!r}"
+                f"got {policy!r:.100}"
             )
         own_name = getattr(policy, "__name__", type(policy).__name__)
         return cls(name or str(own_name), f"callable:{name or ''}", False, policy)
@@ -121,7 +121,7 @@ class PolicySpec:
         kind: Any = self.policy
         made = kind(scenario)
         if not callable(made):
-            raise TypeError(f"policy must be a class of callable objects, got {kind!r}")
+            raise TypeError(f"policy must be a class of callable objects, got {kind!r:.100}")
         return made
 
 
@@ -134,7 +134,7 @@ def _unknown(name: str) -> str:
         hint = f"; name an attribute of the file, too, as in '{name}:policy'"
     return (
         f"policy must be one of {', '.join(policies.POLICIES)}, 'weights.npz', "
-        f"'module:attribute' or 'file.py:attribute', got {name!r}{hint}"
+        f"'module:attribute' or 'file.py:attribute', got {name!r:.100}{hint}"
     )
 
 
@@ -151,7 +151,7 @@ def _loaded(text: str, name: str | None) -> PolicySpec:
     where, _, attribute = text.rpartition(":")
     try:
         if where.endswith(".py"):
-            module, identity = _module_from_file(text, Path(where))
+            module, identity = _module_from_file(Path(where))
         else:
             module, identity = _module(text, where)
     except SystemExit as stop:
@@ -175,15 +175,15 @@ def _module(text: str, name: str) -> tuple[ModuleType, str]:
         if isinstance(error, ModuleNotFoundError) and not f"{name}.".startswith(f"{error.name}."):
             raise  # the module exists, but one that it imports does not
         raise ValueError(
-            f"policy must name a module, but there is no {name!r} (in {text!r})"
+            f"policy must name a module, but there is no {name!r:.100} (in {text!r:.100})"
         ) from error
     source = getattr(module, "__file__", None)
     return module, _hash(Path(source)) if source else name
 
 
-def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
+def _module_from_file(path: Path) -> tuple[ModuleType, str]:
     """Execute a file as a module; returns it with a hash of the file."""
-    digest = _hash(_existing(text, path))
+    digest = _hash(_existing(path))
     name = f"_policy_{path.stem}_{digest[:16]}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
@@ -202,12 +202,11 @@ def _module_from_file(text: str, path: Path) -> tuple[ModuleType, str]:
     return module, digest
 
 
-def _existing(text: str, where: str | Path) -> Path:
+def _existing(where: str | Path) -> Path:
     path = Path(where)
-    if path.is_dir():
-        raise ValueError(f"policy must name a file, but {str(path)!r} is a folder (in {text!r})")
     if not path.is_file():
-        raise ValueError(f"policy must name a file, but there is no {str(path)!r} (in {text!r})")
+        wrong = "is a folder" if path.is_dir() else "does not exist"
+        raise ValueError(f"policy must name a file, but {str(path)!r:.100} {wrong}")
     return path
 
 

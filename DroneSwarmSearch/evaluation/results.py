@@ -51,7 +51,7 @@ def checked_bound(bound: object, search: NamedSearch) -> SuccessBound | None:
         return None
     if not isinstance(bound, SuccessBound):
         raise TypeError(
-            f"bound must be what planning.success_bound returns, or None, got {bound!r}"
+            f"bound must be what planning.success_bound returns, or None, got {bound!r:.100}"
         )
     steps = search.scenario.timestep_limit
     if bound.by_time.shape != (steps + 1,):

@@ -31,7 +31,7 @@ def search_from_file(path: Path) -> NamedSearch:
         ValueError: there is no such file, or it does not hold a search.
     """
     if not path.is_file():
-        raise ValueError(f"search must name a file, but there is no {str(path)!r}")
+        raise ValueError(f"search must name a file, but there is no {str(path)!r:.100}")
     try:
         data = json.loads(path.read_bytes())
         if not isinstance(data, Mapping):
@@ -40,10 +40,10 @@ def search_from_file(path: Path) -> NamedSearch:
         name, reason = rest.pop("name", path.stem), rest.pop("reason", _REASON)
         scale = rest.pop("scale", None)
         if not (scale is None or (isinstance(scale, Mapping) and {*scale} == _SCALE)):
-            raise TypeError(f"scale must have {' and '.join(sorted(_SCALE))}, got {scale!r}")
+            raise TypeError(f"scale must have {' and '.join(sorted(_SCALE))}, got {scale!r:.100}")
         drones = rest.pop("drones_positions", [])
         if not isinstance(drones, list):
-            raise TypeError(f"drones_positions must be a list of cells, got {drones!r}")
+            raise TypeError(f"drones_positions must be a list of cells, got {drones!r:.100}")
         if drones:
             rest.setdefault("n_drones", len(drones))
         scenario = Scenario.from_dict(rest)

@@ -61,10 +61,10 @@ class NamedSearch:
     def __post_init__(self) -> None:
         for text in ("name", "reason"):
             if not isinstance(getattr(self, text), str):
-                raise TypeError(f"{text} must be a string, got {getattr(self, text)!r}")
+                raise TypeError(f"{text} must be a string, got {getattr(self, text)!r:.100}")
         checked_scenario(self.scenario)
         if not (self.scale is None or isinstance(self.scale, Scale)):
-            raise TypeError(f"scale must be a Scale or None, got {self.scale!r}")
+            raise TypeError(f"scale must be a Scale or None, got {self.scale!r:.100}")
         size, numbers = self.scenario.grid_size, list(range(self.scenario.n_drones))
         by_default = isinstance(self.drones, (list, tuple)) and not self.drones
         if not by_default:
@@ -148,11 +148,11 @@ def search(name: str) -> NamedSearch:
         ValueError: the suite has no such search; the message lists similar names.
     """
     if not isinstance(name, str):
-        raise TypeError(f"search must be the name of a search, got {name!r}")
+        raise TypeError(f"search must be the name of a search, got {name!r:.100}")
     if name not in SUITE:
         hint = did_you_mean(name, SUITE)
         raise ValueError(
-            f"search must be one of {', '.join(SUITE)}, got {name!r}{hint} "
+            f"search must be one of {', '.join(SUITE)}, got {name!r:.100}{hint} "
             f"(`{LISTING}` describes them)"
         )
     return SUITE[name]
@@ -172,7 +172,7 @@ def as_named(value: object) -> NamedSearch:
     if isinstance(value, str):
         return search(value)
     raise TypeError(
-        f"search must be a name of the suite, a NamedSearch or a Scenario, got {value!r}"
+        f"search must be a name of the suite, a NamedSearch or a Scenario, got {value!r:.100}"
     )
 
 

@@ -20,10 +20,9 @@ over the persons and the numbers of steps makes all the sampled bounds hold toge
 probability `CONFIDENCE`.
 
 If q < 1, the larger function 1 - (1 - q)^s of the effort s along the trajectory gives another
-bound, without a sample, because it is a product. The smaller bound is returned. In small searches,
-branch and bound finds the optimum, which replaces the relaxation. Finding all of several persons
-is at most as likely as finding the one who is hardest to find. In a coverage mission, the
-probability of success is the mean over persons, and so is its bound.
+bound, without a sample, because it is a product. The smaller bound is returned. Finding all of
+several persons is at most as likely as finding the one who is hardest to find. In a coverage
+mission, the probability of success is the mean over persons, and so is its bound.
 """
 
 from __future__ import annotations
@@ -39,10 +38,8 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
-from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-from DroneSwarmSearch.planning.exact import branch_and_bound
-from DroneSwarmSearch.planning.frank_wolfe import Effort, Oracle, Solution, frank_wolfe
+from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import (
     MarkovChainObjective,
@@ -58,7 +55,7 @@ from DroneSwarmSearch.planning.trajectories import (
 )
 from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
-__all__ = ["SuccessBound", "drone_paths", "success_bound"]
+__all__ = ["SuccessBound", "success_bound"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -78,15 +75,11 @@ WORK = 6e7
 TRAJECTORIES_TO_MEASURE = 8192
 """Trajectories from which the work is estimated."""
 
-EXACT_WORK = 4e7
-"""The most work for branch and bound, in cells to update, for all persons together: a few
-seconds."""
-
-ROUNDING = 1e-10
-"""More than the error of an optimum."""
-
 MOST_MEMORY = 5
-"""The most actions that drones remember by default."""
+"""The most actions that drones remember: 6 take gigabytes and hours on a large grid."""
+
+MOST_CELLS = 2**28
+"""The most cells of all trajectories in a sample, which then take about 7 GB."""
 
 MEMORY_BEFORE = 2
 """The most actions that drones remember for fewer steps, which only shape the curve."""
@@ -146,10 +139,11 @@ def success_bound(
     Args:
         scenario: the search.
         drones_positions: every drone's start cell (x, y).
-        memory: the number of actions K that drones remember: with more of them, the bound is
-            tighter and takes longer. By default, as many as a fixed amount of work allows, and
-            the optimum where branch and bound soon finds it.
-        sample: trajectories to draw for each person with too many to enumerate.
+        memory: the number of actions K that drones remember, at most 5: with more of them, the
+            bound is tighter and takes longer. By default, as many as a fixed amount of work
+            allows.
+        sample: trajectories to draw for each person with too many to enumerate; times the time
+            limit, at most 2**28.
         gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
         report: called from time to time with the completed fraction of the work.
@@ -163,11 +157,11 @@ def success_bound(
     """
     limit = checked_scenario(scenario).timestep_limit
     starts = scenario.drone_cells(drones_positions)
-    checks.integer("sample", sample, 1)
+    checks.integer("sample", sample, 1, max(MOST_CELLS // limit, 1))
     checks.integer("horizons", horizons, 1)
     checks.real("gap", gap, 0)
     if memory is not None:
-        checks.integer("memory", memory, 0)
+        checks.integer("memory", memory, 0, MOST_MEMORY)
     horizons = min(horizons, limit)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
     # Equal persons share one bound.
@@ -176,26 +170,10 @@ def success_bound(
     enumerated = {
         person: enumerate_trajectories(forecast, limit) for person, forecast in forecasts.items()
     }
-    optima: dict[Person, list[float] | None] = dict.fromkeys(forecasts)
-    if memory is None:
-        optima = {
-            person: _optima(
-                forecast, person.probability_of_detection, starts, ends, EXACT_WORK / len(forecasts)
-            )
-            for person, forecast in forecasts.items()
-        }
-    sampled_bounds = len(ends) * sum(
-        enumerated[person] is None and optima[person] is None for person in forecasts
-    )
+    sampled_bounds = len(ends) * list(enumerated.values()).count(None)
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
     curves, solutions = [], []
     for number, (person, forecast) in enumerate(forecasts.items()):
-        optimum = optima[person]
-        if optimum is not None:
-            curves.append(_filled(dict(zip(ends, optimum, strict=True))))
-            solutions.append(Solution(optimum[0], optimum[0]))
-            report((number + 1) / len(forecasts))
-            continue
         trajectories = enumerated[person]
         relaxation = _Relaxation(
             forecast,
@@ -206,9 +184,11 @@ def success_bound(
             memory,
             gap,
         )
-        curve, solution = relaxation.curve(
-            ends, partial(_report_part, report, number, len(forecasts))
-        )
+
+        def report_part(fraction: float, number: int = number) -> None:
+            report((number + fraction) / len(forecasts))
+
+        curve, solution = relaxation.curve(ends, report_part)
         curves.append(curve)
         solutions.append(solution)
     confidence = CONFIDENCE if sampled_bounds else 1.0
@@ -223,48 +203,21 @@ def success_bound(
     return SuccessBound(np.min(curves, axis=0), values[hardest], gaps[hardest], confidence)
 
 
-def drone_paths(starts: Sequence[int]) -> Oracle[Effort]:
+def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
     """The oracle for one path of each drone.
 
     Args:
         starts: every drone's first cell, y * N + x.
+        gains: of one search of each cell, float64, shape (n, N, N).
+
+    Returns:
+        The most that the drones can gain, and their searches of each cell, of the gains' shape.
     """
-
-    def oracle(gains: Floats) -> tuple[float, Effort]:
-        values = values_to_go(gains, np.zeros(gains.shape[1:]))
-        cells_in_grid = gains[0].size
-        searches = []
-        for start in starts:
-            path = best_path(gains, values, start)
-            steps = path.searches.nonzero()[0]
-            searches.append(steps * cells_in_grid + path.cells[steps])
-        gained = float(values[0].reshape(-1)[list(starts)].sum())
-        indices = np.concatenate(searches)
-        return gained, Effort(indices, np.ones(len(indices)))
-
-    return oracle
-
-
-def _optima(
-    forecast: ProbabilityMatrix,
-    detection: float,
-    starts: Sequence[int],
-    ends: Sequence[int],
-    work: float,
-) -> list[float] | None:
-    """The optimum for each number of steps, if branch and bound finds each with this work."""
-    chain, belief = MarkovChain(forecast), forecast.joint(0)
-    optima = []
-    for end in ends:
-        work_per_node = end * belief.size + 5 ** len(starts) * forecast.grid_size**2
-        nodes = int(work // work_per_node)
-        if nodes == 0:
-            return None
-        plan = branch_and_bound(chain, detection, belief, range(end), starts, nodes=nodes)
-        if not plan.is_optimal:
-            return None
-        optima.append(min(plan.success + ROUNDING, 1.0))
-    return optima
+    values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
+    for start in starts:
+        path = best_path(gains, values, start)
+        effort.reshape(len(gains), -1)[path.searches, path.cells[:-1][path.searches]] += 1.0
+    return float(values[0].reshape(-1)[list(starts)].sum()), effort
 
 
 def _filled(bounds: Mapping[int, float]) -> Floats:
@@ -277,15 +230,11 @@ def _filled(bounds: Mapping[int, float]) -> Floats:
     return np.minimum.accumulate(curve[::-1])[::-1]
 
 
-def _report_part(report: Callable[[float], None], number: int, parts: int, fraction: float) -> None:
-    """Report the completed fraction of one of several equal parts."""
-    report((number + fraction) / parts)
-
-
+@dataclass
 class _Relaxation:
     """The relaxation for one person.
 
-    Args:
+    Attributes:
         forecast: the person's.
         detection: the probability of detection, q.
         starts: every drone's first cell, y * N + x.
@@ -295,20 +244,13 @@ class _Relaxation:
         gap: the duality gap at which to stop, as a fraction of the bound.
     """
 
-    def __init__(
-        self,
-        forecast: ProbabilityMatrix,
-        detection: float,
-        starts: Sequence[int],
-        trajectories: Trajectories,
-        failure: float | None,
-        memory: int | None,
-        gap: float,
-    ) -> None:
-        self._forecast, self._detection, self._starts = forecast, detection, starts
-        self._trajectories, self._failure = trajectories, failure
-        self._memory, self._gap = memory, gap
-        self._oracle, self._chain = drone_paths(starts), MarkovChain(forecast)
+    forecast: ProbabilityMatrix
+    detection: float
+    starts: Sequence[int]
+    trajectories: Trajectories
+    failure: float | None
+    memory: int | None
+    gap: float
 
     def curve(
         self, ends: Sequence[int], report: Callable[[float], None]
@@ -320,15 +262,15 @@ class _Relaxation:
             report: called from time to time with the completed fraction of the work.
         """
         memory = self._affordable_memory()
-        drones = self._drones(self._trajectories, memory)
+        drones = self._drones(self.trajectories, memory)
         solution, mixture = self._solve(
             drones, (), ITERATIONS, lambda fraction: report(0.7 * fraction)
         )
-        bounds = {ends[0]: self._bound(solution, self._trajectories, ends[0], mixture)}
+        bounds = {ends[0]: self._bound(solution, self.trajectories, ends[0], mixture)}
         report(0.7)
         # Fewer trajectories, remembered actions and iterations suffice for the curve's shape.
-        some = self._trajectories
-        if self._failure is not None:
+        some = self.trajectories
+        if self.failure is not None:
             some = _equal(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])
         drones = self._drones(some, min(memory, MEMORY_BEFORE))
         work, done = sum(end**2 for end in ends[1:]), 0
@@ -345,17 +287,17 @@ class _Relaxation:
 
     def _affordable_memory(self) -> int:
         """The number of actions to remember, from the work on a part of the trajectories."""
-        if self._memory is not None:
-            return self._memory
-        some = self._trajectories.cells[:, :TRAJECTORIES_TO_MEASURE]
+        if self.memory is not None:
+            return self.memory
+        some = self.trajectories.cells[:, :TRAJECTORIES_TO_MEASURE]
         memory = 0
         while memory < MOST_MEMORY and self._drones(_equal(some), memory + 1).work <= WORK:
             memory += 1
         return memory
 
     def _drones(self, trajectories: Trajectories, memory: int) -> RememberingDrones:
-        size = self._forecast.grid_size
-        return RememberingDrones(trajectories, size, self._detection, self._starts, memory)
+        size = self.forecast.grid_size
+        return RememberingDrones(trajectories, size, self.detection, self.starts, memory)
 
     def _solve(
         self,
@@ -365,11 +307,11 @@ class _Relaxation:
         report: Callable[[float], None] = lambda fraction: None,
     ) -> tuple[Solution, Mixture]:
         """Maximise E[min(Z, g(N))], from a mixture of paths."""
-        objective = TrajectoryObjective(drones, self._detection, mixture)
+        objective = TrajectoryObjective(drones, self.detection, mixture)
         solution = frank_wolfe(
             objective,
             drones,
-            gap=self._gap,
+            gap=self.gap,
             iterations=iterations,
             upper_bound=1.0,
             report=report,
@@ -381,21 +323,21 @@ class _Relaxation:
     ) -> float:
         """The bound for a number of steps: the smaller one of both relaxations."""
         bound = solution.upper_bound
-        if self._failure is not None:
-            bound = chernoff_bound(bound, trajectories.cells.shape[1], 1.0 - self._failure)
-        if not 0.0 < self._detection < 1.0:
+        if self.failure is not None:
+            bound = chernoff_bound(bound, trajectories.cells.shape[1], 1.0 - self.failure)
+        if not 0.0 < self.detection < 1.0:
             return bound
-        rate, size = -math.log1p(-self._detection), self._forecast.grid_size
-        effort = np.zeros((steps, size**2))
+        rate, size = -math.log1p(-self.detection), self.forecast.grid_size
+        effort = np.zeros((steps, size, size))
         for share, paths in mixture:
             for path in paths:
-                searches = path.searches.nonzero()[0]
-                effort[searches, path.cells[searches]] += share
+                effort.reshape(steps, -1)[path.searches, path.cells[:-1][path.searches]] += share
         objective = MarkovChainObjective(
-            self._chain, self._forecast.joint(0), rate, effort.reshape(-1)
+            MarkovChain(self.forecast), self.forecast.joint(0), rate, effort
         )
+        oracle = partial(drone_paths, self.starts)
         return frank_wolfe(
-            objective, self._oracle, gap=self._gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
+            objective, oracle, gap=self.gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
         ).upper_bound
 
 

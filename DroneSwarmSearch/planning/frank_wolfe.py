@@ -11,41 +11,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Effort", "Objective", "Oracle", "Solution", "frank_wolfe", "line_search"]
+__all__ = ["Solution", "frank_wolfe", "line_search"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 AVERAGING = 10.0
 """Iteration k enters the mean of tangents with weight AVERAGING / (k + AVERAGING), so the mean
 covers about the latest tenth for every AVERAGING iterations."""
 
 
-class Effort(NamedTuple):
-    """Search effort: the number of searches, by cell and step.
-
-    Attributes:
-        indices: int64, shape (k,): t * N * N + y * N + x; they may repeat.
-        amounts: float64, shape (k,).
-    """
-
-    indices: Ints
-    amounts: Floats
-
-
-Target = TypeVar("Target")
-"""A point in the set over which to maximise."""
-
-Target_contra = TypeVar("Target_contra", contravariant=True)
-
-
-class Objective(Protocol[Target_contra]):
-    """A concave function of search effort, together with the current point."""
+class Objective(Protocol):
+    """A concave function, together with the current point."""
 
     def value(self) -> float:
         """The function's value at the current point."""
@@ -56,12 +37,8 @@ class Objective(Protocol[Target_contra]):
         The gains are not negative; what they belong to is up to the objective and the oracle.
         """
 
-    def move_towards(self, target: Target_contra) -> None:
-        """Move the current point towards another one, by about the best step size."""
-
-
-Oracle = Callable[[Floats], tuple[float, Target]]
-"""Takes gains; returns the largest total gain, and the point that attains it."""
+    def move_towards(self, target: Any) -> None:
+        """Move the current point towards one of the oracle's, by about the best step size."""
 
 
 class Solution(NamedTuple):
@@ -82,8 +59,8 @@ class Solution(NamedTuple):
 
 
 def frank_wolfe(
-    objective: Objective[Target],
-    oracle: Oracle[Target],
+    objective: Objective,
+    oracle: Callable[[Floats], tuple[float, Any]],
     *,
     gap: float,
     iterations: int,
@@ -94,7 +71,7 @@ def frank_wolfe(
 
     Args:
         objective: the function; its current point moves.
-        oracle: maximises linear functions.
+        oracle: takes gains; returns the largest total gain, and the point that attains it.
         gap: stop at this duality gap, as a fraction of the upper bound.
         iterations: the largest number of iterations.
         upper_bound: a bound that is already known.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.markov_chain import MarkovChain
-from DroneSwarmSearch.planning.frank_wolfe import Effort, line_search
+from DroneSwarmSearch.planning.frank_wolfe import line_search
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.paths import Path
 
@@ -159,15 +159,13 @@ class MarkovChainObjective:
         chain: the person's Markov chain, from step 0.
         prior: the person's distribution at step 0: float64, shape (M, N, N).
         rate: detections per unit of effort: a number or float64, shape (N, N).
-        effort: the current point: float64, shape (T * N * N,); changed in place.
+        effort: the current point: float64, shape (T, N, N); changed in place.
     """
 
     def __init__(
         self, chain: MarkovChain, prior: Floats, rate: float | Floats, effort: Floats
     ) -> None:
-        size = prior.shape[-1]
-        self._chain, self._prior, self._rate = chain, prior, rate
-        self._effort = effort.reshape(-1, size, size)
+        self._chain, self._prior, self._rate, self._effort = chain, prior, rate, effort
 
     def value(self) -> float:
         return float(1.0 - self._missing(self._effort)[-1].sum())
@@ -184,10 +182,8 @@ class MarkovChainObjective:
         found = 1.0 - missing[-1].sum()
         return float(found - np.vdot(gains, self._effort)), gains
 
-    def move_towards(self, target: Effort) -> None:
-        there = np.zeros(self._effort.size)
-        np.add.at(there, target.indices, target.amounts)
-        change = there.reshape(self._effort.shape) - self._effort
+    def move_towards(self, target: Floats) -> None:
+        change = target - self._effort
         self._effort += change * line_search(
             lambda size: -float(self._missing(self._effort + size * change)[-1].sum())
         )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +33,12 @@ class Target:
         belief: the person's distribution at the plan's first step: float64, shape (M, N, N),
             indexed [hypothesis, y, x].
         worth: the worth of finding this person in each step of the plan: float64, shape (n,).
-        unfound: the worth of the person's being in a cell, unfound, at the beginning of each
-            step and after the last one: float64, shape (n + 1, M, N, N); None for 0.
     """
 
     chain: MarkovChain
     detection: float
     belief: Floats
     worth: Floats
-    unfound: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -112,8 +110,8 @@ class Passes:
     Attributes:
         kept: the probability that the searches of a step miss the person in a cell, by step:
             shape (n, N, N).
-        masses: the probability that the person is in a cell, and unfound, before each step and
-            after the last: shape (n + 1, M, N, N).
+        masses: the probability that the person is in a cell, and unfound, before each step:
+            shape (n, M, N, N).
         rests: what the plan is expected to gain from a person in a cell after the searches of
             each step: shape (n, M, N, N).
     """
@@ -123,12 +121,10 @@ class Passes:
         self.target = target
         self._first = first
         self.kept = np.ones((n, *grid))
-        self.masses = np.empty((n + 1, *target.belief.shape))
-        self.masses[0] = target.belief
-        self.rests = np.empty((n, *target.belief.shape))
+        self.masses, self.rests = np.empty((2, n, *target.belief.shape))
+        self.masses[0], self.rests[-1] = target.belief, 0.0
         self._masses_to = 0  # masses are up to date until this step
-        self._rests_from = n  # rests are up to date from this step
-        self._extents: NDArray[np.int64] | None = None  # see `likely`
+        self._rests_from = n - 1  # rests are up to date from this step
         for path in paths:
             self.change(path, 0, self.target.detection)
 
@@ -158,20 +154,10 @@ class Passes:
         """Bring the rests up to date from a step on."""
         for now in range(self._rests_from - 1, step - 1, -1):
             along_x, along_y = self.matrices(now)
-            value = self.value_before(now + 1)
+            kept, worth = self.kept[now + 1], self.target.worth[now + 1]
+            value = kept * self.rests[now + 1] + (1.0 - kept) * worth
             np.matmul(along_y @ value, along_x.swapaxes(1, 2), out=self.rests[now])
         self._rests_from = min(self._rests_from, step)
-
-    def value_before(self, step: int) -> Floats:
-        """What the plan is expected to gain from a person in each cell before a step."""
-        target = self.target
-        value = np.zeros_like(target.belief)
-        if step < len(self.kept):
-            kept = self.kept[step]
-            value = kept * self.rests[step] + (1.0 - kept) * target.worth[step]
-        if target.unfound is not None:
-            value = value + target.unfound[step]
-        return value
 
     def likely(self, begin: int, end: int) -> Box:
         """The smallest box of the cells that the person may be in, in some steps, unless found.
@@ -179,13 +165,12 @@ class Passes:
         It ignores searches: one that gains nothing may find the person once an earlier one is
         removed.
         """
-        if self._extents is None:
-            self._extents = self._unsearched_extents()
         top, bottom, left, right = self._extents[:, begin:end]
         size = self.kept.shape[-1]
         return Box(int(top.min()), int(bottom.max()), int(left.min()), int(right.max()), size)
 
-    def _unsearched_extents(self) -> NDArray[np.int64]:
+    @cached_property
+    def _extents(self) -> NDArray[np.int64]:
         """First row, last row + 1, first column and last column + 1 of the forecast, by step."""
         mass, extents = self.target.belief, []
         for step in range(len(self.kept)):
@@ -197,14 +182,6 @@ class Passes:
 
     def found(self) -> Floats:
         """The probability of finding the person in each step."""
-        self.forward_to(len(self.kept))
-        masses = self.masses[:-1].sum(axis=1) if self.masses.shape[1] > 1 else self.masses[:-1, 0]
-        found: Floats = ((1.0 - self.kept) * masses).sum(axis=(1, 2))
+        self.forward_to(len(self.kept) - 1)
+        found: Floats = ((1.0 - self.kept) * self.masses.sum(axis=1)).sum(axis=(1, 2))
         return found
-
-    def value(self) -> float:
-        """The expected worth of finding the person, and of the unfound person's cells."""
-        total = float(self.target.worth @ self.found())
-        if self.target.unfound is not None:
-            total += float(np.vdot(self.masses, self.target.unfound))
-        return total

@@ -88,35 +88,13 @@ class Plan:
         """The number of steps planned, n."""
         return len(self.paths[0].searches)
 
-    def found(self) -> list[Floats]:
-        """The probability of finding each target in each step, shape (n,)."""
-        return [passes.found() for passes in self._passes]
-
-    def masses(self) -> list[Floats]:
-        """The probability that each target is in a cell, and unfound.
-
-        float64, shape (n + 1, M, N, N): before each step and after the last; do not change it.
-        """
-        for passes in self._passes:
-            passes.forward_to(self.steps)
-        return [passes.masses for passes in self._passes]
-
-    def values(self) -> list[Floats]:
-        """What the plan is expected to gain from each target in a cell before its first step.
-
-        float64, shape (M, N, N).
-        """
-        for passes in self._passes:
-            passes.backward_to(0)
-        return [passes.value_before(0) for passes in self._passes]
-
     def success_probabilities(self) -> list[float]:
         """The probability that the plan finds each target (POS)."""
-        return [float(found.sum()) for found in self.found()]
+        return [float(passes.found().sum()) for passes in self._passes]
 
     def value(self) -> float:
         """The expected worth of all finds."""
-        return sum(passes.value() for passes in self._passes)
+        return sum(float(passes.target.worth @ passes.found()) for passes in self._passes)
 
     def improve(
         self,

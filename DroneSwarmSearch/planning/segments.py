@@ -7,6 +7,8 @@ come back to be searched again, so a margin of L / 2 cells around it makes the p
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,9 @@ from DroneSwarmSearch.planning.paths import Path
 __all__ = ["Segment", "reach_of"]
 
 Floats = NDArray[np.float64]
+
+Cell = tuple[int, int]
+"""A row and a column within a box."""
 
 
 def reach_of(start: int, goal: int | None, steps: int, size: int) -> Box:
@@ -65,37 +70,44 @@ class Segment:
                 (along_x[:, box.columns, box.columns], along_y[:, box.rows, box.rows])
             )
         self._kept = passes.kept[begin:end, box.rows, box.columns].copy()
-        searches = {step: (y, x) for step, y, x in self._local(old)}
+        searches = self._local(old)
         for step, (y, x) in searches.items():
             self._kept[step, y, x] = 1.0
         # The masses and rests without the drone's own searches.
         self._masses, self._rests = masses[where].copy(), passes.rests[begin:end][where].copy()
-        self._remove_from_masses(searches)
+        for step, found in enumerate(self._found_by(searches, masses[where], are_counted=True)):
+            if found is not None:
+                self._masses[step] += found
         self._old_gain = self._remove_from_rests(searches, masses[where])
 
-    def _remove_from_masses(self, searches: dict[int, tuple[int, int]]) -> None:
-        """Add to later masses what the drone's searches, given by step, find."""
-        left: Floats | None = None
-        last = len(self._masses) - 1
-        for step in range(last + 1):
-            search = searches.get(step)
-            if left is not None:
-                after = left * self._kept[step]
-            elif search is not None:
-                after = np.zeros_like(self._masses[0])
-            else:
-                continue
-            if search is not None:
-                after[(slice(None), *search)] += (
-                    self._q * self._masses[(step, slice(None), *search)]
-                )
-            if left is not None:
-                self._masses[step] += left
-            if step < last:
-                along_x, along_y = self._matrices[step]
-                left = along_y.swapaxes(1, 2) @ after @ along_x
+    def _found_by(
+        self, searches: dict[int, Cell], masses: Floats, are_counted: bool
+    ) -> Iterator[Floats | None]:
+        """The mass that some searches have found, before each step until the last of `masses`.
 
-    def _remove_from_rests(self, searches: dict[int, tuple[int, int]], masses: Floats) -> float:
+        Args:
+            searches: of the drone, by step.
+            masses: of the person.
+            are_counted: whether the masses lack what these searches find.
+
+        Yields:
+            The mass where it would be, of shape (M, y, x); None for 0.
+        """
+        found: Floats | None = None
+        for step, mass in enumerate(masses):
+            yield found
+            search = searches.get(step)
+            if step == len(masses) - 1 or (found is None and search is None):
+                continue
+            after = np.zeros_like(mass) if found is None else found * self._kept[step]
+            if search is not None:
+                here = (slice(None), *search)
+                left = mass[here] if are_counted or found is None else mass[here] - found[here]
+                after[here] += self._q * left
+            along_x, along_y = self._matrices[step]
+            found = along_y.swapaxes(1, 2) @ after @ along_x
+
+    def _remove_from_rests(self, searches: dict[int, Cell], masses: Floats) -> float:
         """Subtract from earlier rests what the drone's searches gain.
 
         Args:
@@ -128,14 +140,14 @@ class Segment:
                 fewer = along_y @ before @ along_x.swapaxes(1, 2)
         return gain
 
-    def _local(self, path: Path) -> list[tuple[int, int, int]]:
-        """The searches of a path in the box: step, row and column."""
+    def _local(self, path: Path) -> dict[int, Cell]:
+        """The searches of a path in the box: row and column by step."""
         steps = path.searches.nonzero()[0]
         y, x = np.divmod(path.cells[steps], self._box.size)
         box = self._box
         inside = (box.top <= y) & (y < box.bottom) & (box.left <= x) & (x < box.right)
-        rows, columns = y[inside] - box.top, x[inside] - box.left
-        return list(zip(steps[inside].tolist(), rows.tolist(), columns.tolist(), strict=True))
+        rows, columns = (y[inside] - box.top).tolist(), (x[inside] - box.left).tolist()
+        return dict(zip(steps[inside].tolist(), zip(rows, columns, strict=True), strict=True))
 
     def add_gains(self, gains: Floats) -> None:
         """Add the gain of one search of each cell in reach in each step."""
@@ -165,25 +177,11 @@ class Segment:
         """How much the value increases if the segment is replaced."""
         if not self.cells:
             return 0.0
-        total, fewer, q = 0.0, None, self._q
-        at = {step: (y, x) for step, y, x in self._local(new)}
-        last = max(at, default=-1)
-        for step in range(last + 1):
-            search = at.get(step)
-            if fewer is not None:
-                after = fewer * self._kept[step]
-            elif search is not None:
-                after = np.zeros_like(self._masses[0])
-            else:
-                continue
-            if search is not None:
-                here = (slice(None), *search)
-                mass = self._masses[(step, *here)]
-                if fewer is not None:
-                    mass = mass - fewer[here]
-                total += q * float(mass @ (self._worth[step] - self._rests[(step, *here)]))
-                after[here] += q * mass
-            if step < last:
-                along_x, along_y = self._matrices[step]
-                fewer = along_y.swapaxes(1, 2) @ after @ along_x
-        return total - self._old_gain
+        searches, gain = self._local(new), 0.0
+        masses = self._masses[: max(searches, default=-1) + 1]
+        for step, found in enumerate(self._found_by(searches, masses, are_counted=False)):
+            if step in searches:
+                here = (slice(None), *searches[step])
+                mass = masses[step][here] if found is None else masses[step][here] - found[here]
+                gain += self._q * float(mass @ (self._worth[step] - self._rests[step][here]))
+        return gain - self._old_gain

@@ -12,7 +12,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -35,11 +34,6 @@ another likely cell gather around the claimed one."""
 
 FADING = 0.9
 """Factor per step on the memory of a search, since the person may drift back."""
-
-UNCHANGED = 0.95
-"""A search is remembered only if the matrix does not show it: the cell keeps at least this
-fraction of its probability, relative to its neighbours. In many test episodes, the fraction was
-nearly always lower in a posterior and higher in a forecast."""
 
 WORTHWHILE = 0.3
 """Fraction of the best cell's success that a cell needs to be a target. A posterior has wide
@@ -64,38 +58,6 @@ Floating = TypeVar("Floating", Floats, Singles)
 Claim = Callable[[int, Cell, Ints], Floats]
 
 
-@dataclass
-class _SearchMemory:
-    """The latest searches of a swarm that sees only the matrix.
-
-    Attributes:
-        discounted: the fraction by which recent searches lower each cell's value, (N, N).
-        matrix: the matrix of the last step.
-        searched: the cells searched in the last step.
-    """
-
-    discounted: Floats
-    matrix: Floats | None = None
-    searched: list[Cell] = field(default_factory=list)
-
-    def remember(self, matrix: Floats) -> None:
-        """Remember the searches of the last step that the new matrix does not show."""
-        before = self.matrix
-        if before is None:
-            return
-        self.discounted *= FADING
-        if not self.searched:
-            return
-        others_before, others = before.copy(), matrix.copy()
-        for x, y in self.searched:
-            others_before[y, x] = others[y, x] = 0.0
-        for x, y in self.searched:
-            around = np.s_[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
-            kept = matrix[y, x] * others_before[around].sum()
-            if kept >= UNCHANGED * before[y, x] * others[around].sum():
-                self.discounted[y, x] = FADING
-
-
 class _Greedy(SwarmPolicy):
     """The choice of targets and moves, for given values of the cells."""
 
@@ -117,30 +79,20 @@ class _Greedy(SwarmPolicy):
             claim: called with a drone, its target, and the drones that still choose; returns the
                 values for these, shape (drones, N, N). Without it, values stay.
         """
-        n, size = len(cells), self.scenario.grid_size
-        scores = self._scores(cells, values)
-        favourites = scores.argmax(axis=1)
-        best = scores[np.arange(n), favourites]
+        size, scores = self.scenario.grid_size, self._scores(cells, values)
         targets, claimed = [], np.zeros(size**2)
-        for _ in range(n):
-            drone = int(best.argmax())
-            favourite = int(favourites[drone])
+        for _ in cells:
+            drone, favourite = divmod(int(scores.argmax()), size**2)
             target = favourite % size, favourite // size
             targets.append((drone, target))
-            best[drone] = -np.inf
-            waiting = best > -np.inf
+            scores[drone] = -np.inf
+            claimed[favourite] += math.log(CLAIMED)
+            rivals = np.flatnonzero(scores[:, 0] > -np.inf)
             if claim is None:
                 scores[:, favourite] += math.log(CLAIMED)
-                rivals = np.flatnonzero((favourites == favourite) & waiting)
-            else:
-                claimed[favourite] += math.log(CLAIMED)
-                rivals = np.flatnonzero(waiting)
-                if rivals.size:
-                    others = [cells[rival] for rival in rivals]
-                    values = claim(drone, target, rivals)
-                    scores[rivals] = self._scores(others, values) + claimed
-            favourites[rivals] = scores[rivals].argmax(axis=1)
-            best[rivals] = scores[rivals, favourites[rivals]]
+            elif rivals.size:
+                others = [cells[rival] for rival in rivals]
+                scores[rivals] = self._scores(others, claim(drone, target, rivals)) + claimed
         return targets
 
     def _scores(self, cells: list[Cell], values: Floats) -> Floats:
@@ -209,18 +161,18 @@ class GreedyPolicy(_Greedy):
     Time and memory per step are proportional to drones times cells.
     """
 
-    def begin(self) -> _SearchMemory:
-        return _SearchMemory(np.zeros(self._grid))
+    def begin(self) -> Floats:
+        """The fraction by which recent searches lower each cell's value, shape (N, N)."""
+        return np.zeros(self._grid)
 
-    def choose(self, memory: _SearchMemory, cells: list[Cell], matrix: Singles) -> list[Action]:
-        probability = matrix.astype(np.float64)
-        memory.remember(probability)
-        values = probability * (1.0 - memory.discounted)
+    def choose(self, memory: Floats, cells: list[Cell], matrix: Singles) -> list[Action]:
+        values = matrix.astype(np.float64) * (1.0 - memory)
         actions = _moves(cells, self._targets(cells, values), values)
-        memory.matrix = probability
-        memory.searched = [
-            cell for cell, action in zip(cells, actions, strict=True) if action is Action.SEARCH
-        ]
+        if not self.scenario.bayesian_update:
+            memory *= FADING
+            for (x, y), action in zip(cells, actions, strict=True):
+                if action is Action.SEARCH:
+                    memory[y, x] = FADING
         return actions
 
 
@@ -241,10 +193,14 @@ class PosteriorGreedyPolicy(_Greedy):
 
     def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.observe(matrix)
-        targets, success = self._choice(memory, cells)
-        actions = _moves(cells, targets, success)
+        actions = self.actions(memory, cells)
         memory.update(cells, actions)
         return actions
+
+    def actions(self, tracker: BeliefTracker, cells: list[Cell]) -> list[Action]:
+        """The drones' actions, given the beliefs, which do not change."""
+        targets, success = self._choice(tracker, cells)
+        return _moves(cells, targets, success)
 
     def _choice(
         self, memory: BeliefTracker, cells: list[Cell]

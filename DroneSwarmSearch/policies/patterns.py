@@ -61,7 +61,7 @@ CELLS_PER_LENGTH = 4 / math.pi
 
 
 @dataclass
-class _Progress:
+class _RouteProgress:
     """A drone's progress along its route.
 
     Attributes:
@@ -103,7 +103,7 @@ class _PatternMemory:
     """
 
     tracker: BeliefTracker
-    progress: list[_Progress] = field(default_factory=list)
+    progress: list[_RouteProgress] = field(default_factory=list)
     passes: int = 0
 
 
@@ -229,7 +229,7 @@ class SectorSearchPolicy(PatternPolicy):
         ]
 
 
-def _assigned(choices: Sequence[Sequence[Route]], cells: Sequence[Cell]) -> list[_Progress]:
+def _assigned(choices: Sequence[Sequence[Route]], cells: Sequence[Cell]) -> list[_RouteProgress]:
     """Assign the routes to the nearest drones, each from its nearest start."""
     pairs = sorted(
         (_steps(cell, route[0]), drone, track, alternative)
@@ -237,16 +237,18 @@ def _assigned(choices: Sequence[Sequence[Route]], cells: Sequence[Cell]) -> list
         for track, routes in enumerate(choices)
         for alternative, route in enumerate(routes)
     )
-    progress = [_Progress([]) for _ in cells]
+    progress = [_RouteProgress([]) for _ in cells]
     assigned: set[int] = set()
     for _, drone, track, alternative in pairs:
         if not progress[drone].route and track not in assigned:
             assigned.add(track)
-            progress[drone] = _Progress(choices[track][alternative])
+            progress[drone] = _RouteProgress(choices[track][alternative])
     return progress
 
 
-def _wanted(progress: Sequence[_Progress], cells: Sequence[Cell]) -> tuple[list[Cell], set[int]]:
+def _wanted(
+    progress: Sequence[_RouteProgress], cells: Sequence[Cell]
+) -> tuple[list[Cell], set[int]]:
     """Every drone's desired next cell, and the drones that search.
 
     Drones that have finished let the others pass by exchanging cells with them.

@@ -7,23 +7,24 @@ command, the training time and the learning curve.
 from __future__ import annotations
 
 import copy
-import zipfile
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
-from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
-from DroneSwarmSearch.policies.shared_plans import HORIZON, PlanMemory, SharedPlans
+from DroneSwarmSearch.policies.planned import (
+    PlannedPolicy,
+    PlannedSearch,
+    PlannedStep,
+    Report,
+)
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 from DroneSwarmSearch.wrappers.masks import choose_in_turn
@@ -41,15 +42,8 @@ TEMPERATURE = 0.5
 OUTPUTS = 2
 """Outputs of the network in each view: the scores of flying straight ahead and of searching."""
 
-MAX_BYTES = 2**28
-"""The most bytes of weights to read, so that no file can exhaust the memory."""
-
 DEFAULT_WEIGHTS = Path(__file__).with_name("ppo.npz")
 """The packaged weights."""
-
-
-_Act = Callable[[BeliefTracker, list[Cell]], list[int]]
-"""The actions of one step, given the beliefs and every drone's cell."""
 
 
 class Network:
@@ -122,55 +116,19 @@ class Network:
             ValueError: it does not hold a valid network.
         """
         try:
-            with zipfile.ZipFile(path) as archive:
-                arrays = dict(_arrays(archive))
-            count = len(arrays) // 2
-            names = [f"{kind}{number}" for number in range(count) for kind in ("weights", "biases")]
-            if not names or {*names} != {*arrays}:
-                raise ValueError(
-                    "it must hold the arrays weights0, biases0 and so on, "
-                    f"got {', '.join(arrays) or 'none'}"
-                )
-            return cls([(arrays[f"weights{k}"], arrays[f"biases{k}"]) for k in range(count)])
+            with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+                arrays = {name: np.asarray(array, np.float32) for name, array in file.items()}
+            if not all(np.isfinite(array).all() for array in arrays.values()):
+                raise ValueError("its numbers must be finite")
+            layers = range((len(arrays) + 1) // 2)
+            return cls([(arrays[f"weights{k}"], arrays[f"biases{k}"]) for k in layers])
         except FileNotFoundError:
             raise
         except Exception as error:  # zipfile, zlib and NumPy raise many types for damaged files
-            why = str(error) or type(error).__name__
-            raise ValueError(f"{path} must hold a network's weights: {why}") from error
+            raise ValueError(f"{path} must hold a network's weights: {error!r}") from error
 
 
-def _arrays(archive: zipfile.ZipFile) -> Iterator[tuple[str, Singles]]:
-    """The names and arrays of an .npz file, read without trusting its headers."""
-    total = sum(member.file_size for member in archive.infolist())
-    if total > MAX_BYTES:
-        raise ValueError(f"its arrays must have at most {MAX_BYTES} bytes, got {total}")
-    for member in archive.infolist():
-        # Other methods may expand beyond the size that the file states.
-        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError(f"{member.filename} must be stored or deflated, as NumPy writes it")
-        with archive.open(member) as file:
-            version = np.lib.format.read_magic(file)
-            if version not in _READ_HEADER:
-                raise ValueError(f"{member.filename} must be of format 1.0 or 2.0, got {version}")
-            shape, fortran_order, dtype = _READ_HEADER[version](file)
-            if dtype.kind != "f":
-                raise ValueError(f"{member.filename} must hold real numbers, got {dtype}")
-            values = np.frombuffer(file.read(), dtype)
-            with np.errstate(over="ignore"):  # overflow gives infinity, which is rejected below
-                array = values.astype(np.float32)
-        if not np.isfinite(array).all():
-            raise ValueError(f"{member.filename} must hold finite numbers")
-        order: Literal["C", "F"] = "F" if fortran_order else "C"
-        yield member.filename.removesuffix(".npy"), array.reshape(shape, order=order)
-
-
-_READ_HEADER = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
-
-
-class PPOPolicy(SwarmPolicy):
+class PPOPolicy(PlannedPolicy):
     """A network trained by PPO on randomly drawn searches; every drone runs a copy of it.
 
     The policy tracks the exact posterior itself, regardless of the matrix shown (`BeliefTracker`).
@@ -208,25 +166,38 @@ class PPOPolicy(SwarmPolicy):
         self._samples = None if samples is None else checks.integer("samples", samples, 0)
         self._network = _default_network() if weights is None else Network.load(weights)
         self._arrivals = Arrivals(scenario.grid_size, scenario.n_drones)
-        self._neighbours, self._positions = grid_of(scenario.grid_size)
-        self._tracker = BeliefTracker(scenario)
-        # In a coverage mission nobody is found, as in the simulations.
-        self._coverage = replace(scenario, mission="coverage")
-        self._plans: SharedPlans[_Plan] = SharedPlans()
+        self._greedy = ForecastGreedyPolicy(scenario)
 
-    def begin(self) -> _Memory:
-        return _Memory(copy.deepcopy(self._tracker))
-
-    def choose(self, memory: _Memory, cells: list[Cell], matrix: Singles) -> Sequence[int]:
-        tracker = memory.tracker
-        tracker.observe(matrix)
-        if self._samples is not None and tracker.missing != memory.missing:
-            self._plans.give(memory, cells, lambda: self._best_plan(tracker, cells))
-        actions = memory.planned(cells)
-        if actions is None:
-            actions = self._preferred(tracker, cells)
-        tracker.update(cells, actions)
+    def choose(self, memory: PlannedSearch, cells: list[Cell], matrix: Singles) -> Sequence[int]:
+        if self._samples is not None:
+            return super().choose(memory, cells, matrix)
+        memory.tracker.observe(matrix)
+        actions = self._preferred(memory.tracker, cells)
+        memory.tracker.update(cells, actions)
         return actions
+
+    def plan(
+        self, tracker: BeliefTracker, cells: list[Cell], report: Report | None
+    ) -> list[PlannedStep]:
+        """The most successful simulation of the rest of a search."""
+        is_rescue = self.scenario.mission == "rescue"
+        tracker = copy.deepcopy(tracker)
+        # In a coverage mission nobody is found, as in the simulations.
+        tracker.scenario = replace(self.scenario, mission="coverage")
+        candidates: list[Callable[[BeliefTracker, list[Cell]], Sequence[int]]] = [
+            self._preferred,
+            self._greedy.actions,
+        ]
+        if tracker.step == 0:  # after a find, samples for all continuations would take too long
+            for seed in range(self._samples or 0):
+                candidates.append(partial(self._preferred, rng=np.random.default_rng(seed)))
+        best, most = [], -1.0
+        for act in candidates:
+            steps, found = self.simulated(act, tracker, cells)
+            success = float(found.prod() if is_rescue else found.mean())
+            if success > most:
+                best, most = steps, success
+        return best
 
     def _preferred(
         self, tracker: BeliefTracker, cells: list[Cell], rng: np.random.Generator | None = None
@@ -247,73 +218,6 @@ class PPOPolicy(SwarmPolicy):
         numbers = positions[..., 1] * size + positions[..., 0]
         actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
         return actions
-
-    def _best_plan(self, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
-        """The most successful simulation of the rest of a search."""
-        greedy = ForecastGreedyPolicy(self._coverage)
-
-        def act_greedily(tracker: BeliefTracker, cells: list[Cell]) -> list[int]:
-            return [*map(int, greedy.choose(copy.deepcopy(tracker), cells, tracker.matrix()))]
-
-        candidates: list[_Act] = [self._preferred, act_greedily]
-        if tracker.step == 0:  # after a find, samples for all continuations would take too long
-            for seed in range(self._samples or 0):
-                candidates.append(partial(self._preferred, rng=np.random.default_rng(seed)))
-        plans = [self._simulated(act, tracker, cells) for act in candidates]
-        return max(plans, key=lambda plan: plan.success)
-
-    def _simulated(self, act: _Act, tracker: BeliefTracker, cells: list[Cell]) -> _Plan:
-        """The search until the time limit, or for `HORIZON` steps, if nobody is found."""
-        size, missing = self.scenario.grid_size, tracker.missing
-        tracker = copy.deepcopy(tracker)
-        tracker.scenario = self._coverage
-        unfound = dict.fromkeys(missing, 1.0)
-        remaining = max(self.scenario.timestep_limit - tracker.step, 1)
-        steps = []
-        for _ in range(min(remaining, HORIZON)):
-            actions = act(tracker, cells)
-            steps.append((cells, actions))
-            numbers = [y * size + x for x, y in cells]
-            searched = [
-                cell
-                for cell, action in zip(numbers, actions, strict=True)
-                if action == Action.SEARCH
-            ]
-            if searched:
-                for person in missing:
-                    unfound[person] *= 1.0 - tracker.chance_of_find(person, searched)
-            tracker.update(cells, actions)
-            moved = zip(numbers, actions, strict=True)
-            cells = [self._positions[self._neighbours[cell][action]] for cell, action in moved]
-        found = 1.0 - np.array([*unfound.values()])
-        is_rescue = self.scenario.mission == "rescue"
-        return _Plan(float(found.prod() if is_rescue else found.mean()), steps)
-
-
-class _Plan(NamedTuple):
-    """A simulated search.
-
-    Attributes:
-        success: the probability that it finds all persons; in a coverage mission, the mean over
-            persons.
-        steps: the drones' cells and actions in every step.
-    """
-
-    success: float
-    steps: list[tuple[list[Cell], list[int]]]
-
-
-@dataclass
-class _Memory(PlanMemory[_Plan]):
-    """A search and the simulation to follow until a find."""
-
-    def planned(self, cells: list[Cell]) -> list[int] | None:
-        """The actions of this step in the plan; None where the search has left the plan."""
-        step = self.tracker.step - self.first
-        if self.plan is None or step >= len(self.plan.steps):
-            return None
-        expected, actions = self.plan.steps[step]
-        return actions if expected == cells else None
 
 
 @lru_cache(maxsize=1)

@@ -1,10 +1,5 @@
 """Rendering of a search: a `Frame` as text, image, window or video.
 
-`frame` is the data; `text` needs NumPy alone; `painter` and `window` draw
-with pygame; `video` writes files with the packages of the extra "video". Importing this
-package does not import pygame.
+`text` needs NumPy alone; `painter` and `window` draw with pygame; `video` writes files with the
+packages of the extra "video". Importing this package does not import pygame.
 """
-
-from DroneSwarmSearch.rendering.frame import Frame
-
-__all__ = ["Frame"]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import warnings
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -22,28 +23,31 @@ class Display:
 
     Args:
         grid_size: cells along each side of the grid.
-        render_grid: draw lines between the cells.
-        render_gradient: colour the cells smoothly; otherwise in three colours.
-        palette: the colours of the cells, a name in `palette.PALETTES`.
         fps: frames per second at most in the window.
+        look: `render_grid`, `render_gradient` and `palette`, see `Painter`.
     """
 
-    def __init__(
-        self,
-        grid_size: int,
-        *,
-        render_grid: bool,
-        render_gradient: bool,
-        palette: str,
-        fps: float,
-    ) -> None:
+    def __init__(self, grid_size: int, *, fps: float, **look: Any) -> None:
         self._grid_size = grid_size
-        self._render_grid = render_grid
-        self._render_gradient = render_gradient
-        self._palette = palette
+        self._look = look
         self._fps = fps
-        self._painter: Painter | None = None
-        self._window: Window | None = None
+        self._is_dismissed = False
+
+    @cached_property
+    def _painter(self) -> Painter:
+        from DroneSwarmSearch.rendering.painter import Painter
+
+        return Painter(self._grid_size, **self._look)
+
+    @cached_property
+    def _window(self) -> Window:
+        from DroneSwarmSearch.rendering.window import Window
+
+        return Window(self._painter.size, title="Drone swarm search")
+
+    def __getstate__(self) -> dict[str, Any]:
+        not_copied = ("_painter", "_window", "_clock")
+        return {name: value for name, value in vars(self).items() if name not in not_copied}
 
     def render(self, frame: Frame, mode: str) -> Any:
         """Render a frame.
@@ -60,8 +64,8 @@ class Display:
 
             return render_text(frame)
         if mode == "rgb_array":
-            return self._get_painter().pixels(frame)
-        self._get_window().show(frame)
+            return self._painter.pixels(frame)
+        self._show(frame)
         return None
 
     def png(self, frame: Frame) -> bytes:
@@ -69,53 +73,66 @@ class Display:
         from DroneSwarmSearch.rendering._pygame import pygame
 
         file = io.BytesIO()
-        pygame.image.save(self._get_painter().paint(frame), file, ".png")
+        pygame.image.save(self._painter.paint(frame), file, ".png")
         return file.getvalue()
 
     def open(self) -> None:
-        """Open the window if it is not open.
+        """Open the window, even if the user has closed it before; do nothing if it is open.
 
         Raises:
             RuntimeError: no window can be opened.
         """
-        self._get_window().open()
+        self._window.open()
+        self._is_dismissed = False
 
     def show(self, frame: Frame) -> None:
         """Show a frame in the window; warn if that fails, since the episode continues."""
         try:
-            self._get_window().show(frame)
+            self._show(frame)
         except RuntimeError as problem:
-            self._get_window().dismiss()
-            warnings.warn(
-                f"{problem}; the episode continues without a window, and the next reset tries "
-                "to open it again",
-                stacklevel=3,
-            )
+            self._dismiss(f"{problem}; the episode continues without a window, and")
 
     def close(self) -> None:
         """Close the window, if there is one; may be called repeatedly."""
-        if self._window is not None:
+        if "_window" in vars(self):
             self._window.close()
 
-    def _get_painter(self) -> Painter:
-        if self._painter is None:
-            from DroneSwarmSearch.rendering.painter import Painter
+    def _show(self, frame: Frame) -> None:
+        """Show a frame and wait for at most one frame period; open the window if needed.
 
-            self._painter = Painter(
-                self._grid_size,
-                render_grid=self._render_grid,
-                render_gradient=self._render_gradient,
-                palette=self._palette,
-            )
-        return self._painter
+        The other events than keys, which stay in pygame's queue for the program, are removed.
 
-    def _get_window(self) -> Window:
-        if self._window is None:
-            from DroneSwarmSearch.rendering.window import Window
+        Raises:
+            RuntimeError: no window can be opened, or it failed.
+        """
+        from DroneSwarmSearch.rendering._pygame import pygame
+        from DroneSwarmSearch.rendering.palette import PAPER
+        from DroneSwarmSearch.rendering.window import fitted
 
-            painter = self._get_painter()
-            self._window = Window(painter, title="Drone swarm search", fps=self._fps)
-        return self._window
+        if self._is_dismissed:
+            return
+        self._window.open()
+        try:
+            events = pygame.event.get(exclude=(pygame.KEYDOWN, pygame.KEYUP))
+            if any(event.type == pygame.QUIT for event in events):
+                self._dismiss("the window was closed: the episode continues without being shown;")
+                return
+            surface = self._window.surface
+            surface.fill(PAPER)
+            surface.blit(*fitted(self._painter.paint(frame), surface.get_rect()))
+            pygame.display.flip()
+        except pygame.error as error:
+            raise RuntimeError(f"the window failed ({error})") from error
+        self._clock.tick(self._fps)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_window": None, "_painter": None}
+    @cached_property
+    def _clock(self) -> Any:
+        from DroneSwarmSearch.rendering._pygame import pygame
+
+        return pygame.time.Clock()
+
+    def _dismiss(self, reason: str) -> None:
+        """Close the window and show nothing until `open`."""
+        self.close()
+        self._is_dismissed = True
+        warnings.warn(f"{reason} the next reset opens it again", stacklevel=4)

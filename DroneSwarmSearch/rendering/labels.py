@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rules import Ending
 
 __all__ = ["outcome_in_brief", "percent", "signed", "tick_stride"]

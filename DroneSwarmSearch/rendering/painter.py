@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE
 from DroneSwarmSearch.rendering.panel import Layout, Panel
@@ -134,23 +133,6 @@ class Painter:
     ) -> NDArray[np.uint8]:
         """`paint` as a new uint8 array of shape (height, width, 3)."""
         return to_array(self.paint(frame, previous=previous, progress=progress))
-
-    def video(self, frames: Iterable[Frame], per_step: int) -> Iterator[NDArray[np.uint8]]:
-        """The pictures of a video.
-
-        Args:
-            frames: of consecutive steps.
-            per_step: the pictures of each step after the first frame.
-
-        Returns:
-            An iterator over uint8 arrays of shape (height, width, 3).
-        """
-        previous: Frame | None = None
-        for frame in frames:
-            for picture in range(1, per_step) if previous is not None else ():
-                yield self.pixels(frame, previous=previous, progress=picture / per_step)
-            yield self.pixels(frame)
-            previous = frame
 
     def _maps(self, frame: Frame) -> list[Frame]:
         """What each map shows."""

@@ -38,9 +38,6 @@ N_SHADES = 129
 MIDDLE_FROM, HIGH_FROM = 0.25, 0.75
 """Without a gradient, the fractions of the maximum at which the middle and last shades start."""
 
-DISTINCT_DRONES = 48
-"""Drones beyond this number reuse the colours of the first ones."""
-
 
 @dataclass(frozen=True)
 class Palette:
@@ -49,9 +46,12 @@ class Palette:
     Attributes:
         stops: evenly spaced colours of the ramp, from the least to the most likely cell.
             The luminance of the ramp rises or falls strictly, so that it reads in greyscale.
+        drones: the colours of drones, hexadecimal. Each was chosen as the farthest, in OKLab,
+            from the ramp and from those before it.
     """
 
     stops: tuple[Colour, ...]
+    drones: str
 
     @cached_property
     def ramp(self) -> NDArray[np.uint8]:
@@ -63,35 +63,28 @@ class Palette:
         return ramp
 
     def drone(self, number: int) -> Colour:
-        """The colour of a drone; the first `DISTINCT_DRONES` all differ clearly."""
-        return self._drones[number % DISTINCT_DRONES]
-
-    @cached_property
-    def _drones(self) -> tuple[Colour, ...]:
-        """Each colour is the farthest, in OKLab, from the ramp and from the drones before it."""
-        steps = np.linspace(0, 255, 12)
-        lattice = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        lab = _oklab(lattice)
-        chroma = np.hypot(lab[:, 1], lab[:, 2])
-        vivid = (lab[:, 0] > 0.42) & (lab[:, 0] < 0.92) & (chroma > 0.08)
-        lattice, lab = lattice[vivid], lab[vivid]
-        ramp = _oklab(self.ramp[::8].astype(np.float64))
-        nearest = np.linalg.norm(lab[:, None] - ramp, axis=-1).min(axis=1)
-        chosen: list[Colour] = []
-        for _ in range(DISTINCT_DRONES):
-            best = int(nearest.argmax())
-            r, g, b = np.rint(lattice[best]).astype(int).tolist()
-            chosen.append((r, g, b))
-            nearest = np.minimum(nearest, np.linalg.norm(lab - lab[best], axis=-1))
-        return tuple(chosen)
+        """The colour of a drone; those beyond the table reuse the first ones."""
+        table = self.drones.split()
+        r, g, b = bytes.fromhex(table[number % len(table)])
+        return r, g, b
 
 
 PALETTES = {
     # Red, yellow, green: the hues of the 2023 package.
     "classic": Palette(
-        ((88, 20, 30), (176, 58, 34), (230, 172, 56), (196, 222, 88), (150, 254, 152))
+        ((88, 20, 30), (176, 58, 34), (230, 172, 56), (196, 222, 88), (150, 254, 152)),
+        "0000ff ff00ff 46a2ff 007400 8b00b9 ffb9ff 2e5d8b 00b900 b974b9 ff0074 00e8ff 745dff "
+        "46a28b ff8ba2 b90074 b900ff 462eb9 00ff00 2ed1a2 745d00 8b8b00 742e74 b9a2ff ff74e8 "
+        "8b5d8b 1774d1 d12eb9 005d46 ff2e00 ffb9a2 5d17ff 5db9d1 d15dff 8bb946 5d8bb9 17e874 "
+        "a2d1ff d15d74 008b5d e8e8a2 a246d1 ff7446 74ffe8 005dff ff5da2 177474 a2d1a2 d10046",
     ),
-    "sea": Palette(((240, 246, 250), (168, 205, 230), (66, 134, 190), (8, 44, 104))),
+    "sea": Palette(
+        ((240, 246, 250), (168, 205, 230), (66, 134, 190), (8, 44, 104)),
+        "ff0000 e800ff 00ff00 00a200 a20074 ffa200 7400ff 8b5d00 ff8be8 e8e800 74d174 0000e8 "
+        "a274ff b9748b 175d2e ff2ea2 a20000 00ffe8 b98b2e 175dff 8b46b9 e8a2a2 008b74 ffd18b "
+        "744674 ff7446 00b9a2 d1175d 5d17b9 8bff8b d100b9 d15d17 748b2e b9a2ff ffb9e8 00d100 "
+        "d174d1 a200e8 467400 ff5dff 008bff b9b974 ff74a2 a2465d 8b74b9 745dff a2e8b9 00d1ff",
+    ),
 }
 
 
@@ -119,27 +112,3 @@ def readable_on(background: Colour) -> Colour:
     """White or ink, whichever has more contrast with a background."""
     r, g, b = background
     return INK if 0.299 * r + 0.587 * g + 0.114 * b > 140 else WHITE
-
-
-def _oklab(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Colours in OKLab, where distance approximates perceived difference; (n, 3) each.
-
-    Source: B. Ottosson, "A perceptual color space for image processing", 2020.
-    """
-    part = srgb / 255.0
-    light = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
-    cones = light @ np.array(
-        [
-            [0.4122214708, 0.2119034982, 0.0883024619],
-            [0.5363325363, 0.6806995451, 0.2817188376],
-            [0.0514459929, 0.1073969566, 0.6299787005],
-        ]
-    )
-    lab: NDArray[np.float64] = np.cbrt(cones) @ np.array(
-        [
-            [0.2104542553, 1.9779984951, 0.0259040371],
-            [0.7936177850, -2.4285922050, 0.7827717662],
-            [-0.0040720468, 0.4505937099, -0.8086757660],
-        ]
-    )
-    return lab

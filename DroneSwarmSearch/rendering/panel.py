@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rendering.labels import signed
 from DroneSwarmSearch.rendering.palette import (
     FAINT,

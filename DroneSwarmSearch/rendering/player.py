@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
@@ -21,7 +21,6 @@ __all__ = [
     "KeyHelp",
     "Moment",
     "Player",
-    "PolicyRecording",
     "Recording",
     "Score",
     "refusal",
@@ -34,19 +33,15 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 STEP_RATE = 8.0
 """Steps per second at which single steps and moves by hand are drawn."""
 
-AHEAD = 20
-"""Steps by which a policy plays ahead of the picture, so that it need not be fast."""
-
 HINT_SECONDS = 2.5
+
+YOU = "you (drone 0)"
 
 PAUSE_AFTER_FLIGHT = 1.0
 """Seconds without the keys of a flight, after its end, until they act again as those of a replay.
 
 The end may come as a surprise: whoever still presses the search key would miss the result.
 """
-
-VIEWS = ("matrix", "both")
-"""The map that the drones see, or the prior and the posterior side by side."""
 
 FLIGHT_KEYS = {
     **{"left": Action.LEFT, "a": Action.LEFT, "right": Action.RIGHT, "d": Action.RIGHT},
@@ -77,27 +72,23 @@ _AT_LAST = (
 )
 _WATCHING = (
     KeyHelp("Space", "play, pause", "pause or resume; at the end, play again"),
-    KeyHelp("\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW}", "step", "one step back or forward"),
-    KeyHelp("\N{UPWARDS ARROW} \N{DOWNWARDS ARROW}", "speed", "faster or slower; also + and -"),
+    KeyHelp("Left, Right", "step", "one step back or forward"),
+    KeyHelp("Up, Down", "speed", "faster or slower; also + and -"),
 )
 _REPLAY = KeyHelp("R", "replay", "play again; Home and End jump to the first and last step")
 _FLY_AGAIN = KeyHelp("R", "fly again", "fly the same search again")
 _FLYING = (
-    KeyHelp(
-        "\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW} \N{UPWARDS ARROW} \N{DOWNWARDS ARROW}",
-        "fly drone 0",
-        "move drone 0 to the next cell; also W, A, S, D",
-    ),
+    KeyHelp("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
     KeyHelp("Space", "search", "search the cell of drone 0"),
     KeyHelp("I", "wait", "wait for a step; also the period key"),
 )
 
 
 class Score(NamedTuple):
-    """The result of a searcher: a name, and the last frame; None until it is known."""
+    """The result of a searcher: a name, and the last frame of the episode."""
 
     name: str
-    last: Frame | None
+    last: Frame
 
 
 SCORE_HEADERS = ("", "result", "POS", "return")
@@ -105,8 +96,6 @@ SCORE_HEADERS = ("", "result", "POS", "return")
 
 def score_row(score: Score) -> tuple[str, str, str, str]:
     """A score as the cells of a table, below `SCORE_HEADERS`."""
-    if score.last is None:
-        return (score.name, "...", "", "")
     success, total = score.last.probability_of_success, score.last.total_return
     return (
         score.name,
@@ -117,27 +106,41 @@ def score_row(score: Score) -> tuple[str, str, str, str]:
 
 
 class Recording:
-    """The frames of an episode so far.
+    """The frames of a policy's episode so far, which a thread plays.
+
+    Some policies plan for seconds; meanwhile, the window stays alive.
 
     Args:
-        first: the frame of the reset.
+        frames: the frames of the episode, from that of the reset.
         title: what is shown, in a few words.
 
     Attributes:
         frames: those recorded so far.
         seen: the number of the latest frame that was shown.
         title: what is shown.
+        scores: the results to show at the end; empty if there are no others.
     """
 
-    def __init__(self, first: Frame, title: str = "") -> None:
-        self.frames = [first]
+    flies = False
+    """Whether the next step needs an action for drone 0."""
+
+    def __init__(self, frames: Iterator[Frame], title: str = "") -> None:
+        self.frames = [next(frames)]
         self.seen = 0
         self.title = title
+        self.scores: Sequence[Score] = ()
+        self._stopped = False
+        self._error: BaseException | None = None
+        threading.Thread(target=self._record, args=(frames,), daemon=True).start()
 
-    @property
-    def flies(self) -> bool:
-        """Whether the next step needs an action for drone 0."""
-        return False
+    def _record(self, frames: Iterator[Frame]) -> None:
+        try:
+            for frame in frames:
+                if self._stopped:
+                    return
+                self.frames.append(frame)
+        except BaseException as error:  # `show` raises it in the thread of the player
+            self._error = error
 
     @property
     def has_ended(self) -> bool:
@@ -149,59 +152,19 @@ class Recording:
         """Whether the last frame of the episode has been shown."""
         return self.frames[self.seen].ending is not None
 
-    def scores(self) -> Sequence[Score]:
-        """The result, and those of others in the same search; empty if there are none."""
-        return ()
-
-    def show(self, number: int) -> None:
-        """Note that a frame is shown."""
-        self.seen = max(self.seen, number)
-
-    def stop(self) -> None:
-        """Record no further frames."""
-
-
-class PolicyRecording(Recording):
-    """The episode of a policy, which a thread plays a little ahead of what is shown.
-
-    Args:
-        frames: the frames of the episode, from that of the reset.
-        title: what is shown, in a few words.
-    """
-
-    def __init__(self, frames: Iterator[Frame], title: str = "") -> None:
-        super().__init__(next(frames), title)
-        self._room = threading.Semaphore(AHEAD)
-        self._stopped = False
-        self._error: BaseException | None = None
-        threading.Thread(target=self._record, args=(frames,), daemon=True).start()
-
-    def _record(self, frames: Iterator[Frame]) -> None:
-        try:
-            while self._room.acquire() and not self._stopped:
-                frame = next(frames, None)
-                if frame is None:
-                    return
-                self.frames.append(frame)
-        except BaseException as error:  # `show` raises it in the thread of the player
-            self._error = error
-
     def show(self, number: int) -> None:
         """Note that a frame is shown.
 
         Raises:
             Exception: the policy or the environment has failed after this frame.
         """
-        if number > self.seen:
-            self._room.release(number - self.seen)
-        super().show(number)
+        self.seen = max(self.seen, number)
         if self._error is not None and number == len(self.frames) - 1:
-            error, self._error = self._error, None
-            raise error
+            raise self._error
 
     def stop(self) -> None:
+        """Record no further frames."""
         self._stopped = True
-        self._room.release()
 
 
 class Flight(Recording):
@@ -211,7 +174,7 @@ class Flight(Recording):
         first: the frame of the reset.
         fly: plays one step with an action for drone 0, and returns its frame.
         title: what is shown, in a few words.
-        scores: the results to show at the end, see `Recording.scores`.
+        rivals: the results of others in the same search, called at the end.
     """
 
     def __init__(
@@ -219,22 +182,21 @@ class Flight(Recording):
         first: Frame,
         fly: Callable[[Action], Frame],
         title: str = "",
-        scores: Callable[[], Sequence[Score]] = tuple,
+        rivals: Callable[[], Sequence[Score]] = list,
     ) -> None:
-        super().__init__(first, title)
+        super().__init__(iter([first]), title)
         self._fly = fly
-        self._scores = scores
+        self._rivals = rivals
 
     @property
-    def flies(self) -> bool:
+    def flies(self) -> bool:  # type: ignore[override]
         return not self.has_ended
-
-    def scores(self) -> Sequence[Score]:
-        return self._scores()
 
     def fly(self, action: Action) -> None:
         """Play one step."""
         self.frames.append(self._fly(action))
+        if self.has_ended and (rivals := self._rivals()):
+            self.scores = [Score(YOU, self.frames[-1]), *rivals]
 
 
 @dataclass(frozen=True)
@@ -245,7 +207,7 @@ class Moment:
         frame: the frame that the drones are flying to, or have reached.
         previous: the frame before it; None before the first step.
         progress: the part of the way, from 0 to 1.
-        view: one of `VIEWS`.
+        view: "matrix", what the drones see, or "both", the prior and the posterior.
     """
 
     frame: Frame
@@ -265,7 +227,7 @@ class Player:
     Attributes:
         recording: of the search that is shown.
         seed: its seed.
-        view: one of `VIEWS`.
+        view: "matrix", what the drones see, or "both", the prior and the posterior.
         speed: factor on the steps per second.
         shows_keys: whether the list of keys is shown.
         quits: whether the user has asked to quit.
@@ -366,7 +328,7 @@ class Player:
         if key in ("escape", "q") or (key == "return" and self.is_at_end):
             self.quits = True
         elif key in ("p", "tab"):
-            self.view = VIEWS[1 - VIEWS.index(self.view)]
+            self.view = "both" if self.view == "matrix" else "matrix"
         elif key == "h":
             self.shows_keys = not self.shows_keys
         elif key == "n":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from itertools import accumulate
 
 from DroneSwarmSearch.rendering._pygame import pygame
@@ -16,7 +15,7 @@ from DroneSwarmSearch.rendering.player import (
     score_row,
 )
 from DroneSwarmSearch.rendering.sprites import text_line
-from DroneSwarmSearch.rendering.window import Screen, fitted
+from DroneSwarmSearch.rendering.window import Window, fitted
 
 __all__ = ["PlayerWindow"]
 
@@ -34,20 +33,11 @@ ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}
 FONT_LEAST, FONT_USUAL, FONT_MOST = 14, 20, 44
 """Font sizes of the strip, in pictures of very small, the usual and very large scale."""
 
-ARROWS = dict(
-    zip(
-        "\N{LEFTWARDS ARROW}\N{UPWARDS ARROW}\N{RIGHTWARDS ARROW}\N{DOWNWARDS ARROW}",
-        range(4),
-        strict=True,
-    )
-)
-"""The arrows that pygame's font lacks, by the quarter turns, clockwise, from one to the left."""
-
 VEIL = (*INK, 150)
 """The colour over the picture behind a card of text, with its opacity."""
 
 
-class PlayerWindow(Screen):
+class PlayerWindow(Window):
     """Shows a player, and passes it keys and time.
 
     Args:
@@ -121,11 +111,9 @@ class PlayerWindow(Screen):
     @staticmethod
     def _state(player: Player) -> object:
         """Equal as long as the picture need not be drawn again."""
-        scores = player.recording.scores() if player.is_at_end else ()
         return (
             *(player.recording, player.moment.frame.step, player.moment.progress, player.view),
             *(player.status, player.hint, player.shows_keys, player.moment.frame.hide_persons),
-            tuple(score.last is None for score in scores),
         )
 
     # Drawing.
@@ -148,8 +136,8 @@ class PlayerWindow(Screen):
             veil.fill(VEIL)
             screen.blit(veil, area)
             _draw_card(screen, area, _card("Keys", keys, font), "center")
-        elif player.is_at_end and player.recording.scores():
-            scores = [SCORE_HEADERS, *map(score_row, player.recording.scores())]
+        elif player.is_at_end and player.recording.scores:
+            scores = [SCORE_HEADERS, *map(score_row, player.recording.scores)]
             _draw_card(screen, area, _card("Your result", scores, font), "bottomright")
         pygame.display.flip()
 
@@ -186,7 +174,7 @@ def _strip_height(font: int) -> int:
 
 def _key_image(key: KeyHelp, font: int) -> pygame.Surface:
     """A key cap and what the key does."""
-    cap, meaning = _text(key.keys, font), text_line(key.meaning, font, GREY)
+    cap, meaning = text_line(key.keys, font, INK), text_line(key.meaning, font, GREY)
     pad = font // 3
     box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, font + pad)
     image = pygame.Surface((box.width + meaning.get_width() + 4 * pad, box.height), 0, 32)
@@ -197,35 +185,10 @@ def _key_image(key: KeyHelp, font: int) -> pygame.Surface:
     return image
 
 
-@lru_cache(256)
-def _text(text: str, font: int) -> pygame.Surface:
-    """A line of text, or arrows."""
-    if not text or text[0] not in ARROWS:
-        return text_line(text or " ", font, INK)
-    side = font // 2
-    image = pygame.Surface((side * len(text), side), pygame.SRCALPHA)
-    for place, sign in enumerate(text):
-        if sign in ARROWS:
-            arrow = _arrow(4 * side)
-            turned = pygame.transform.rotate(arrow, -90 * ARROWS[sign])
-            image.blit(pygame.transform.smoothscale(turned, (side, side)), (side * place, 0))
-    return image
-
-
-def _arrow(side: int) -> pygame.Surface:
-    """An arrow to the left."""
-    image = pygame.Surface((side, side), pygame.SRCALPHA)
-    image.fill((*INK, 0))
-    middle, head, half = side / 2, side * 0.45, side * 0.08
-    pygame.draw.polygon(image, INK, [(0, middle), (head, side * 0.1), (head, side * 0.9)])
-    pygame.draw.rect(image, INK, pygame.Rect(head, middle - half, side - head, 2 * half))
-    return image
-
-
 def _card(title: str, rows: Sequence[Sequence[str]], font: int) -> pygame.Surface:
     """A table on a card; the columns from the third one hold numbers, aligned to the right."""
     gap, line = font, font + font // 2
-    cells = [[_text(cell, font) for cell in row] for row in rows]
+    cells = [[text_line(cell or " ", font, INK) for cell in row] for row in rows]
     widths = [max(cell.get_width() for cell in column) for column in zip(*cells, strict=True)]
     size = sum(widths) + gap * (len(widths) + 1), line * (len(rows) + 1) + 2 * gap
     card = pygame.Surface(size, 0, 32)

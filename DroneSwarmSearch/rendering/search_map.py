@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.rendering.labels import tick_stride
 from DroneSwarmSearch.rendering.palette import (
     FOUND,

@@ -9,7 +9,7 @@ import textwrap
 import time
 from collections.abc import Iterable
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.text import render_text
 
 __all__ = ["fitted", "show"]

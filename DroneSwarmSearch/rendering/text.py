@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from DroneSwarmSearch.rendering.frame import Frame
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 

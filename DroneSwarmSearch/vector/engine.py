@@ -29,8 +29,8 @@ from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.streams import mixed
 from DroneSwarmSearch.drift.belief import mean_over_missing
 from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import batch_state_planes
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.drones import BatchDrones

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
+from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.display import Display
-from DroneSwarmSearch.rendering.frame import Frame
 from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.arguments import (
     MASKS_IN,
@@ -118,13 +118,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         )
         scenario, rows = self.batch.scenario_of(0), self.batch.num_rows
         self._size, self._drones = scenario.grid_size, scenario.n_drones
-        self._display = Display(
-            self._size,
-            render_grid=False,
-            render_gradient=True,
-            palette="classic",
-            fps=self.metadata["render_fps"],
-        )
+        self._display = Display(self._size, fps=self.metadata["render_fps"])
         self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
         self.num_envs = rows * self._each
         if not self._writes:
