@@ -167,7 +167,6 @@ def _run(argv: Sequence[str]) -> int:
         parser.print_help(sys.stderr)
         return 2
     options = parser.parse_args(argv)
-    options.argv = argv
     from DroneSwarmSearch.evaluation import commands  # here, so that `play` starts faster
 
     code: int = getattr(commands, command)(options.parser, options)

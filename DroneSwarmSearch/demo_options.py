@@ -138,125 +138,56 @@ def _parser() -> argparse.ArgumentParser:
     add("--grid", action=flag, default=True, help="draw lines between the cells")
     add("--gradient", action=flag, default=True, help="colour the cells smoothly")
     add("--palette", choices=tuple(PALETTES), default="classic", help="colours of the cells")
-    add(
-        "--prior",
-        action="store_true",
-        help="show the drones, and you, the forecast of the drift instead of the posterior",
-    )
+    prior = "show the drones, and you, the forecast of the drift instead of the posterior"
+    add("--prior", action="store_true", help=prior)
+
+    policies = f"the drones' policy: {', '.join(POLICIES)}, or a file of weights, .npz"
+    limit = f"time limit in steps (default: {TIMESTEP_LIMIT}, or those of SEARCH)"
+    mission = "find the persons, or gain as much probability of success as possible"
     add = parser.add_argument_group("episode").add_argument
-    add(
-        "--policy",
-        metavar="NAME",
-        default=USUAL_POLICY,
-        help=f"the drones' policy: {', '.join(POLICIES)}, or a file of weights, .npz",
-    )
+    add("--policy", metavar="NAME", default=USUAL_POLICY, help=policies)
     add("--seed", metavar="N", type=int, default=0, help="seed of the persons' drift")
-    add(
-        "--timestep-limit",
-        metavar="N",
-        type=int,
-        help=f"time limit in steps (default: {TIMESTEP_LIMIT}, or those of SEARCH)",
-    )
-    add(
-        "--mission",
-        choices=MISSIONS,
-        help="find the persons, or gain as much probability of success as possible "
-        "(default: rescue, or that of SEARCH)",
-    )
-    add = parser.add_argument_group("your search, without SEARCH").add_argument
-    add("--drones", metavar="N", type=int, default=4, help="number of drones")
-    add(
-        "--grid-size",
-        metavar="N",
-        type=int,
-        help=f"cells along a side (default: {GRID_USUAL}; in an incident, as many as hold 99%% of "
-        f"the forecast, from {GRID_LEAST} to {GRID_MOST})",
-    )
-    add("--persons", metavar="N", type=int, default=1, help="number of persons")
-    add(
-        "--vector",
-        metavar=("X", "Y"),
-        nargs=2,
-        type=float,
-        default=(0.16, 0.08),
-        help="drift in cells per step, y downward",
-    )
-    add(
-        "--disperse-constant",
-        metavar="C",
-        type=float,
-        default=2.0,
-        help="how quickly the persons may stray from the drift, at least 0",
-    )
-    add(
-        "--probability-of-detection",
-        metavar="P",
-        type=float,
-        default=1.0,
-        help="probability that a search of the person's cell finds the person, 0 to 1",
-    )
-    _add_incident(
-        parser.add_argument_group("your search at sea, without SEARCH", INCIDENT).add_argument
-    )
+    add("--timestep-limit", metavar="N", type=int, help=limit)
+    add("--mission", choices=MISSIONS, help=f"{mission} (default: rescue, or that of SEARCH)")
+
+    size = f"cells along a side (default: {GRID_USUAL}; in an incident, as many as hold 99%% of "
+    size += f"the forecast, from {GRID_LEAST} to {GRID_MOST})"
+    spread = "how quickly the persons may stray from the drift, at least 0"
+    detection = "probability that a search of the person's cell finds the person, 0 to 1"
+    group = parser.add_argument_group("your search, without SEARCH")
+    group.add_argument("--drones", metavar="N", type=int, default=4, help="number of drones")
+    group.add_argument("--grid-size", metavar="N", type=int, help=size)
+    group.add_argument("--persons", metavar="N", type=int, default=1, help="number of persons")
+    _add_pair(group, "--vector", "X", "Y", (0.16, 0.08), "drift in cells per step, y downward")
+    _add_number(group, "--disperse-constant", "C", 2.0, spread)
+    _add_number(group, "--probability-of-detection", "P", 1.0, detection)
+
+    wind = "where the wind comes from, in degrees, and its speed 10 m above the sea"
+    current = "where the current flows to, in degrees, and its speed"
+    deviation = "standard deviation of the last known position, along each axis"
+    step = "speed of the drones: a step is the time in which they cross a cell"
+    what = "what drifts: a key of leeway.CLASSES, such as PIW-1, a person in the water"
+    swath = "side of a cell: the width of the strip that a drone sees"
+    adrift = "from the last known position to the beginning of the search"
+    group = parser.add_argument_group("your search at sea, without SEARCH", INCIDENT)
+    group.add_argument("--object-class", metavar="CLASS", help=what)
+    _add_pair(group, "--wind", "FROM", "KNOTS", None, wind)
+    _add_pair(group, "--current", "TOWARDS", "KNOTS", (0.0, 0.0), current)
+    _add_number(group, "--position-sd", "METRES", 0.0, deviation)
+    _add_number(group, "--adrift", "SECONDS", 0.0, adrift)
+    _add_number(group, "--diffusivity", "M2/S", 5.0, "of the turbulent sea, usually 1 to 10")
+    _add_number(group, "--cell", "METRES", 130.0, swath)
+    _add_number(group, "--drone-speed", "M/S", 10.0, step)
     return parser
 
 
-def _add_incident(add: Callable[..., object]) -> None:
-    """Add the options of an incident."""
-    add(
-        "--object-class",
-        metavar="CLASS",
-        help="what drifts: a key of leeway.CLASSES, such as PIW-1, a person in the water",
-    )
-    add(
-        "--wind",
-        metavar=("FROM", "KNOTS"),
-        nargs=2,
-        type=float,
-        help="where the wind comes from, in degrees, and its speed 10 m above the sea",
-    )
-    add(
-        "--current",
-        metavar=("TOWARDS", "KNOTS"),
-        nargs=2,
-        type=float,
-        default=(0.0, 0.0),
-        help="where the current flows to, in degrees, and its speed",
-    )
-    add(
-        "--position-sd",
-        metavar="METRES",
-        type=float,
-        default=0.0,
-        help="standard deviation of the last known position, along each axis",
-    )
-    add(
-        "--adrift",
-        metavar="SECONDS",
-        type=float,
-        default=0.0,
-        help="from the last known position to the beginning of the search",
-    )
-    add(
-        "--diffusivity",
-        metavar="M2/S",
-        type=float,
-        default=5.0,
-        help="of the turbulent sea, usually 1 to 10",
-    )
-    add(
-        "--cell",
-        metavar="METRES",
-        type=float,
-        default=130.0,
-        help="side of a cell: the width of the strip that a drone sees",
-    )
-    add(
-        "--drone-speed",
-        metavar="M/S",
-        type=float,
-        default=10.0,
-        help="speed of the drones: a step is the time in which they cross a cell",
+def _add_number(group: Any, option: str, metavar: str, default: float, text: str) -> None:
+    group.add_argument(option, metavar=metavar, type=float, default=default, help=text)
+
+
+def _add_pair(group: Any, option: str, one: str, other: str, default: Any, text: str) -> None:
+    group.add_argument(
+        option, metavar=(one, other), nargs=2, type=float, default=default, help=text
     )
 
 
@@ -307,7 +238,9 @@ def search_of(options: argparse.Namespace) -> NamedSearch:
         changes |= {"mission": options.mission or "rescue"}
         scenario = _described(options, changes)
         drones = around_the_border(scenario.n_drones, scenario.grid_size)
-        scale = None if options.object_class is None else _scale_of(options)
+        scale = None
+        if options.object_class is not None:
+            scale = Scale.for_drone(options.drone_speed, options.cell)
         size = scenario.grid_size
         name = options.object_class or f"{size} x {size} cells"
         return NamedSearch(name, "Described by options.", scenario, drones, scale)
@@ -376,7 +309,7 @@ def _incident(options: argparse.Namespace, common: Mapping[str, Any]) -> Scenari
         current=_flow("current", leeway.current_towards, options.current),
         diffusivity=options.diffusivity,
         adrift=options.adrift,
-        scale=_scale_of(options),
+        scale=Scale.for_drone(options.drone_speed, options.cell),
         probability_of_detection=options.probability_of_detection,
     )
     limit = common["timestep_limit"]
@@ -387,11 +320,6 @@ def _incident(options: argparse.Namespace, common: Mapping[str, Any]) -> Scenari
     scenario = Scenario(size, persons=(_placed(person, size, limit),) * options.persons, **common)
     warn_of_mass_beyond(scenario.situation, size, limit, stacklevel=1)
     return scenario
-
-
-def _scale_of(options: argparse.Namespace) -> Scale:
-    """The scale of an incident."""
-    return Scale.for_drone(options.drone_speed, options.cell)
 
 
 def _flow(

@@ -27,7 +27,6 @@ class Drones:
         cells: each drone's cell, y * N + x.
         chosen: each drone's last action.
         finders: the drones that have found a person in this episode.
-        found: whether any drone has.
         returns: each drone's sum of rewards.
         history: the last steps, oldest first: all drones' cells after the step, and their
             actions in it. Also holds the start.
@@ -36,10 +35,8 @@ class Drones:
     def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
         self._scheme = scenario.reward_scheme
         self._timestep_limit = scenario.timestep_limit
-        self._last_step = scenario.timestep_limit - 1
-        self._covers = scenario.mission == "coverage"
         self._names = names
-        self._step_rewards = dict.fromkeys(names, self._scheme.step)
+        self._uneventful = dict.fromkeys(names, rules.uneventful_reward(self._scheme))
         self.start([])
 
     def start(self, cells: list[int]) -> None:
@@ -47,7 +44,6 @@ class Drones:
         self.cells = cells
         self.chosen = bytes([Action.IDLE]) * len(cells)
         self.finders: set[int] = set()
-        self.found = False
         self.returns = [0.0] * len(cells)
         self.history: deque[tuple[list[int], bytes]] = deque(
             [(cells, self.chosen)], maxlen=HISTORY_STEPS + 1
@@ -66,64 +62,52 @@ class Drones:
         Returns:
             Each drone's reward, for reading only, and the ending, or None.
         """
-        self.chosen = chosen
+        is_last = world.step == self._timestep_limit - 1
         crashed = targets is not self.cells and len({OFF_GRID, *targets}) <= len(targets)
-        if not (crashed or _SEARCH in chosen or world.step == self._last_step):
-            rewards, ending = self._step_rewards, None
-        else:
-            rewards, ending = self._resolve_events(targets, crashed, world)
+        if crashed or is_last or _SEARCH in chosen:
+            rewards, ending = self._resolve_events(chosen, targets, world, is_last)
             if OFF_GRID in targets:  # a drone that tries to leave the grid stays
                 pairs = zip(self.cells, targets, strict=True)
                 targets = [cell if target == OFF_GRID else target for cell, target in pairs]
-        self.cells = targets
+        else:
+            rewards, ending = self._uneventful, None
+        self.chosen, self.cells = chosen, targets
         self.returns = [*map(add, self.returns, rewards.values())]
         self.history.append((targets, chosen))
         return rewards, ending
 
     def _resolve_events(
-        self, targets: list[int], crashed: bool, world: WorldState
+        self, chosen: bytes, targets: list[int], world: WorldState, is_last: bool
     ) -> tuple[dict[str, float], Ending | None]:
-        """`resolve` a step with searches, with crashes, or at the time limit.
-
-        Args:
-            targets: as for `resolve`.
-            crashed: whether a drone left the grid or collided.
-            world: as for `resolve`.
-        """
-        scheme, names, is_last = self._scheme, self._names, world.step == self._last_step
-        rewards = self._step_rewards.copy()
+        """`resolve` a step with searches, with crashes, or at the time limit."""
         finders: set[int] = set()
         observed: dict[int, float] = {}  # by searching drone: the probability of its cell
-        if _SEARCH in self.chosen:
-            searches = self._searches()
+        if _SEARCH in chosen:
+            pairs = enumerate(zip(self.cells, chosen, strict=True))
+            # Before a step, no two drones share a cell.
+            searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
             observed = world.observed(searches)
             finders = world.search(searches)
-            if not (crashed or finders or is_last or world.is_covered):
-                for drone, probability in observed.items():
-                    rewards[names[drone]] = rules.unsuccessful_search_reward(scheme, probability)
-                return rewards, None
         shared = rules.same_cell(targets)
-        for drone, target in enumerate(targets):
-            if is_last or target in shared or target == OFF_GRID or drone in observed:
-                rewards[names[drone]] = rules.reward(
-                    scheme,
-                    target in shared,
-                    target == OFF_GRID,
-                    drone in finders,
-                    is_last and not self._covers,
-                    drone in self.finders,
-                    drone in observed,
-                    observed.get(drone, 0.0),
-                    world.step,
-                    self._timestep_limit,
-                    self.returns[drone],
-                )
-        if finders:
-            self.finders |= finders
-            self.found = True
-        left_grid = OFF_GRID in targets
+        rewards = {
+            name: rules.reward(
+                self._scheme,
+                target in shared,
+                target == OFF_GRID,
+                drone in finders,
+                is_last and world.is_rescue,
+                drone in self.finders,
+                drone in observed,
+                observed.get(drone, 0.0),
+                world.step,
+                self._timestep_limit,
+                self.returns[drone],
+            )
+            for drone, (name, target) in enumerate(zip(self._names, targets, strict=True))
+        }
+        self.finders |= finders
         return rewards, rules.ending(
-            not world.missing, world.is_covered, bool(shared), left_grid, is_last
+            not world.missing, world.is_covered, bool(shared), OFF_GRID in targets, is_last
         )
 
     def trails(self) -> list[list[int]]:
@@ -140,12 +124,3 @@ class Drones:
             for cell, action in zip(cells, chosen, strict=True)
             if action == _SEARCH
         ]
-
-    def _searches(self) -> dict[int, int]:
-        """The searched cells, each with its drone: before a step, no two drones share a cell."""
-        searches = {}
-        drone = self.chosen.find(_SEARCH)
-        while drone >= 0:
-            searches[self.cells[drone]] = drone
-            drone = self.chosen.find(_SEARCH, drone + 1)
-        return searches

@@ -18,7 +18,7 @@ from pettingzoo import AECEnv
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.actions import reader
+from DroneSwarmSearch._internal.actions import Reader
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.mappings import Infos, Rewards, Start
@@ -180,7 +180,7 @@ class DroneSwarmSearch(SearchSpaces):
         self.possible_agents = [f"drone{i}" for i in range(n)]
         self.agents: list[str] = []
         self._names = tuple(self.possible_agents)
-        self._read = reader(self._names)
+        self._read = Reader(self._names)
         self._neighbours, self._positions = grid_of(self._scenario.grid_size)
         self._all_false = dict.fromkeys(self._names, False)
         self._all_true = dict.fromkeys(self._names, True)
@@ -336,7 +336,7 @@ class DroneSwarmSearch(SearchSpaces):
             self._display.show(self.frame())
         facts = (ending, world.missing, world.persons, world.step, world.success)
         observations, infos = observe(
-            self._names, drones.cells, self._positions, matrix, drones.found, facts
+            self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
         return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
 

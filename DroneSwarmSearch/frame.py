@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["HISTORY_STEPS", "TRAIL_STEPS", "Frame"]
+__all__ = ["Frame"]
 
 HISTORY_STEPS = 30
 """Searches of this many steps are shown; older ones have faded."""

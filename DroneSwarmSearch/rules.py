@@ -28,6 +28,7 @@ scalar form and, in the plural, an array form for many searches.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -53,7 +54,7 @@ __all__ = [
     "rewards",
     "same_cell",
     "successes",
-    "unsuccessful_search_reward",
+    "uneventful_reward",
 ]
 
 Floats = NDArray[np.float64]
@@ -245,15 +246,10 @@ def same_cell(targets: Sequence[int]) -> set[int]:
     A drone that tries to leave the grid is in no cell, so OFF_GRID is never in the result. Two
     drones that exchange cells do not collide.
     """
-    seen: set[int] = set()
-    shared: set[int] = set()
-    for cell in targets:
-        if cell in seen:
-            shared.add(cell)
-        else:
-            seen.add(cell)
-    shared.discard(OFF_GRID)
-    return shared
+    if len(set(targets)) == len(targets):
+        return set()
+    counts = Counter(targets)
+    return {cell for cell in counts if counts[cell] > 1 and cell != OFF_GRID}
 
 
 class Collisions:
@@ -364,8 +360,15 @@ def reward(
         return scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
     if time_limit_reached and not found_before:
         return scheme.timeout - return_so_far
-    if searched:
-        return unsuccessful_search_reward(scheme, probability)
+    if not searched:
+        return scheme.step
+    if probability > scheme.search_threshold:
+        return scheme.search * probability
+    return scheme.search_unlikely
+
+
+def uneventful_reward(scheme: RewardScheme) -> float:
+    """The `reward` of every drone in a step without searches, crashes and the time limit."""
     return scheme.step
 
 
@@ -418,15 +421,6 @@ def rewards(
     if collided.size:
         points[collided] = scheme.collision
     return points
-
-
-def unsuccessful_search_reward(scheme: RewardScheme, probability: float) -> float:
-    """The reward of a search that finds nobody; `probability` as in `reward`."""
-    if scheme.expected_finds:
-        return scheme.find * probability
-    if probability > scheme.search_threshold:
-        return scheme.search * probability
-    return scheme.search_unlikely
 
 
 def ending(

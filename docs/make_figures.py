@@ -47,7 +47,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
-from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
 from DroneSwarmSearch.evaluation import evaluate
@@ -507,7 +507,7 @@ def miss(detection: float) -> Miss:
         observations, _ = env.reset(seed=seed, drones_positions=START_CELLS)
         policy.reset()
         forecast = env.scenario.forecasts()[0]
-        belief, chosen, kept = forecast.joint(0), [], []
+        belief, chosen, kept = Belief(forecast, detection, forecast.joint(0)), [], []
         positions, matrices = [env.frame().drones], [env.frame().matrix]
         for step in range(SCENE["timestep_limit"]):
             actions = policy(observations)
@@ -517,9 +517,9 @@ def miss(detection: float) -> Miss:
                 for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
                 if action == Action.SEARCH
             ]
-            belief, share = after_unsuccessful_search(belief, searched, detection)
-            kept.append(share)
-            belief = after_drift(belief, *forecast.moves(step))
+            before, belief = belief.kept, belief.after_search(searched)
+            kept.append(belief.kept / before)
+            belief = belief.after_drift(step)
             observations, *_ = env.step(actions)
             positions.append(env.frame().drones)
             matrices.append(env.frame().matrix)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Scenario
-from DroneSwarmSearch.evaluation import Evaluation, compare, evaluate
+from DroneSwarmSearch.evaluation import Evaluation, View, compare, evaluate
 
 BASELINES = ("random", "parallel-sweep", "greedy-matrix", "greedy-posterior")
 
@@ -83,17 +83,12 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=500, help="per policy (500)")
     parser.add_argument("--workers", type=int, default=1, help="processes (1)")
     options = parser.parse_args()
-    shared = {
-        "episodes": options.episodes,
-        "workers": options.workers,
-        "bayesian_update": True,
-    }
-
-    shown = {"view": "drone", "observation": "planes"}
-    network = evaluate(ScentNetwork, options.search, deterministic=True, **shown, **shared)
+    shared = {"episodes": options.episodes, "workers": options.workers}
+    planes = View("drone", "planes", bayesian_update=True)
+    network = evaluate(ScentNetwork, options.search, view=planes, deterministic=True, **shared)
     print(summary(network))
     for name in BASELINES:
-        baseline = evaluate(name, options.search, **shared)
+        baseline = evaluate(name, options.search, view=View(bayesian_update=True), **shared)
         lead = compare(network, baseline).success.scaled(100.0)
         interval = "" if lead.is_exact else f" ({lead.low:+.1f} to {lead.high:+.1f})"
         print(f"{summary(baseline)}; network's lead {lead.value:+.1f}{interval} points")

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Scenario
-from DroneSwarmSearch.evaluation import NamedSearch, evaluate
+from DroneSwarmSearch.evaluation import NamedSearch, View, evaluate
 from DroneSwarmSearch.policies import PPOPolicy
 
 DEFAULT_POLICIES = [
@@ -84,7 +84,7 @@ def main() -> None:
                 search,
                 episodes=options.episodes,
                 seed=FIRST_SEED,
-                bayesian_update=options.posterior,
+                view=View(bayesian_update=options.posterior),
                 name=name,
             )
             for search in searches

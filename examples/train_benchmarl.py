@@ -26,6 +26,7 @@ from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.benchmarl import SearchTask
 from DroneSwarmSearch.adapters.torchrl import logits
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
 NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
@@ -104,8 +105,7 @@ def main() -> None:
         # Samples actions, as in training.
         TrainedPolicy(logits(experiment.policy, TRAINING_TASK["n_drones"])),
         TRAINING_TASK,
-        action_mask=True,
-        **SHOWN,
+        view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name=f"benchmarl-{options.algorithm}",
         folder=options.out,

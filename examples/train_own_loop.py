@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from DroneSwarmSearch import Action, training
-from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.evaluation import View, search
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 INPUTS, GRID_SIZE, DRONES, SWARMS = 202, 25, 4, 256
@@ -211,9 +211,7 @@ def main() -> None:
     training.compare_with_baselines(
         agent.policy,
         search(TEST_SEARCH).with_posterior(True).parameters,
-        observation="crops",
-        action_mask=True,
-        right_of_way=True,
+        view=View("drone", "crops", action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="ppo",
         folder=options.out,

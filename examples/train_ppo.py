@@ -313,7 +313,6 @@ def main() -> None:
         PPOPolicy(test.scenario, weights),
         test.parameters,
         view="swarm",
-        observation="dict",
         episodes=options.episodes,
         name="ppo",
         folder=options.out,

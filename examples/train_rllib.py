@@ -26,6 +26,7 @@ from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LI
 
 from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import TrainedPolicy, rllib
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
 LAYOUT = "crops"
@@ -116,9 +117,7 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(rllib.logits(checkpoint)),  # samples actions, as in training
         TRAINING_TASK,
-        observation=LAYOUT,
-        action_mask=True,
-        right_of_way=True,
+        view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="rllib-ppo",
         folder=options.out,

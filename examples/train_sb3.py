@@ -23,6 +23,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv, logits
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -99,9 +100,7 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(logits(model)),  # samples actions, as in training
         TRAINING_TASK,
-        observation="crops",
-        action_mask=True,
-        right_of_way=True,
+        view=View("drone", "crops", action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="maskable-ppo",
         folder=options.out,

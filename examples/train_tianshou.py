@@ -22,6 +22,7 @@ from tianshou.utils.torch_utils import policy_within_training_step
 
 from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters import TrainedPolicy, tianshou
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -111,9 +112,7 @@ def main() -> None:
     training.compare_with_baselines(
         TrainedPolicy(tianshou.logits(ppo.policy)),  # samples actions, as in training
         TRAINING_TASK,
-        action_mask=True,
-        right_of_way=True,
-        observation=LAYOUT,
+        view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="tianshou-ppo",
         folder=options.out,

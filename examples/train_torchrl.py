@@ -37,6 +37,7 @@ from DroneSwarmSearch.adapters.torchrl import (
     logits,
     masked_policy,
 )
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
 warnings.filterwarnings("ignore", module="torch")  # how TorchRL uses PyTorch
@@ -111,8 +112,7 @@ def main() -> None:
         # Samples actions, as in training.
         TrainedPolicy(logits(policy, TRAINING_TASK["n_drones"])),
         TRAINING_TASK,
-        action_mask=True,
-        **SHOWN,
+        view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name="torchrl-ppo",
         folder=options.out,

@@ -13,7 +13,6 @@ from itertools import product
 import numpy as np
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.rules import OFF_GRID, neighbours_of_all
@@ -28,7 +27,7 @@ def best_success(of: NamedSearch, known: float = 0.0) -> float:
     """
     scenario = of.scenario
     (forecast,), (detection,) = scenario.forecasts(), scenario.detections
-    chain, limit = MarkovChain(forecast), scenario.timestep_limit
+    limit = scenario.timestep_limit
     targets = neighbours_of_all(scenario.grid_size)
     visited, best = set(), known
 
@@ -41,7 +40,7 @@ def best_success(of: NamedSearch, known: float = 0.0) -> float:
         visited.add(situation)
         later = [mass]
         for ahead in range(step, limit - 1):
-            later.append(chain.forward(later[-1], ahead))
+            later.append(forecast.forward(later[-1], ahead))
         gains = detection * np.array([each.sum(axis=0) for each in later])
         values = values_to_go(gains, np.zeros_like(gains[0])).reshape(len(gains) + 1, -1)
         branches = []
@@ -62,7 +61,7 @@ def best_success(of: NamedSearch, known: float = 0.0) -> float:
             left = mass.copy()
             left.reshape(len(mass), -1)[:, searched] *= 1.0 - detection
             success = float(mass.sum() - left.sum())
-            branch(step + 1, ahead, chain.forward(left, step), found + success)
+            branch(step + 1, ahead, forecast.forward(left, step), found + success)
 
     branch(0, scenario.drone_cells(of.drones), forecast.joint(0), 0.0)
     return best

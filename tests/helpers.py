@@ -227,3 +227,9 @@ def tables_of(page: str) -> list[list[list[str]]]:
             ]
         )
     return tables
+
+
+def data_of(evaluation: Any) -> dict[str, Any]:
+    """What happened in the episodes of an evaluation, without the curves, as plain data."""
+    arrays = evaluation.episodes.arrays
+    return {name: array.tolist() for name, array in arrays.items() if name != "curves"}

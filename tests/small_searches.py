@@ -14,7 +14,6 @@ from helpers import inside, target_of
 
 from DroneSwarmSearch import Action, Scenario
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
@@ -166,7 +165,7 @@ def targets_of(
     tracker = tracker or BeliefTracker(of.scenario)
     return [
         Target(
-            MarkovChain(forecast_of(of, person)),
+            forecast_of(of, person),
             of.scenario.detections[person],
             tracker.joint(person),
             np.ones(of.scenario.timestep_limit - tracker.step) if worth is None else worth,

@@ -574,7 +574,7 @@ def test_large_grids_are_accepted_if_the_memory_size_is_unknown(monkeypatch, err
     refused(lambda: DroneSwarmSearch(2**32), ValueError, "grid_size", "GiB")
 
 
-@pytest.mark.parametrize("ask", ["at", "block", "marginals", "exact", "moves"])
+@pytest.mark.parametrize("ask", ["at", "joint", "marginals", "exact", "moves"])
 @pytest.mark.parametrize(
     ("step", "error"),
     [

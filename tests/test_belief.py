@@ -7,63 +7,60 @@ import pytest
 
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import (
+    Belief,
     after_drift,
-    after_search,
-    after_unsuccessful_search,
     mean_over_missing,
     means_over_missing,
     normalise,
-    over_hypotheses,
     shown_persons,
 )
-from DroneSwarmSearch.drift.posteriors import Posteriors
 
 
-def test_oracle_of_two_cells() -> None:
-    belief, kept = after_unsuccessful_search(np.array([[[0.6, 0.4]]]), [0], 0.8)
-    np.testing.assert_allclose(belief, [[[0.230769, 0.769231]]], atol=1e-6)
-    assert kept == pytest.approx(0.52)
+def four_cells(detection: float) -> Belief:
+    """A belief of .1, .2, .3 and .4 about the cells of a grid of 2 x 2."""
+    prior = np.array([[0.1, 0.2], [0.3, 0.4]])
+    forecast = ProbabilityMatrix(2, Drift(prior))
+    return Belief(forecast, detection, forecast.joint(0))
 
 
-def test_repeated_searches_in_any_order() -> None:
-    prior = np.array([[[0.1, 0.2], [0.3, 0.4]]])
-    searches = [0, 3, 3, 1, 3]
-    expected = prior * 0.3 ** np.array([[1, 1], [0, 3]])
-    for order in (searches, searches[::-1]):
-        belief, chance = prior, 1.0
+def test_searches_in_any_order_follow_bayes_rule() -> None:
+    prior = four_cells(0.7)
+    expected = prior.mass * 0.3 ** np.array([[1, 1], [0, 3]])
+    for order in ([0, 3, 3, 1, 3], [3, 1, 3, 3, 0]):
+        belief = prior
         for cell in order:
-            belief, kept = after_unsuccessful_search(belief, [cell], 0.7)
-            chance *= kept
-        np.testing.assert_allclose(belief, expected / expected.sum())
-        assert chance == pytest.approx(expected.sum())
-    together, kept = after_unsuccessful_search(prior, searches, 0.7)
-    np.testing.assert_allclose(together, expected / expected.sum())
-    assert kept == pytest.approx(expected.sum())
+            belief = belief.after_search([cell])
+        np.testing.assert_allclose(belief.mass, expected / expected.sum())
+        assert belief.kept == pytest.approx(expected.sum())
+    np.testing.assert_array_equal(prior.mass, four_cells(0.7).mass)
+    added = prior.added_success([0, 3])
+    assert 1 - prior.after_search([0, 3]).kept == pytest.approx(added.sum())
 
 
 def test_detection_probabilities_of_0_and_1() -> None:
-    prior = np.array([[[0.1, 0.2], [0.3, 0.4]]])
-    belief, kept = after_unsuccessful_search(prior, [2, 3], 0.0)
-    np.testing.assert_array_equal(belief, prior)
-    assert kept == 1.0
-    belief, kept = after_unsuccessful_search(prior, [2, 3], 1.0)
-    assert belief[0, 1, 0] == belief[0, 1, 1] == 0.0
-    assert kept == pytest.approx(0.3)
+    belief = four_cells(0.0).after_search([2, 3])
+    np.testing.assert_allclose(belief.mass, four_cells(0.0).mass)
+    assert belief.kept == pytest.approx(1)
+    belief = four_cells(1.0).after_search([2, 3])
+    assert belief.map()[1].tolist() == [0.0, 0.0]
+    assert belief.kept == pytest.approx(0.3)
 
 
 def test_a_search_that_contradicts_the_belief_does_not_change_it() -> None:
-    prior = np.array([[[0.0, 1.0]]])
-    belief, kept = after_unsuccessful_search(prior, [1], 1.0)
-    np.testing.assert_array_equal(belief, prior)
-    assert kept == 0.0
+    forecast = ProbabilityMatrix(3, Drift((1, 0)))
+    belief = Belief(forecast, 1.0, forecast.joint(0))
+    after = belief.after_search([1])
+    np.testing.assert_array_equal(after.mass, belief.mass)
+    assert after.kept == 0.0
 
 
 def test_weights_of_two_hypotheses_far_apart_follow_bayes_rule() -> None:
     person = Person([Drift((2, 2), weight=0.7), Drift((12, 12), weight=0.3)], 0.8)
-    belief, missed = after_unsuccessful_search(ProbabilityMatrix(15, person).joint(5), [32], 0.8)
-    assert missed == pytest.approx(0.7 * 0.2 + 0.3)
+    forecast = ProbabilityMatrix(15, person)
+    belief = Belief(forecast, 0.8, forecast.joint(5)).after_search([32])
+    assert belief.kept == pytest.approx(0.7 * 0.2 + 0.3)
     left = np.array([0.7 * 0.2, 0.3])
-    np.testing.assert_allclose(belief.sum(axis=(1, 2)), left / left.sum())
+    assert forecast.hypotheses(belief.mass) == pytest.approx(tuple(left / left.sum()))
 
 
 @pytest.mark.parametrize("vector", [(0, 0), (0.5, 0.5), (0.3, -0.2), (3.5, -0.5)])
@@ -72,10 +69,10 @@ def test_belief_without_searches_is_the_forecast(
     vector: tuple[float, float], diffusion: float
 ) -> None:
     forecast = ProbabilityMatrix(15, Drift((2, 11), vector=vector, diffusion=diffusion))
-    belief = forecast.joint(0)
+    belief = Belief(forecast, 1.0, forecast.joint(0))
     for t in range(80):
-        belief = after_drift(belief, *forecast.moves(t))
-        np.testing.assert_allclose(belief, forecast.joint(t + 1), atol=1e-13)
+        belief = belief.after_drift(t)
+        np.testing.assert_allclose(belief.mass, forecast.joint(t + 1), atol=1e-13)
 
 
 def mixture(velocity: float) -> Person:
@@ -101,43 +98,8 @@ def test_drift_of_batches() -> None:
     )
     for k, forecast in enumerate(forecasts):
         np.testing.assert_allclose(batch[..., k], forecast.joint(t + 1), atol=1e-14)
-        alone = after_drift(forecast.joint(t), *forecast.moves(t))
+        alone = forecast.drift(forecast.joint(t), t)
         np.testing.assert_array_equal(batch[..., k], alone)
-
-
-def test_posteriors_of_a_search_equal_the_functions_above() -> None:
-    """Also to the last bit, and the probability of success is that of the kept fractions."""
-    persons = mixture(0.2), Person(Drift(np.eye(9), vector=(0.3, 0), diffusion=0.2), 1.0)
-    forecasts = [ProbabilityMatrix(9, person) for person in persons]
-    detections = [person.probability_of_detection for person in persons]
-    posteriors = Posteriors(forecasts, detections)
-    beliefs, kept = [forecast.joint(3) for forecast in forecasts], np.ones(2)
-    posteriors.start(3)
-    rng = np.random.default_rng(4)
-    for t in range(3, 40):
-        cells = rng.choice(81, 3, replace=False).tolist()
-        added = posteriors.added_success(cells)
-        before = posteriors.probability_of_success()
-        if t % 3:
-            posteriors.search(cells)
-            assert posteriors.probability_of_success() == pytest.approx(before + sum(added))
-            for k, detection in enumerate(detections):
-                beliefs[k], missed = after_unsuccessful_search(beliefs[k], cells, detection)
-                kept[k] *= missed
-        posteriors.drift(t)
-        beliefs = [
-            after_drift(belief, *forecast.moves(t))
-            for belief, forecast in zip(beliefs, forecasts, strict=True)
-        ]
-        cells_of = [over_hypotheses(belief) for belief in beliefs]
-        for missing in ((0, 1), (1,), ()):
-            expected = mean_over_missing(cells_of, missing).astype(np.float32)
-            np.testing.assert_array_equal(posteriors.matrix(missing), expected)
-            shown = [float(expected.flat[cell]) for cell in cells]
-            assert posteriors.probabilities(cells, missing) == shown
-        assert posteriors.probability_of_success() == 1 - kept.mean()
-        for shares, belief in zip(posteriors.weights(), beliefs, strict=True):
-            np.testing.assert_allclose(shares, belief.sum(axis=(1, 2)))
 
 
 @pytest.mark.parametrize("size", [2, 3, 9, 50])
@@ -151,17 +113,6 @@ def test_normalising_a_batch_equals_normalising_each_belief(size: int, batch: tu
         assert totals[k] == normalise(alone)
         np.testing.assert_array_equal(beliefs.reshape(2, size, size, -1)[..., k], alone)
         assert alone.sum() == pytest.approx(float(totals[k] > 0))
-
-
-def test_searches_without_normalising_agree_with_bayes_rule() -> None:
-    mass = np.array([[[0.1, 0.2], [0.3, 0.4]]])
-    before = mass.copy()
-    left, found = after_search(mass, [3, 1], 0.7)
-    belief, kept = after_unsuccessful_search(mass, [3, 1], 0.7)
-    assert found == pytest.approx(0.7 * 0.6) == 1 - kept
-    np.testing.assert_allclose(left / left.sum(), belief)
-    assert after_search(mass, [], 0.7)[1] == 0.0
-    np.testing.assert_array_equal(mass, before)
 
 
 @pytest.mark.parametrize("missing", [(0, 1, 2), (0, 2), (1,), ()])

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from helpers import data_of
 
 from DroneSwarmSearch import Action, Drift, Person, Scenario
 from DroneSwarmSearch.evaluation import (
     Evaluation,
     NamedSearch,
+    View,
     compare,
     evaluate,
-    run,
     save_csv,
 )
-from DroneSwarmSearch.evaluation.conditional import as_text, conditional_success, from_text
-from DroneSwarmSearch.evaluation.exact import exact_success
+from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.statistics import Estimate, difference
-from DroneSwarmSearch.evaluation.store import Store
 from DroneSwarmSearch.evaluation.tables import figure, signed
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SearchBatch
@@ -148,9 +147,8 @@ def test_a_mixture_of_two_policies(person: str, bayesian_update: bool) -> None:
     search = named(person, bayesian_update=bayesian_update)
     got = evaluated(Mixed, search)
     assert got.method == "conditional"
-    assert got.conditional is not None
-    exact = [exact_success(make(name, search.scenario), search) for name in Mixed.NAMES]
-    for seed, curve in enumerate(got.conditional):
+    exact = [evaluated(name, search).curves[0] for name in Mixed.NAMES]
+    for seed, curve in enumerate(got.curves):
         np.testing.assert_allclose(curve, exact[Mixed.coin(seed)], rtol=0, atol=1e-12)
     mean = np.mean(exact, axis=0)
     assert got.success.low <= mean[-1] <= got.success.high
@@ -167,8 +165,7 @@ def test_tosses_in_every_step(person: str) -> None:
         tosses: success_of(search, actions_of(tosses))
         for tosses in itertools.product((0, 1), repeat=6)
     }
-    assert got.conditional is not None
-    for seed, curve in enumerate(got.conditional):
+    for seed, curve in enumerate(got.curves):
         expected = curves[tuple(Tosses.tosses(seed)[:6].tolist())]
         np.testing.assert_allclose(curve, expected, rtol=0, atol=1e-12)
     mean = np.mean([*curves.values()], axis=0)
@@ -181,25 +178,20 @@ def test_tosses_in_every_step(person: str) -> None:
     "persons", [("known", "missed"), ("missed", "hypotheses"), ("known", "missed", "hypotheses")]
 )
 def test_several_persons(persons: tuple[str, ...]) -> None:
-    """Sampled until one person is missing; with two persons against the exact success."""
+    """Sampled until one person is missing."""
     search, n = named(*persons, timestep_limit=30), 300
     got = evaluated("parallel-sweep", search, episodes=n, deterministic=False)
-    assert got.conditional is not None
     assert got.sampled_success is not None
     last_but_one = np.sort(np.where(got.episodes.found_at > 0, got.episodes.found_at, 99))[:, -2]
-    for step, curve in zip(last_but_one.tolist(), got.conditional, strict=True):
+    for step, curve in zip(last_but_one.tolist(), got.curves, strict=True):
         assert not curve[:step].any()
         assert step > 25 or curve[-1] > 0.0
-    final = got.conditional[:, -1]
+    final = got.curves[:, -1]
     share = got.sampled_success.value
     assert final.var() < 0.6 * share * (1 - share)
     assert got.times.var() < np.where(got.found_by, got.found_by, 30).var()
     error = np.sqrt(share * (1 - share) / n)
     assert abs(final.mean() - share) < 4 * error
-    if len(persons) == 2:
-        exact = exact_success(make("parallel-sweep", search.scenario), search)
-        assert abs(final.mean() - exact[-1]) < 4 * final.std() / np.sqrt(n)
-        assert abs(got.times.mean() - (1 - exact[:-1]).sum()) < 4 * got.times.std() / np.sqrt(n)
 
 
 def test_all_persons_found_in_one_step() -> None:
@@ -207,19 +199,18 @@ def test_all_persons_found_in_one_step() -> None:
     person = Person(Drift((2, 2)))
     scenario = Scenario(5, timestep_limit=4, persons=[person, person])
     search = NamedSearch("both", "For tests.", scenario, ((2, 2),))
-    curves = conditional_success(
-        lambda shown: np.full((3, 1), 4)[: len(shown["row"])], search, [1, 2]
-    )
+    still = lambda shown: np.full((len(shown["row"]), 1), 4)  # noqa: E731
+    curves = play(still, search, [1, 2], View()).curves
+    assert curves is not None
     assert curves.tolist() == [[0.0, 1.0, 1.0, 1.0, 1.0]] * 2
 
 
 def test_variance_is_below_that_of_finds() -> None:
     search = named("hypotheses", timestep_limit=30)
     got = evaluated("random", search, episodes=300)
-    assert got.conditional is not None
     assert got.sampled_success is not None
     share = got.success.value
-    assert got.conditional[:, -1].var() < 0.25 * share * (1 - share)
+    assert got.curves[:, -1].var() < 0.25 * share * (1 - share)
     assert got.success.high - got.success.low < 0.6 * (
         got.sampled_success.high - got.sampled_success.low
     )
@@ -246,15 +237,14 @@ def test_crashes_end_the_search() -> None:
             )
 
     got = evaluated(Leaves(), search, episodes=3)
-    assert got.conditional is not None
     first = float(search.scenario.forecasts()[0].exact(0)[3, 2])
-    assert got.conditional == pytest.approx(np.array([[0.0, *[first] * LIMIT]] * 3))
+    assert got.curves == pytest.approx(np.array([[0.0, *[first] * LIMIT]] * 3))
 
 
 def test_every_view_gives_the_same_curves() -> None:
     search = named("missed", drones=((0, 1),), bayesian_update=True)
     curves = [
-        conditional_success(Tosses(view), search, range(5, 9), view)
+        play(Tosses(view), search, range(5, 9), View(view)).curves
         for view in ("swarm", "drone", "parallel")
     ]
     assert len({each.tobytes() for each in curves}) == 1
@@ -310,19 +300,16 @@ def test_which_evaluations_are_conditional() -> None:
     assert evaluated("random", three).method == "conditional"
     assert evaluated("greedy-matrix", three).method == "conditional"
     assert evaluated("greedy-matrix", one).method == "exact"
-    assert evaluated("greedy-matrix", one).conditional is None
     coverage = evaluated("random", named("known", mission="coverage"))
     assert coverage.method == "conditional"
-    assert coverage.conditional is None
     assert coverage.coverage is not None
-    assert coverage.curves is coverage.coverage.probability_of_success
 
 
 def test_returns_and_endings_are_those_of_the_episodes() -> None:
     search = named("known", timestep_limit=30)
     got = evaluated("greedy-matrix", search, deterministic=False)
     exact = evaluated("greedy-matrix", search)
-    assert got.episodes.data == exact.episodes.data
+    assert data_of(got) == data_of(exact)
     assert got.mean_return == exact.mean_return
     assert got.endings == exact.endings
     assert got.success.value == pytest.approx(exact.success.value, abs=1e-12)
@@ -348,7 +335,7 @@ def test_differences_are_paired() -> None:
     first, second = (
         evaluated(Tosses(), named("hypotheses", drones=((x, 1),)), name=f"from {x}") for x in (0, 1)
     )
-    second = Evaluation(**{**vars(first), "conditional": second.conditional, "policy": "other"})
+    second = replace(first, episodes=second.episodes, policy="other")
     got = compare(first, second)
     apart = difference(first.success, second.success)
     assert got.success.value == pytest.approx(apart.value)
@@ -374,91 +361,11 @@ def test_tables_have_enough_decimals_for_the_interval(
 def test_files_name_the_method(tmp_path: Path) -> None:
     search = named("known")
     exact, conditional = evaluated("greedy-matrix", search), evaluated("random", search)
-    sampled = Evaluation(**{**vars(conditional), "conditional": None})
-    sampled.__dict__.pop("success_by_time", None)
-    methods = ["exact", "conditional", "sampled"]
-    save_csv(tmp_path / "all.csv", [exact, conditional, sampled])
+    methods = ["exact", "conditional"]
+    save_csv(tmp_path / "all.csv", [exact, conditional])
     header, *lines = (tmp_path / "all.csv").read_text().splitlines()
     column = header.split(",").index("method")
     assert [line.split(",")[column] for line in lines] == methods
-    for each, method in zip((exact, conditional, sampled), methods, strict=True):
+    for each, method in zip((exact, conditional), methods, strict=True):
         assert json.loads(json.dumps(each.data))["method"] == each.method == method
         assert each.data["success"]["exact"] == (method == "exact")
-    assert sampled.success == sampled.sampled_success
-
-
-# The store, and workers.
-
-
-@pytest.fixture
-def computed(monkeypatch: pytest.MonkeyPatch) -> list[range]:
-    """Records the portions whose conditional success is computed, of at most 25 episodes."""
-    portions: list[range] = []
-    original = run.conditional_success
-
-    def counting(policy: Any, each: Any, seeds: Any, *rest: Any) -> Any:
-        portions.append(seeds)
-        return original(policy, each, seeds, *rest)
-
-    monkeypatch.setattr(run, "conditional_success", counting)
-    monkeypatch.setattr(run, "PORTION", 25)
-    return portions
-
-
-def test_an_evaluation_resumes(computed: list[range], tmp_path: Path) -> None:
-    search = named("known")
-    evaluated("random", search, episodes=50, store=tmp_path)
-    assert computed == [range(25), range(25, 50)]
-    more = evaluated("random", search, episodes=60, store=tmp_path)
-    assert computed[2:] == [range(50, 60)]
-    again = evaluated("random", search, episodes=60, store=tmp_path)
-    assert len(computed) == 3
-    whole = evaluated("random", search)
-    assert more.data == again.data == whole.data
-    np.testing.assert_array_equal(again.conditional, whole.conditional)
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda curves: None,
-        lambda curves: "text",
-        lambda curves: "é",
-        lambda curves: curves.tolist(),
-        lambda curves: as_text(curves[1:]),
-        lambda curves: as_text(curves[:, ::-1]),
-        lambda curves: as_text(curves + 1.0),
-        lambda curves: as_text(curves * np.nan),
-    ],
-)
-def test_an_inconsistent_entry_is_computed_again(
-    computed: list[range], tmp_path: Path, damage: Callable[[Any], Any]
-) -> None:
-    search = named("known")
-    first = evaluated("random", search, store=tmp_path)
-    store = Store(tmp_path)
-    for path in tmp_path.iterdir():
-        key = json.loads(path.read_text())["key"]
-        if key["what"] == "conditional success" and key["seeds"] == [0, 25]:
-            versions = ("package", "suite", "numpy", "code")
-            own = {name: value for name, value in key.items() if name not in versions}
-            assert first.conditional is not None
-            store.save(own, damage(first.conditional[:25]))
-    assert evaluated("random", search, store=tmp_path).data == first.data
-    assert computed[3:] == [range(25)]
-
-
-def test_the_text_keeps_curves_exactly() -> None:
-    curves = np.sort(np.random.default_rng(0).random((5, 30)))
-    got = from_text(json.loads(json.dumps(as_text(curves))), (5, 30))
-    np.testing.assert_array_equal(got, curves)
-
-
-@pytest.mark.slow
-def test_workers_have_no_effect() -> None:
-    one, two = (
-        evaluate("random", named(*PERSONS), episodes=600, workers=workers, progress=False)
-        for workers in (1, 2)
-    )
-    np.testing.assert_array_equal(one.conditional, two.conditional)
-    assert one.data == two.data

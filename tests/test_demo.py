@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import runpy
 import subprocess
 import sys
 import time
@@ -148,12 +147,6 @@ class TestText:
         assert "step 0/80" in done.stdout
         assert "The target was found" in figures(done.stdout)["outcome"]
 
-    def test_the_module_plays_in_the_terminal_without_a_display(self) -> None:
-        done = run("-m", "DroneSwarmSearch", "play", *SHORT, display="none_such")
-        assert done.returncode == 0
-        assert re.fullmatch(r"no window can be opened \(.*\): showing text\n", done.stderr)
-        assert "step 8/8" in done.stdout
-
     def test_summary(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", *SHORT]) == 0
         summary = figures(capsys.readouterr().out)
@@ -170,13 +163,6 @@ class TestText:
             output = capsys.readouterr().out
             shown.append((" P@" in output, bool(re.search(r"F\d[.:;=oO%#@]", output))))
         assert shown == [(True, True), (False, True)]
-
-    def test_the_seed_determines_the_episode(self, capsys: pytest.CaptureFixture[str]) -> None:
-        outputs = []
-        for seed in ("1", "1", "2"):
-            demo.main(["--text", "--seed", seed])
-            outputs.append(capsys.readouterr().out.rsplit("speed", 1)[0])
-        assert outputs[0] == outputs[1] != outputs[2]
 
     def test_prints_some_frames_of_a_long_search(self, capsys: pytest.CaptureFixture[str]) -> None:
         demo.main(["--text", "--probability-of-detection", "0", "--timestep-limit", "1000"])
@@ -229,17 +215,6 @@ class TestText:
         monkeypatch.setattr(DroneSwarmSearch, "step", interrupt)
         assert demo.main(["--text"]) == 130
         assert capsys.readouterr().err == "\ninterrupted\n"
-
-    @pytest.mark.parametrize(
-        ("arguments", "code"), [(["--text", *SHORT], 0), (["--policy", "n\u00e9.npz"], 2)]
-    )
-    def test_characters_unknown_to_the_terminal_cause_no_error(
-        self, arguments: list[str], code: int, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setenv("PYTHONIOENCODING", "ascii:strict")
-        done = run("-m", "DroneSwarmSearch", "play", *arguments, display="none_such")
-        assert "Traceback" not in done.stderr
-        assert done.returncode == code
 
     @pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
     def test_a_closed_output_pipe_ends_the_demo_quietly(self) -> None:
@@ -355,10 +330,6 @@ class TestOptions:
         line = refusal(capsys, "--text", *option)
         assert line.endswith(f"error: argument {option[0]}: needs --object-class")
 
-    def test_an_incident_needs_a_wind(self, capsys: pytest.CaptureFixture[str]) -> None:
-        line = refusal(capsys, "--text", "--object-class", "PIW-1")
-        assert line.endswith("error: argument --object-class: needs --wind FROM KNOTS")
-
     @pytest.mark.parametrize("other", [["--text"], ["--record", "video.gif"]])
     def test_manual_needs_the_window(
         self, capsys: pytest.CaptureFixture[str], other: list[str]
@@ -380,16 +351,6 @@ class TestOptions:
             shown.append(capsys.readouterr().out.partition("speed")[0])
         assert shown[0] == shown[1]
 
-    def test_an_error_in_the_episode_is_not_reported_as_an_invalid_option(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def fail(*_: object) -> None:
-            raise ValueError("n_drones must be something else")
-
-        monkeypatch.setattr(DroneSwarmSearch, "step", fail)
-        with pytest.raises(ValueError, match="something else"):
-            demo.main(["--text"])
-
     @pytest.mark.parametrize(("drones", "size"), [(1, 2), (4, 2), (4, 20), (7, 5), (76, 20)])
     def test_drones_start_around_the_border(
         self, drones: int, size: int, monkeypatch: pytest.MonkeyPatch
@@ -404,10 +365,6 @@ class TestOptions:
     def test_more_drones_than_border_cells(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert demo.main(["--text", "--grid-size", "4", "--drones", "16"]) == 0
         assert figures(capsys.readouterr().out)["persons found"] == "1 of 1"
-
-    def test_several_persons_without_posterior(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert demo.main(["--text", "--prior", "--persons", "3", *SHORT]) == 0
-        assert figures(capsys.readouterr().out)["persons found"].endswith(" of 3")
 
 
 class TestIncident:
@@ -488,23 +445,6 @@ class TestIncident:
         assert abs(matrix.sum(axis=0) @ at - centre) < 1
         assert abs(matrix.sum(axis=1) @ at - centre) < 1
 
-    def test_a_small_grid_causes_a_warning(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        shown = self.frames(monkeypatch, "--adrift", "7200", "--grid-size", "15")
-        assert shown[0].grid_size == 15
-        assert re.fullmatch(
-            r"warning: [\d.]+% of a person's forecast lies beyond the grid of 15 x 15 cells at "
-            r"step \d+: take a larger grid, or larger cells\n",
-            capsys.readouterr().err,
-        )
-
-    def test_several_persons_in_a_known_cell(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        first = self.frames(monkeypatch, "--persons", "3")[0]
-        assert len(first.hypotheses) == 3
-        assert len(set(first.persons)) == 1
-        assert first.matrix.max() == 1.0
-
     def test_the_coverage_mission(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -521,18 +461,6 @@ class TestIncident:
         cells, searches = len(set(searched)), len(searched)
         line = f"{cells} of 400; {searches - cells} of {searches} searches repeated"
         assert summary["cells searched"] == line
-
-    def test_a_coverage_mission_that_completes(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert demo.main(["--text", "--mission", "coverage", "--disperse-constant", "0"]) == 0
-        outcome = figures(capsys.readouterr().out)["outcome"]
-        assert re.fullmatch(
-            r"The area was covered in \d+ moves \(less than 1% was left to find\)", outcome
-        )
-
-    @pytest.mark.parametrize("policy", ["greedy-posterior", "parallel-sweep", "planner"])
-    def test_other_policies(self, policy: str, capsys: pytest.CaptureFixture[str]) -> None:
-        assert demo.main(["--text", *INCIDENT, "--position-sd", "200", "--policy", policy]) == 0
-        assert "POS" in figures(capsys.readouterr().out)
 
 
 @pytest.mark.usefixtures("dummy_video")
@@ -559,15 +487,6 @@ class TestWindow:
         assert "The target was found" in figures(captured.out)["outcome"]
         assert not pygame.display.get_init()
 
-    def test_a_hidden_window_closes_at_the_end(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert demo.main(["--fps", "50", *SHORT]) == 0
-        assert figures(capsys.readouterr().out)["steps"] == "8 of at most 8"
-
-    def test_it_shows_every_step(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        shown = perform(monkeypatch, watch)
-        assert demo.main(["--fps", "10", *SHORT]) == 0
-        assert [frame.step for frame in shown] == [*range(9)]
-
     @pytest.mark.parametrize(
         ("key", "reason"),
         [("", "the window was closed"), ("escape", "you quit"), ("q", "you quit")],
@@ -585,20 +504,6 @@ class TestWindow:
         assert demo.main(manual) == 0
         assert figures(capsys.readouterr().out)["outcome"] == f"stopped: {reason}"
         assert not pygame.display.get_init()
-
-    @pytest.mark.parametrize("command", [[], ["play"], ["play", "--manual"], ["--manual"]])
-    def test_the_module_opens_the_window(
-        self,
-        capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch,
-        command: list[str],
-    ) -> None:
-        shown = perform(monkeypatch, keys("escape"))
-        assert command_line.main(command) == 0
-        assert len(shown) >= 1
-        captured = capsys.readouterr()
-        assert captured.err == ""
-        assert figures(captured.out)["outcome"] == "stopped: you quit"
 
     def test_the_default_search_is_worth_watching(self, monkeypatch: pytest.MonkeyPatch) -> None:
         shown = perform(monkeypatch, watch)
@@ -654,25 +559,6 @@ class TestWindow:
         assert figures(reports[1])["steps"] == figures(capsys.readouterr().out)["steps"]
         assert shown[-1].step == int(figures(reports[1])["steps"].split()[0])
 
-    def test_resizing_keeps_the_proportions(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        pictures = []
-
-        def script(player: Player) -> Iterator[str]:
-            for size in ((1500, 700), (300, 900), (120, 40)):
-                pygame.display.set_mode(size, pygame.RESIZABLE)
-                pygame.event.post(pygame.event.Event(pygame.VIDEOEXPOSE))
-                yield ""
-                yield ""
-                pictures.append(pygame.surfarray.array3d(pygame.display.get_surface()))
-
-        perform(monkeypatch, script)
-        assert demo.main(["--fps", "0.1"]) == 0
-        for picture in pictures:
-            dark_red = (picture[..., 0] > 80) & (picture[..., 1:] < 60).all(axis=2)
-            counts = dark_red.sum(axis=1), dark_red.sum(axis=0)
-            width, height = ((count > count.max() / 2).sum() for count in counts)
-            assert abs(width - height) <= 0.05 * height + 2, "the map is square"
-
     def test_an_interrupt(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -684,16 +570,6 @@ class TestWindow:
         assert demo.main([]) == 130
         assert capsys.readouterr().err == "\ninterrupted\n"
         assert not pygame.display.get_init()
-
-    def test_script(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        perform(monkeypatch, watch)
-        monkeypatch.setattr(sys, "argv", ["basic_env.py", "--fps", "50", *SHORT])
-        with pytest.raises(SystemExit) as stop:
-            runpy.run_path(str(ROOT / "basic_env.py"), run_name="__main__")
-        assert stop.value.code == 0
-        assert figures(capsys.readouterr().out)["steps"] == "8 of at most 8"
 
 
 @pytest.mark.usefixtures("dummy_video")
@@ -735,13 +611,6 @@ class TestManual:
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
             assert re.search(r"\d+", results[policy])[0] == steps
 
-    def test_the_result_is_compared_only_if_the_person_is_hidden(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        perform(monkeypatch, keys(*["space"] * 8))
-        assert demo.main(["--manual", *SHORT]) == 0
-        assert "greedy-posterior" not in capsys.readouterr().out
-
     def test_without_a_display(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -770,10 +639,6 @@ class TestNamedSearch:
         assert summary["steps"] == "9 of at most 9"
         assert summary["scale"].startswith("44 x 44 cells of 300 m")
 
-    def test_another_mission(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert demo.main(["pond", "--text", "--mission", "coverage"]) == 0
-        assert "cells searched" in figures(capsys.readouterr().out)
-
     def test_a_file(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         path = tmp_path / "mine.json"
         path.write_text('{"grid_size": 6, "timestep_limit": 3}')
@@ -784,9 +649,6 @@ class TestNamedSearch:
         line = refusal(capsys, "gael", "--text")
         assert "error: argument SEARCH: must be one of pond, " in line
         assert "did you mean gale" in line
-
-    def test_a_missing_file(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert "there is no 'none.json'" in refusal(capsys, "none.json", "--text")
 
     @pytest.mark.parametrize("option", ["--drones", "--grid-size", "--persons"])
     def test_options_of_another_search(
@@ -818,14 +680,6 @@ class TestVideo:
         assert demo.main(["--record", str(video), "--fps", "10", *INCIDENT]) == 0
         _, seconds = ffmpeg.count_frames_and_secs(str(video))
         assert seconds == pytest.approx(12 / 10 + 2, abs=0.1)
-
-    def test_without_the_extra(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-        line = refusal(capsys, "--record", str(tmp_path / "video.gif"), *SHORT)
-        assert line.endswith('pip install "DroneSwarmSearchEnvironment[video]"')
-        assert list(tmp_path.iterdir()) == []
 
     def test_a_path_that_cannot_be_written(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -8,17 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import data_of
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
 from DroneSwarmSearch.evaluation import (
-    Episodes,
     Evaluation,
     NamedSearch,
     compare,
     evaluate,
-    leaderboard,
-    page,
-    run,
     save_csv,
     save_episodes,
     save_json,
@@ -99,9 +96,7 @@ def test_metrics_are_those_of_the_single_environment(bayesian_update: bool) -> N
             shown, _, _, _, infos = env.step(actions)
             success.append(infos["probability_of_success"])
         success += success[-1:] * (LIMIT + 1 - len(success))
-        np.testing.assert_allclose(
-            got.coverage.probability_of_success[seed], success, rtol=0, atol=1e-15
-        )
+        np.testing.assert_allclose(got.curves[seed], success, rtol=0, atol=1e-15)
         assert got.coverage.searches[seed] == len(searches)
         assert got.coverage.cells_searched[seed] == len(set(searches))
         assert got.episodes.endings[seed] == env.frame().ending
@@ -119,7 +114,7 @@ def test_two_drones_that_stay_where_they_are() -> None:
     got = evaluated(still, mission(persons=Person(Drift((4, 3)), 0.8)), episodes=2)
     assert got.coverage is not None
     curve = [0.0, 0.8, 0.96, *[0.992] * (LIMIT - 2)]
-    assert got.coverage.probability_of_success == pytest.approx(np.array([curve, curve]))
+    assert got.curves == pytest.approx(np.array([curve, curve]))
     assert got.endings[Ending.COVERED] == 2
     assert got.episodes.steps.tolist() == [3, 3]
     assert got.coverage.searches.tolist() == [6, 6]
@@ -135,7 +130,7 @@ def test_two_drones_that_stay_where_they_are() -> None:
 def test_success_is_the_mean_probability_of_success() -> None:
     got = evaluated(Wanderer(), mission())
     assert got.coverage is not None
-    curves = got.coverage.probability_of_success
+    curves = got.curves
     assert got.success == pytest.approx(bounded_mean(curves[:, -1]))
     assert got.success.low < got.success.value < got.success.high
     assert got.success_by_time.value.shape == (LIMIT + 1,)
@@ -175,7 +170,7 @@ def test_comparisons_are_paired() -> None:
     got = compare(first, second)
     assert first.coverage is not None
     assert second.coverage is not None
-    one, other = (each.coverage.probability_of_success for each in (first, second))
+    one, other = (each.curves for each in (first, second))
     assert got.success == bounded_mean(one[:, -1] - other[:, -1], -1.0)
     assert got.time == bounded_mean(first.times - second.times, -LIMIT, LIMIT)
     same = compare(first, evaluated(Wanderer(), mission()))
@@ -189,7 +184,7 @@ def test_comparisons_are_paired() -> None:
 def test_other_missions_have_no_coverage() -> None:
     got = evaluated(Wanderer(), mission(mission="rescue", bayesian_update=True))
     assert got.coverage is got.coverage_rate is got.repetition_rate is None
-    assert "coverage" not in got.episodes.data
+    assert "coverage" not in data_of(got)
     assert "coverage_rate" not in got.data
     assert "coverage_rate" not in got.summary
 
@@ -200,54 +195,6 @@ def test_share_of_the_bound() -> None:
     got = evaluated("planner", search, episodes=2).with_bound(bound)
     assert got.share_of_bound is not None
     assert got.share_of_bound.value == pytest.approx(got.success.value / bound.by_limit)
-
-
-@pytest.mark.parametrize("view", ["swarm", "parallel"])
-def test_portions_and_stored_entries_give_the_same_episodes(
-    view: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
-) -> None:
-    whole = evaluated(Wanderer(), mission(), episodes=12, view=view).episodes.data
-    monkeypatch.setattr(run, "PORTION", 5)
-    shared: dict[str, Any] = {"episodes": 12, "view": view, "store": tmp_path}
-    for _ in range(2):  # played, then loaded
-        got = evaluated(Wanderer(), mission(), **shared).episodes.data
-        assert got == whole
-
-    def forbidden(*_: Any) -> None:
-        raise AssertionError("all portions are stored")
-
-    monkeypatch.setattr(run, "_play", forbidden)
-    assert evaluated(Wanderer(), mission(), **shared).episodes.data == whole
-
-
-def test_data_are_read_back_and_checked() -> None:
-    data = json.loads(json.dumps(evaluated(Wanderer(), mission(), episodes=3).episodes.data))
-    assert Episodes.from_data(data).data == data
-    coverage = data["coverage"]
-    curves = coverage["probability_of_success"]
-    for changes in (
-        {"probability_of_success": [[2.0] * (LIMIT + 1)] * 3},
-        {"probability_of_success": curves[:2]},
-        {"probability_of_success": curves[0]},
-        {"searches": [0, 0, 0], "cells_searched": [1, 1, 1]},
-        {"searches": [0.5, 0.5, 0.5]},
-        {"cells_searched": None},
-        {name: coverage[name][:2] for name in coverage},
-    ):
-        with pytest.raises(ValueError, match="data must be that of"):
-            Episodes.from_data({**data, "coverage": {**coverage, **changes}})
-    with pytest.raises(ValueError, match="data must be that of coverage"):
-        Episodes.from_data({**data, "coverage": {}})
-
-
-def test_entries_of_another_mission_are_played_again(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Any
-) -> None:
-    """An entry without coverage does not count as that of a coverage mission."""
-    rescue = evaluated(still, mission(mission="rescue"), episodes=3).episodes.data
-    monkeypatch.setattr(run.Store, "load", lambda self, key: rescue)
-    got = evaluated(still, mission(), episodes=3, store=tmp_path)
-    assert got.coverage is not None
 
 
 def test_files_hold_the_measures_of_coverage(tmp_path: Any) -> None:
@@ -275,7 +222,7 @@ def test_files_hold_the_measures_of_coverage(tmp_path: Any) -> None:
     save_episodes(tmp_path / "episodes.csv", got)
     rows = [*csv.DictReader((tmp_path / "episodes.csv").read_text().splitlines())]
     assert [float(row["probability_of_success"]) for row in rows] == pytest.approx(
-        got.coverage.probability_of_success[:, -1]
+        got.curves[:, -1]
     )
     assert [int(row["searches"]) for row in rows] == got.coverage.searches.tolist()
     assert [int(row["cells_searched"]) for row in rows] == got.coverage.cells_searched.tolist()
@@ -296,18 +243,4 @@ def test_the_infos_of_vector_environments_are_the_source() -> None:
     _, _, _, _, infos = envs.step(np.full((3, 2), int(Action.SEARCH)))
     got = evaluated(still, search, episodes=3)
     assert got.coverage is not None
-    np.testing.assert_array_equal(
-        got.coverage.probability_of_success[:, 1], infos["probability_of_success"]
-    )
-
-
-def test_leaderboards_state_what_success_is() -> None:
-    scenario = mission(persons=Person(Drift((4, 3)), 0.8)).scenario
-    searches = [
-        NamedSearch(name, "For tests.", scenario.replace(mission=name))
-        for name in ("coverage", "rescue")
-    ]
-    for some, is_mentioned in ((searches, True), (searches[1:], False)):
-        board = leaderboard(["random"], some, episodes=3, bounds=False, progress=False)
-        text = " ".join(page.markdown(board, "made by hand").split())
-        assert ("In coverage missions" in text) == is_mentioned
+    np.testing.assert_array_equal(got.curves[:, 1], infos["probability_of_success"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_searches import paths_of, search, success_of
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.policies import make
 
@@ -108,18 +108,3 @@ def test_the_success_of_a_coverage_mission_is_that_of_its_paths(
         ]
         assert success[step - 1] == pytest.approx(np.mean(success_of(of, earlier)), abs=1e-13)
     assert (np.diff([0.0, *success]) >= -1e-15).all()
-
-
-def test_the_planner_covers_more_than_a_rescue_of_all() -> None:
-    """A rescue weighs the person who is hard to find; coverage is the mean over persons."""
-    hard = Person(PRIOR_MAP.drifts, probability_of_detection=0.2)
-    persons = (TWO_LAST_POSITIONS, hard)
-    coverage, rescue = (
-        search_for(*persons, mission=mission, reward_scheme=RewardScheme.expected())
-        for mission in ("coverage", "rescue")
-    )
-    covered, found = (
-        success_of(of, paths_of(make("planner", of.scenario), of)) for of in (coverage, rescue)
-    )
-    assert np.mean(covered) > np.mean(found)
-    assert np.prod(covered) < np.prod(found)

@@ -13,7 +13,7 @@ from small_searches import forecast_of, paths_of, search, success_of
 
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.bound import drone_paths
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -43,7 +43,7 @@ class TestObjectives:
 
     def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
         return MarkovChainObjective(
-            MarkovChain(self.FORECAST), self.FORECAST.joint(0), rate, effort.reshape(self.SHAPE)
+            self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(self.SHAPE)
         )
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
@@ -147,9 +147,9 @@ def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
     return oracle
 
 
-def stationary(size: int) -> MarkovChain:
+def stationary(size: int) -> DriftModel:
     """The chain of a stationary person."""
-    return MarkovChain(ProbabilityMatrix(size, Drift((0, 0))))
+    return ProbabilityMatrix(size, Drift((0, 0)))
 
 
 class TestFreeEffort:

@@ -21,7 +21,6 @@ from helpers import observed, plain, play, play_on
 
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
-from DroneSwarmSearch.drift import probability_matrix
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
 from DroneSwarmSearch.vector.threads import run_in_parts
@@ -31,16 +30,13 @@ HOME = str(Path(package.__file__).parent)
 # From Python 3.12 on, a first trace skips most opcode events, so lines are counted instead.
 EVENT, COARSER = ("opcode", 1) if sys.version_info < (3, 12) else ("line", 8)
 
-# Python raises no KeyboardInterrupt between the end of a `with lock` block and the release.
-LOCKING = {probability_matrix.BlockCache.get.__code__, probability_matrix.BlockCache.put.__code__}
-
 
 def interrupted(call: Callable[[], object], at: int) -> bool:
     """Interrupt a call at an instruction of the package; returns False if it finished first."""
     instructions = itertools.count()
 
     def trace(frame: FrameType, event: str, argument: object) -> Any:
-        if not frame.f_code.co_filename.startswith(HOME) or frame.f_code in LOCKING:
+        if not frame.f_code.co_filename.startswith(HOME):
             return None
         frame.f_trace_opcodes = EVENT == "opcode"
         if event == EVENT and next(instructions) == at:

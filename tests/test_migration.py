@@ -115,14 +115,6 @@ WHOLE_SCRIPTS = {
         (x, y), matrix = observations["drone2"]["observation"]
         assert (x, y) == (5, 15) and matrix[y][x] >= 0 and (found or score < 0)
         """,
-    "rewards selected by drone": """
-        from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
-        env = DroneSwarmSearch(n_drones=2, grid_size=6)
-        env.reset()
-        _, rewards, _, _, _ = env.step({"drone0": 5, "drone1": 1})
-        mine = [r for key, r in rewards.items() if "drone" in key]
-        assert mine == [1, 1] and rewards["total_reward"] == 2 and "total_reward" in rewards
-        """,
     "several episodes with one vector": """
         import random
         from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
@@ -302,11 +294,3 @@ def test_attributes_and_wrappers_here():
     assert len(expressions) == 10
     for expression in expressions:
         assert eval(expression, here) is not None
-
-
-def test_rewards_here():
-    scheme = RewardScheme()
-    text = section(OF_DSSE, "Rewards and endings")
-    figures = (scheme.find, scheme.search, scheme.search_unlikely, scheme.timeout)
-    assert all(f"{figure:.0f}" in text for figure in figures)
-    assert str(scheme.search_threshold) in text

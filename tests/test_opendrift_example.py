@@ -47,13 +47,6 @@ def test_tracks_drift_as_the_coefficients_state(
     assert speeds.right + speeds.left > 0.02
 
 
-@pytest.mark.filterwarnings("default")
-def test_diffusion_spreads_positions(example: ModuleType) -> None:
-    incident = example.Incident("PIW-1", (0.0, 10.0), diffusivity=5.0)
-    spread = incident.diffused(np.zeros((50_000, 2)), 360.0)
-    assert spread.std(axis=0) == pytest.approx(60.0, rel=0.02)  # the root of 2 K t
-
-
 @pytest.mark.parametrize(
     ("options", "searches"), [(["--fast"], 1), (["--random", 3], 3)], ids=["fast", "random"]
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers import bound_by_time
 
-from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, evaluate
+from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, View, evaluate
 from DroneSwarmSearch.evaluation.episodes import Reliability
 
 pytest.importorskip("matplotlib")
@@ -32,11 +32,14 @@ def evaluation(
     for episode in range(round(share * n)):
         found[episode] = 1 + episode % limit
     endings = np.where(found[:, 0] > 0, 1, 4)
-    episodes = Episodes(found, endings, np.full(n, limit), np.zeros(n), Reliability.empty())
+    at = np.where(found[:, :1] > 0, found[:, :1], np.inf)
+    curves = (np.arange(limit + 1) >= at) * 1.0
+    steps = np.full(n, limit)
+    episodes = Episodes(found, endings, steps, np.zeros(n), Reliability.empty(), curves)
     upper = None
     if bound is not None:
         upper = bound_by_time(np.linspace(0.0, bound, limit + 1))
-    return Evaluation(policy, where, 0, "swarm", "dict", episodes, upper)
+    return Evaluation(policy, where, 0, View(), episodes, False, upper)
 
 
 def draw(theme: Any) -> Any:

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-import os
 import pickle
-import signal
-import threading
-import time
 import tracemalloc
 
 import numpy as np
@@ -302,29 +298,6 @@ def test_matrices_are_new_arrays() -> None:
         assert max(chances.max() for chances in same.moves(7)) <= 1
 
 
-def test_memory_is_bounded_over_thousands_of_steps() -> None:
-    """Cached tables of all forecasts together stay within a limit."""
-    tracemalloc.start()
-    try:
-        forecast = ProbabilityMatrix(64, SOME_DRIFT)
-        for t in range(4000):  # 62 MiB of matrices
-            forecast.at(t)
-        again = ProbabilityMatrix(64, SOME_DRIFT)
-        assert forecast.block(3) is again.block(3), "the earliest are kept"
-        for start in range(10):
-            other = ProbabilityMatrix(64, Drift((start, 4), vector=(0.1, 0.2), diffusion=0.3))
-            for t in range(100):
-                other.at(t)
-        assert tracemalloc.get_traced_memory()[1] < 64 * 2**20
-    finally:
-        tracemalloc.stop()
-
-
-def test_blocks_of_huge_grids_are_small() -> None:
-    for size, steps in ((1500, 1), (300, 8), (50, 32)):
-        assert ProbabilityMatrix(size, Drift((0, 0))).block_steps == steps
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
@@ -365,28 +338,3 @@ def test_the_memory_of_a_long_episode_stops_growing_at_the_limit(
 def test_steps_before_the_first() -> None:
     with pytest.raises(ValueError, match="step must be an integer of at least 0, got -1"):
         ProbabilityMatrix(5, Drift((1, 1))).at(-1)
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
-@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-def test_a_process_can_be_forked_while_another_thread_makes_tables() -> None:
-    held, forking = threading.Event(), threading.Event()
-
-    def hold() -> None:
-        with module._cache.lock:
-            held.set()
-            forking.wait(60)
-            time.sleep(0.05)
-
-    thread = threading.Thread(target=hold)
-    thread.start()
-    held.wait(60)
-    forking.set()
-    child = os.fork()
-    if child == 0:  # pragma: no cover (in another process)
-        signal.alarm(30)  # ends a child that hangs
-        ProbabilityMatrix(8, Drift((3, 2), vector=(0.123, 0.456))).at(40)
-        os._exit(0)
-    thread.join()
-    assert os.waitpid(child, 0)[1] == 0
-    ProbabilityMatrix(8, Drift((3, 2), vector=(0.321, 0.456))).at(40)

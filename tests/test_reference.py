@@ -48,7 +48,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.planning",
     "DroneSwarmSearch.evaluation",
     "DroneSwarmSearch.training",
-    "DroneSwarmSearch.rendering",
+    "DroneSwarmSearch.frame",
 )
 
 MAX_UNDESCRIBED_ARGUMENTS = 3

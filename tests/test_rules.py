@@ -24,7 +24,6 @@ from DroneSwarmSearch.rules import (
     rewards,
     same_cell,
     successes,
-    unsuccessful_search_reward,
 )
 
 NOTHING = {
@@ -138,13 +137,6 @@ def test_expected_pays_the_added_probability_of_success() -> None:
     assert RewardScheme.expected().find == 1.0
     with pytest.raises(TypeError, match=r"RewardScheme\.expected_finds must be True or False"):
         RewardScheme(expected_finds=1)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("scheme", [RewardScheme(), RewardScheme.expected(3)])
-def test_the_reward_of_an_unsuccessful_search_matches_the_table(scheme: RewardScheme) -> None:
-    for probability in (0.0, 0.01, 0.0101, 1.0):
-        line = reward(scheme, **{**NOTHING, "searched": True, "probability": probability})
-        assert unsuccessful_search_reward(scheme, probability) == line
 
 
 def test_reward_scheme_is_frozen_and_limited_to_floats() -> None:

@@ -9,17 +9,16 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 import pytest
-from helpers import plain
+from helpers import data_of, plain
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, Scenario, training
-from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation import View, evaluate
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
 
 pytest.importorskip("stable_baselines3")
 
-import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.env_checker import check_env
@@ -364,20 +363,15 @@ def test_a_masked_model_is_evaluated_as_trained(
     kind = "MlpPolicy" if where is None else "MultiInputPolicy"
     model = contrib.MaskablePPO(kind, env, n_steps=8, batch_size=16, seed=1, device="cpu")
     how = {
-        "view": "swarm" if view is SwarmVectorEnv else "drone",
-        "observation": "flat",
-        "action_mask": True,
-        "right_of_way": True,
+        "view": View("swarm" if view is SwarmVectorEnv else "drone", "flat", True, True),
         "episodes": 40,
     }
     policy = TrainedPolicy(logits(model), deterministic)
-    state = torch.get_rng_state()
     first, second = (evaluate(policy, Scenario(**SMALL), **how) for _ in range(2))
-    assert torch.equal(torch.get_rng_state(), state)
-    assert first.episodes.data == second.episodes.data
+    assert data_of(first) == data_of(second)
     assert not first.endings[Ending.COLLISION] and not first.endings[Ending.LEFT_GRID]
     other = evaluate(TrainedPolicy(logits(model), not deterministic), Scenario(**SMALL), **how)
-    assert other.episodes.data != first.episodes.data
+    assert data_of(other) != data_of(first)
 
 
 @both_views
@@ -387,19 +381,23 @@ def test_a_model_of_dicts_is_evaluated(view: type[SearchVectorEnv], masked: bool
     env = made(view, 4, observation="dict")
     model = PPO("MultiInputPolicy", env, n_steps=8, batch_size=16, device="cpu")
     policy = TrainedPolicy(logits(model))
-    how = {"view": "swarm" if view is SwarmVectorEnv else "drone", "episodes": 5}
-    assert len(evaluate(policy, Scenario(**SMALL), **how, action_mask=masked).episodes) == 5
+    shown = View("swarm" if view is SwarmVectorEnv else "drone", action_mask=masked)
+    assert len(evaluate(policy, Scenario(**SMALL), episodes=5, view=shown).episodes) == 5
 
 
 def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
     env = made(DroneVectorEnv, 4, observation="flat")
     model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, seed=1, device="cpu")
-    how = {"view": "drone", "observation": "flat", "episodes": 20}
     results = [
-        evaluate(TrainedPolicy(logits(model)), Scenario(**SMALL), **how, action_mask=masked)
+        evaluate(
+            TrainedPolicy(logits(model)),
+            Scenario(**SMALL),
+            episodes=20,
+            view=View("drone", "flat", action_mask=masked),
+        )
         for masked in (False, True)
     ]
-    assert results[0].episodes.data == results[1].episodes.data
+    assert data_of(results[0]) == data_of(results[1])
 
 
 @pytest.mark.filterwarnings("error")

@@ -14,7 +14,7 @@ import pytest
 from helpers import plain, play
 
 from DroneSwarmSearch import DroneSwarmSearch, RewardScheme, Scenario
-from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation import View, evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.training import compare_with_baselines
@@ -227,7 +227,7 @@ def test_the_success_rates_of_the_example_are_as_documented() -> None:
     assert not {*env.frame().drones} & {*env.scenario.person_initial_position}
     usual: dict[str, Any] = {"episodes": 1000, "progress": False}
     random, prior, posterior = (
-        evaluate(name, env.scenario, bayesian_update=updates, **usual).success.value
+        evaluate(name, env.scenario, view=View(bayesian_update=updates), **usual).success.value
         for name, updates in (("random", False), ("greedy-matrix", False), ("greedy-matrix", True))
     )
     assert random < 0.1
@@ -244,7 +244,7 @@ def test_the_comparison_after_training_accepts_a_scenario(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     of = {"scenario": Scenario(6, 1, (0, 0), (3, 3), 2, 6), "drones_positions": [(1, 1)]}
-    how: dict[str, Any] = {"view": "parallel", "observation": "dict", "episodes": 2}
+    how: dict[str, Any] = {"view": "parallel", "episodes": 2}
     mine, *_ = compare_with_baselines(lambda seen: {"drone0": 4}, of, **how)
     assert mine.search.scenario == of["scenario"] and mine.search.drones == ((1, 1),)
     assert capsys.readouterr().out

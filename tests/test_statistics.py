@@ -16,7 +16,6 @@ from DroneSwarmSearch.evaluation.statistics import (
     bounded_mean,
     bounded_means,
     mean_of,
-    paired_difference,
     wilson,
 )
 
@@ -198,82 +197,6 @@ def test_bounded_means_refuse_other_values():
         with pytest.raises(ValueError, match="samples must be from 0 to 1, got"):
             bounded_mean(wrong)
     assert bounded_mean([-3.0, 1.0], -3.0).value == -1.0
-
-
-# Newcombe, Improved confidence intervals for the difference between binomial proportions based on
-# paired data, Statistics in Medicine 17:2635-2650, 1998, table III, method 10: the episodes in
-# which both succeed, only the first, only the second, and neither; and the interval.
-NEWCOMBE_PAIRED = [
-    ((36, 12, 2, 0), 0.0569, 0.3404),
-    ((20, 12, 2, 16), 0.0562, 0.3292),
-    ((18, 12, 2, 18), 0.0562, 0.3290),
-    ((36, 14, 0, 0), 0.1528, 0.4167),
-    ((35, 14, 0, 1), 0.1461, 0.4175),
-    ((18, 14, 0, 18), 0.1441, 0.3963),
-    ((2, 97, 1, 0), 0.8721, 0.9854),
-    ((1, 97, 1, 1), 0.8736, 0.9850),
-    ((0, 29, 1, 0), 0.6666, 0.9882),
-    ((2, 98, 0, 0), 0.9178, 0.9945),
-    ((1, 98, 0, 1), 0.9171, 0.9916),
-    ((0, 30, 0, 0), 0.8395, 1.0000),
-    ((54, 0, 0, 0), -0.0664, 0.0664),
-    ((53, 0, 0, 1), -0.0729, 0.0729),
-    ((30, 0, 0, 24), -0.0358, 0.0358),
-    ((29, 0, 0, 25), -0.0354, 0.0354),
-    ((28, 0, 0, 26), -0.0352, 0.0352),
-    ((27, 0, 0, 27), -0.0351, 0.0351),
-]
-
-
-def difference(both: int, first: int, second: int, neither: int) -> Estimate:
-    counts = (both, first, second, neither)
-    return paired_difference(
-        np.repeat([True, True, False, False], counts), np.repeat([True, False, True, False], counts)
-    )
-
-
-@pytest.mark.parametrize(("counts", "low", "high"), NEWCOMBE_PAIRED)
-def test_paired_intervals_are_the_published_ones(counts, low, high):
-    got = difference(*counts)
-    assert got.value == pytest.approx((counts[1] - counts[2]) / sum(counts))
-    assert got.low == pytest.approx(low, abs=1e-4)  # the paper has z = 1.96
-    assert got.high == pytest.approx(high, abs=1e-4)
-
-
-def test_paired_intervals_of_swapped_policies_are_mirrored():
-    one, other = difference(5, 3, 1, 4), difference(5, 1, 3, 4)
-    assert one == pytest.approx((-other.value, -other.high, -other.low))
-
-
-def test_paired_intervals_cover_the_true_difference():
-    """The exact coverage for 12 pairs, by enumeration of all tables."""
-    n = 12
-    tables = [
-        (a, b, c, n - a - b - c)
-        for a in range(n + 1)
-        for b in range(n + 1 - a)
-        for c in range(n + 1 - a - b)
-    ]
-    intervals = np.array([difference(*table) for table in tables])
-    ways = np.array([math.factorial(n) / math.prod(map(math.factorial, table)) for table in tables])
-    coverage = []
-    for true in (
-        *((0.25, 0.25, 0.25, 0.25), (0.5, 0.1, 0.1, 0.3), (0.6, 0.3, 0.05, 0.05)),
-        *((0.9, 0.05, 0.01, 0.04), (0.1, 0.02, 0.02, 0.86), (0.3, 0.4, 0.1, 0.2)),
-    ):
-        chances = ways * np.prod(np.power(true, tables), axis=1)
-        assert chances.sum() == pytest.approx(1.0)
-        actual = true[1] - true[2]
-        holds = (intervals[:, 1] <= actual) & (actual <= intervals[:, 2])
-        coverage.append(chances[holds].sum())
-    assert min(coverage) > 0.93
-    assert np.mean(coverage) > 0.95
-
-
-def test_paired_differences_refuse_other_shapes():
-    for first, second in (([], []), ([True], [True, False]), ([[True]], [[True]])):
-        with pytest.raises(ValueError, match=r"first and second must both have the shape \(n,\)"):
-            paired_difference(first, second)
 
 
 def test_the_mean_of_estimates_adds_their_errors_in_squares():

@@ -16,6 +16,7 @@ import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.adapters import TrainedPolicy
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training.curve import moving_mean, read_columns
 
 ROOT = Path(__file__).parents[1]
@@ -154,7 +155,7 @@ def test_the_comparison_accepts_start_cells_and_other_layouts() -> None:
         return np.full(len(observations["position"]), Action.SEARCH)
 
     (trained,) = training.compare_with_baselines(
-        search, task, episodes=20, observation="dict", baselines=[]
+        search, task, episodes=20, view=View("drone", "dict"), baselines=[]
     )
     assert trained.search.drones == ((2, 0), (4, 4))
     assert (trained.success.value, trained.time.value) == (1.0, 1.0)

@@ -39,7 +39,7 @@ from DroneSwarmSearch._internal.streams import (
     stream_keys,
 )
 from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.belief import after_drift, after_unsuccessful_search
+from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.persons import Drift
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.frame import Frame
@@ -505,11 +505,11 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was(
     for row, (person, cell) in enumerate(zip(starts[:, 0].tolist(), cells.tolist(), strict=True)):
         drift = Drift(person, diffusion=dispersion_rate(parameters[CONSTANT][row]))
         forecast = ProbabilityMatrix(4, drift)
-        learned, kept = after_unsuccessful_search(forecast.joint(1), [cell], 1.0)
-        assert (kept == 0.0) == (row != 1)
-        assert success[row] == 1.0 - kept
-        after = after_drift(learned, *forecast.moves(1))
-        assert matrices[row].tobytes() == after[0].astype(np.float32).tobytes()
+        learned = Belief(forecast, 1.0, forecast.joint(1)).after_search([cell])
+        assert (learned.kept == 0.0) == (row != 1)
+        assert success[row] == 1.0 - learned.kept
+        after = learned.after_drift(1).map()
+        assert matrices[row].tobytes() == after.astype(np.float32).tobytes()
 
 
 @pytest.mark.parametrize("bayesian", [False, True])

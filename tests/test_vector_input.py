@@ -113,7 +113,7 @@ BAD_ROWS: list[tuple[Any, type[Exception], str]] = [
     ("0", TypeError, "got '0'"),
     (1, ValueError, r"got shape \(\)"),
     ([[0], [1]], ValueError, r"got shape \(2, 1\)"),
-    ([[0], [1, 2]], ValueError, "list or an array of integers, got"),
+    ([[0], [1, 2]], ValueError, "array of integers from 0 to 2, .* got"),
 ]
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from operator import getitem, index, itemgetter
+from collections.abc import Mapping, Sequence
+from operator import getitem
 from typing import Any, NoReturn
 
 import numpy as np
@@ -13,45 +13,40 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["Reader", "check_agent", "checked_actions", "reader"]
-
-Reader = Callable[[Mapping[str, int], Neighbours, list[int]], tuple[bytes, list[int]]]
-"""Reads the actions of a step.
-
-Takes the actions by drone, the neighbours of the grid's cells and the drones' cells. Returns
-each drone's action and target cell; the target cells are the given list itself if no drone
-moves. Raises TypeError or ValueError, see `_refuse`.
-"""
+__all__ = ["Reader", "check_agent", "checked_actions"]
 
 _ACTIONS = len(Action)
-_SEARCH = int(Action.SEARCH)
 _STAYING = bytes((Action.SEARCH, Action.IDLE))
-_SINGLE = {int(action): bytes((action,)) for action in Action}
 
 
-def reader(names: tuple[str, ...]) -> Reader:
-    """The fastest reader for some drones."""
-    return (_ReaderOfOne(names) if len(names) == 1 else _ReaderOfSeveral(names)).read
+class Reader:
+    """Reads the actions of a step.
 
+    Args:
+        names: the drones' names.
+    """
 
-def check_agent(agent: object, names: Sequence[str]) -> None:
-    """ValueError if an agent is not one of the drones."""
-    if agent not in names:
-        raise ValueError(f"agent must be one of {_range(names)}, got {agent!r}")
-
-
-class _ReaderOfSeveral:
     def __init__(self, names: tuple[str, ...]) -> None:
         self._names = names
-        self._pick: Callable[[Any], tuple[int, ...]] = itemgetter(*names)
 
-    def read(
+    def __call__(
         self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
     ) -> tuple[bytes, list[int]]:
+        """Each drone's action and target cell.
+
+        Args:
+            actions: the actions by drone.
+            neighbours: the neighbours of the grid's cells.
+            cells: the drones' cells, which are returned if no drone moves.
+
+        Raises:
+            TypeError: `actions` is not a mapping, or an action is not an integer.
+            ValueError: an action is missing, out of range, or for an unknown drone.
+        """
         try:
             if len(actions) != len(cells):
                 raise TypeError
-            picked = self._pick(actions)
+            picked = [actions[name] for name in self._names]
             # bytes() accepts all kinds of integers from 0 to 255, and nothing else; but bool
             # is a kind of integer too, 0 or 1.
             chosen = bytes(picked)
@@ -65,35 +60,14 @@ class _ReaderOfSeveral:
             return _refuse(actions, self._names)
 
 
-class _ReaderOfOne:
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self._names = names
-        self._name = names[0]
-
-    def read(
-        self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
-    ) -> tuple[bytes, list[int]]:
-        try:
-            if len(actions) != 1:
-                raise TypeError
-            action = actions[self._name]
-            if type(action) is not int:
-                action = -1 if type(action) is bool else index(action)
-            chosen = _SINGLE[action]  # KeyError: out of range
-            if action >= _SEARCH:  # or idle
-                return chosen, cells
-            return chosen, [neighbours[cells[0]][action]]
-        except Exception:
-            return _refuse(actions, self._names)
+def check_agent(agent: object, names: Sequence[str]) -> None:
+    """ValueError if an agent is not one of the drones."""
+    if agent not in names:
+        raise ValueError(f"agent must be one of {_range(names)}, got {agent!r}")
 
 
 def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:
-    """Raise the error that describes what is wrong with the actions of a step.
-
-    Raises:
-        TypeError: `actions` is not a mapping, or an action is not an integer.
-        ValueError: an action is missing, out of range, or for an unknown drone.
-    """
+    """Raise the error that describes what is wrong with the actions of a step."""
     if not isinstance(actions, Mapping):
         raise TypeError(f"actions must be a mapping from drones to actions, got {actions!r}")
     for agent in actions:

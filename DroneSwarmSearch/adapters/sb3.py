@@ -8,14 +8,8 @@ Every drone is a sub-environment, and all drones share one policy::
     )
     model = MaskablePPO("MlpPolicy", VecMonitor(SB3VecEnv(drones)))
     model.learn(200_000, LogSuccess())
-    evaluate(
-        TrainedPolicy(logits(model)),
-        search,
-        view="drone",
-        observation="flat",
-        action_mask=True,
-        **masks,
-    )
+    view = View("drone", "flat", action_mask=True, **masks)
+    evaluate(TrainedPolicy(logits(model)), search, view=view)
 """
 
 from __future__ import annotations

@@ -11,9 +11,7 @@ environments::
         ...
         print(episode_metrics(batch))
     trained = TrainedPolicy(logits(policy, n_drones=2))
-    evaluate(
-        trained, search, view="drone", observation="flat", action_mask=True, right_of_way=True
-    )
+    evaluate(trained, search, view=View("drone", "flat", action_mask=True, right_of_way=True))
 """
 
 from __future__ import annotations

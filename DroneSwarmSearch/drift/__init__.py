@@ -1,4 +1,4 @@
-"""Where a drifting person may be: the forecast, the sampled trajectory, the posterior."""
+"""Where a drifting person may be: persons, their drift models, and beliefs about them."""
 
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix

@@ -1,34 +1,35 @@
 """Bayesian updates of the belief about a missing person: searches, drift, and the mean.
 
-A belief is the joint probability of a person's hypothesis and cell, indexed
-[hypothesis, y, x]. Before the first search, it equals the person's forecast. A search of cell
-k with probability of detection q that does not find the person multiplies b(h, k) by 1 - q
-for every hypothesis h. All searches of a step are applied together, and then the belief is
-normalised; the sum before normalisation is the probability that none of these searches finds
-the person. Finally, each hypothesis drifts by its own moves (L. D. Stone, Theory of Optimal
+A belief is the mass of a person's states. Before the first search, it equals the person's
+forecast. A search of cell k with probability of detection q that does not find the person
+multiplies the mass of every state in k by 1 - q. All searches of a step are applied together,
+and then the belief is normalised; the sum before normalisation is the probability that none of
+these searches finds the person. Finally, the mass drifts (L. D. Stone, Theory of Optimal
 Search, 1975).
 
 The product of these sums is the probability that no search so far has found the person; one
 minus it is the cumulative probability of success (POS).
 
-The functions take one belief or a batch: arrays may have trailing batch axes after
-[hypothesis, y, x]. `posteriors.Posteriors` is the fast form for a single search. Both agree
-bit for bit.
+`Belief` is the scalar form. The functions `normalise`, `drifted` and `means_over_missing` also
+take batches: arrays with trailing batch axes after [hypothesis, y, x]. Both agree bit for bit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Flags, Floats
+from DroneSwarmSearch.drift.model import DriftModel
+
 __all__ = [
+    "Belief",
     "after_drift",
-    "after_search",
-    "after_unsuccessful_search",
     "drift",
+    "drifted",
     "mean_over_missing",
     "means_over_missing",
     "normalise",
@@ -36,63 +37,62 @@ __all__ = [
     "shown_persons",
 ]
 
-Floats = NDArray[np.float64]
 FloatOrArray = TypeVar("FloatOrArray", float, Floats)
 
 
-def after_unsuccessful_search(
-    belief: Floats, cells: Sequence[int], probability_of_detection: float
-) -> tuple[Floats, float]:
-    """The belief about one person after the searches of a step have not found that person.
+class Belief(NamedTuple):
+    """The belief about one person who has not been found; never changed in place.
 
-    Args:
-        belief: float64, shape (M, N, N), indexed [hypothesis, y, x], sums to 1.
-        cells: the searched cells, y * N + x; a cell searched twice counts twice.
-        probability_of_detection: the probability that a search of the person's cell
-            finds the person.
-
-    Returns:
-        The new belief, and the probability that none of these searches finds the person. If
-        that is 0, the searches contradict the belief, and the belief is returned unchanged.
+    Attributes:
+        model: the person's drift model.
+        detection: the probability that a search of the person's cell finds the person.
+        mass: the probability of each state, float64, sums to 1.
+        kept: the probability that no search so far finds the person.
     """
-    after = belief.copy()
-    by_cell = after.reshape(len(after), -1)
-    for cell in cells:
-        by_cell[:, cell] *= 1.0 - probability_of_detection
-    missed = min(float(normalise(after)), 1.0)
-    return (after, missed) if missed > 0.0 else (belief, 0.0)
+
+    model: DriftModel
+    detection: float
+    mass: Floats
+    kept: float = 1.0
+
+    def after_search(self, cells: Collection[int]) -> Belief:
+        """The belief after the searches of a step have not found the person.
+
+        Args:
+            cells: the searched cells, y * N + x, each once.
+
+        Returns:
+            The new belief. If the searches contradict the belief, its mass stays.
+        """
+        mass = self.mass.copy()
+        flat = mass.reshape(-1)
+        for cell in cells:
+            flat[self.model.states(cell)] *= 1.0 - self.detection
+        total = normalise(mass).item()
+        if total > 0.0:  # rounding must not lower the probability of success
+            return Belief(self.model, self.detection, mass, self.kept * min(total, 1.0))
+        return self._replace(kept=0.0)
+
+    def after_drift(self, step: int) -> Belief:
+        """The belief one step later."""
+        mass = self.model.drift(self.mass, step)
+        return Belief(self.model, self.detection, mass, self.kept)
+
+    def map(self) -> Floats:
+        """The probability of each cell, for reading only: float64, shape (N, N)."""
+        return self.model.map(self.mass)
+
+    def added_success(self, cells: Sequence[int]) -> Floats:
+        """The probability of success that a search of each of some cells adds."""
+        added: Floats = self.kept * self.detection * self.map().reshape(-1)[cells]
+        return added
 
 
-def after_search(
-    mass: Floats, cells: Sequence[int], probability_of_detection: float
-) -> tuple[Floats, float]:
-    """One step's searches for one person, without normalising.
-
-    Args:
-        mass: float64, shape (M, N, N): probability of each hypothesis and cell, and that the
-            person has not been found.
-        cells: the searched cells, y * N + x, all different.
-        probability_of_detection: the probability that a search of the person's cell finds the
-            person.
-
-    Returns:
-        The new mass, and the probability that these searches find the person (POS).
-    """
-    if not cells:
-        return mass, 0.0
-    after, within = mass.copy(), 0.0
-    for flat in after.reshape(len(after), -1):  # faster than two indices at once
-        searched = flat[cells]
-        flat[cells] = (1.0 - probability_of_detection) * searched
-        within += float(searched.sum())
-    return after, probability_of_detection * within
-
-
-def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
+def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     """Scale beliefs in place so that each sums to 1; beliefs that are 0 everywhere stay.
 
     Args:
-        belief: float64, shape (M, N, N, ...), C-contiguous.
+        belief: float64, shape (M, N, N, ...), C-contiguous; or the mass of one person.
         which: the beliefs to scale, bool, shape (...).
 
     Returns:
@@ -101,39 +101,69 @@ def normalise(belief: Floats, which: NDArray[np.bool_] | bool = True) -> Floats:
     # Sum over hypotheses and y first, then over x one column at a time: this order does not
     # depend on the batch. NumPy adds in this order along a first axis, but not along
     # contiguous memory.
+    if belief.ndim <= 3:
+        total: Floats = np.add.reduce(belief.reshape(-1, belief.shape[-1])).cumsum()[-1]
+        if which and total > 0.0:
+            belief *= 1.0 / total
+        return total
     columns = belief.reshape(-1, *belief.shape[2:]).sum(axis=0)
-    total: Floats
     if columns.size > len(columns):
         total = columns.sum(axis=0)
     else:
         total = columns.reshape(-1).cumsum()[-1].reshape(columns.shape[1:])
     factor = 1.0 / np.where(which & (total > 0.0), total, 1.0)
     # Contiguous arrays multiply faster than broadcast ones.
-    belief *= np.broadcast_to(factor, columns.shape).copy() if factor.ndim else factor
+    belief *= np.broadcast_to(factor, columns.shape).copy()
     return total
+
+
+Scratch = list[tuple[Floats, Floats, list[tuple[Floats, Floats, Floats]]]]
+
+
+def scratch_of(belief: Floats) -> Scratch:
+    """Scratch arrays for `drifted`: for each axis three terms, their sum, and what to add."""
+    row, scratch = belief[0, 0], []
+    for distance in (row[0].size, row.size):
+        terms = np.empty((3, *belief.shape), belief.dtype)
+        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
+        # next, and the array can be shifted as one run of memory.
+        cells, higher, lower = terms.reshape(3, -1)
+        from_lower = cells[distance:], higher[:-distance], cells[distance:]
+        from_higher = cells[:-distance], lower[distance:], cells[:-distance]
+        scratch.append((terms, terms[0], [from_lower, from_higher]))
+    return scratch
+
+
+def drifted(
+    belief: Floats, along_x: Floats, along_y: Floats, scratch: Scratch | None = None
+) -> Floats:
+    """The belief one step later: float64, of the belief's shape and with its sum.
+
+    Args:
+        belief: float64, shape (M, N, N, ...), indexed [hypothesis, y, x, ...].
+        along_x: the probabilities of staying, and of moving to the next higher and to the next
+            lower column: shape (3, M, 1, N, ...); nobody leaves the grid.
+        along_y: the same for rows: shape (3, M, N, 1, ...).
+        scratch: see `scratch_of`; overwritten, and the result is a part of it.
+    """
+    scratch = scratch_of(belief) if scratch is None else scratch
+    for moves, (terms, after, sums) in zip((along_x, along_y), scratch, strict=True):
+        np.multiply(moves, belief, terms)
+        for each in sums:
+            np.add(*each)
+        belief = after
+    return belief
 
 
 def after_drift(
     belief: Floats, right_x: Floats, left_x: Floats, right_y: Floats, left_y: Floats
 ) -> Floats:
-    """The belief one step later.
-
-    Args:
-        belief: float64, shape (M, N, N, ...), indexed [hypothesis, y, x, ...].
-        right_x: the probability of a move from each column to the next higher one, shape
-            (M, N, ...); 0 in the last column.
-        left_x: the same to the next lower column; 0 in the first.
-        right_y: the probability of a move from each row to the next higher one, shape
-            (M, N, ...).
-        left_y: the same to the next lower row.
-
-    Returns:
-        float64, of the belief's shape and with its sum.
-    """
-    after = np.empty_like(belief)
-    scratch = np.empty_like(belief), np.empty_like(belief)
-    drift(belief, (right_x, left_x), (right_y, left_y), scratch, after)
-    return after
+    """`drifted` for moves as in `ProbabilityMatrix.moves`, each of shape (M, N, ...)."""
+    along_x, along_y = (
+        np.stack([1.0 - higher - lower, higher, lower])
+        for higher, lower in ((right_x, left_x), (right_y, left_y))
+    )
+    return drifted(belief, along_x[:, :, None], along_y[:, :, :, None])
 
 
 def drift(
@@ -162,8 +192,6 @@ def drift(
         np.multiply(belief, up, out=to_higher)
         np.multiply(belief, down, out=to_lower)
         np.multiply(belief, 1.0 - up - down, out=after)
-        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
-        # next, and the array can be shifted as one run of memory.
         cells[distance:] += risen[:-distance]
         cells[:-distance] += fallen[distance:]
         belief = after
@@ -188,8 +216,7 @@ def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int])
     """The mean belief about the missing persons, or about all persons if none is missing.
 
     Args:
-        beliefs: of each person, see `over_hypotheses`: arrays of one shape, or the numbers of
-            a single cell.
+        beliefs: of each person, arrays of one shape or numbers.
         missing: the numbers of the missing persons, in ascending order.
 
     Returns:

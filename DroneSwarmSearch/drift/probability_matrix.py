@@ -1,49 +1,42 @@
-"""The forecast of a drifting person: the probability of each cell at each step.
+"""The drift model of a `Person`: a mixture of hypotheses, each drifting along x and y on its own.
 
-The matrix is the mean of one matrix for each hypothesis about the person's drift, by weight.
-The matrix of a hypothesis is separable: at step t it is the outer product of one probability
-vector per axis. Only if the start is an array, the matrices of all hypotheses are carried along
-by the moves of each step. `tables` computes the vectors and the moves, in blocks of consecutive
-steps on demand. All forecasts share a cache of blocks, which holds at most `CACHE_BYTES`.
+A state is a hypothesis and a cell; mass is indexed [..., hypothesis, y, x]. The matrix of a
+hypothesis is separable: at step t it is the outer product of one probability vector per axis.
+Only if the start of one is an array, the matrices of all hypotheses are carried along by the
+moves of each step. `tables` computes the vectors and the moves, in blocks of consecutive steps
+on demand.
 """
 
 from __future__ import annotations
 
-import os
-from collections import Counter, OrderedDict
 from collections.abc import Hashable, Sequence
-from functools import cached_property
-from threading import RLock
-from typing import NamedTuple
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch.drift.belief import Scratch, drifted, over_hypotheses, scratch_of
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.tables import Axes, Floats, Steps, start_marginals, tabulate
+from DroneSwarmSearch.drift.tables import Axes, start_marginals, tabulate
 
-__all__ = ["ProbabilityMatrix", "belief_shape", "joint_at_start", "matrices_of"]
+__all__ = ["ProbabilityMatrix", "joint_at_start", "matrices_of", "moves"]
 
-_Key = tuple[Hashable, ...]  # the parameters of a forecast
-
-CACHE_BYTES = 56 * 2**20
-"""The limit of the cache of all forecasts together. Memory stops growing there, however long an
-episode is."""
-
-_EXPANDED_SIZE = 32
-"""On grids up to this size, a block keeps its flows for every cell."""
+CACHE_BYTES = 16 * 2**20
+"""The largest tables that a forecast keeps. Memory stops growing there, however long an episode
+is; later tables are made again in each episode."""
 
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
 
-# For small matrices, one copy of several costs little more than a copy of one.
-_GROUP_STEPS = 8
-_GROUP_BYTES = 2**16
+_MATRICES_BYTES = 2**28
+"""The largest transition matrices that a forecast keeps."""
 
 
-def matrices_of(factors: Floats) -> NDArray[np.float32]:
+def matrices_of(factors: Floats) -> Singles:
     """The matrices of separable hypotheses: float32, shape (..., N, N), indexed [..., y, x].
 
     Args:
@@ -52,7 +45,7 @@ def matrices_of(factors: Floats) -> NDArray[np.float32]:
     """
     rounded = factors.astype(np.float32)
     x, y = rounded[..., 0, None, :], rounded[..., 1, :, None]
-    matrices: NDArray[np.float32] = y[..., 0, :, :] * x[..., 0, :, :]
+    matrices: Singles = y[..., 0, :, :] * x[..., 0, :, :]
     for hypothesis in range(1, factors.shape[-3]):
         matrices += y[..., hypothesis, :, :] * x[..., hypothesis, :, :]
     return matrices
@@ -74,136 +67,53 @@ def joint_at_start(factors: Floats, weights: Floats, priors: Sequence[Floats | N
     return joint
 
 
-class Block(NamedTuple):
-    """The tables of consecutive steps, shared by all environments with this forecast.
+def moves(draws: NDArray[Any], higher: NDArray[Any], either: NDArray[Any]) -> NDArray[np.int8]:
+    """The moves of many persons along an axis in one step: int8, +1, -1 or 0.
+
+    Args:
+        draws: a uniform draw from [0, 1) for each person; or, if the probabilities are
+            multiplied by 2**53 too, the integer 2**53 times the draw.
+        higher: the probability of +1 at each person's coordinate, of the same shape.
+        either: the probability of +1 or -1, their sum.
+    """
+    move: NDArray[np.int8] = np.less(draws, higher).view(np.int8)
+    move += move
+    move -= np.less(draws, either).view(np.int8)  # 2 a - (a or b)
+    return move
+
+
+class _Block(NamedTuple):
+    """The tables of n consecutive steps, shared by all forecasts with the same parameters.
 
     Never pass these arrays to users. NumPy's read-only flag does not protect them, because
     other libraries (PyTorch's `as_tensor`, for example) ignore the flag.
 
     Attributes:
         first: the step at index 0 of everything below.
-        steps: the distributions and the moves; axes in the order of `Axes.of`.
         factors: see `matrices_of`: float64, shape (n, M, 2, N).
-        joint: the probability of each hypothesis and cell: float64, shape (n + 1, M, N, N),
-            one step more than the rest; None if all hypotheses are separable.
-        right: `steps.right`, flat, in the form that scalar code reads fastest.
-        left: `steps.left` in the same form.
-        flows: see `flows_at`; None before the first use.
-        matrices: the matrices in groups of `ProbabilityMatrix.group_steps` steps, each group
-            computed on first use.
+        moves: the probabilities to stay, to move to the next higher column or row, and to the
+            next lower one: float64, shape (3, n, M, 2, N).
+        cdf: see `tables.Steps`.
+        joint: the probability of each state: float64, shape (n + 1, M, N, N), one step more
+            than the rest; None if all hypotheses are separable.
+        matrices: the matrix of each step, computed on first use.
     """
 
     first: int
-    steps: Steps
     factors: Floats
+    moves: Floats
+    cdf: Floats
     joint: Floats | None
-    right: memoryview
-    left: memoryview
-    flows: list[tuple[Floats, Floats] | None]
-    matrices: list[NDArray[np.float32] | None]
-
-    def matrices_at(self, step: int) -> NDArray[np.float32]:
-        """The matrices of the group of steps that holds a step: float32, (n, N, N)."""
-        count = len(self.factors) // len(self.matrices)
-        group = (step - self.first) // count
-        matrices = self.matrices[group]
-        if matrices is None:
-            here = slice(group * count, (group + 1) * count)
-            if self.joint is None:
-                matrices = matrices_of(self.factors[here])
-            else:
-                joint = self.joint[here].swapaxes(0, 1)
-                matrices = over_hypotheses(joint).astype(np.float32)
-            self.matrices[group] = matrices
-        return matrices
-
-    def moves_at(self, step: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """See `ProbabilityMatrix.moves`; views."""
-        index, shape = step - self.first, self.factors.shape[1:]
-        right, left = self.steps.right[index].reshape(shape), self.steps.left[index].reshape(shape)
-        return right[:, 0], left[:, 0], right[:, 1], left[:, 1]
-
-    def flows_at(self, step: int) -> tuple[Floats, Floats]:
-        """The probabilities of a step's moves, as factors of a belief.
-
-        Returns:
-            The probabilities to stay, to move right and to move left, given hypothesis and
-            cell; and to stay, to move down and to move up. Float64; the first axis is the
-            move, and the others broadcast with a belief of `belief_shape`.
-        """
-        flows = self.flows[step - self.first]
-        if flows is None:
-            right, left, down, up = self.moves_at(step)
-            along_x = np.stack([1.0 - right - left, right, left])[:, :, None, :]
-            along_y = np.stack([1.0 - down - up, down, up])[:, :, :, None]
-            hypotheses, size = right.shape
-            shape = belief_shape(hypotheses, size)
-            if len(shape) == 1:
-                full = (3, hypotheses, size, size)
-                along_x, along_y = (
-                    np.broadcast_to(moves, full).reshape(3, -1) for moves in (along_x, along_y)
-                )
-            flows = self.flows[step - self.first] = along_x, along_y
-        return flows
+    matrices: list[Singles | None]
 
 
-def belief_shape(hypotheses: int, size: int) -> tuple[int, ...]:
-    """The shape in which a belief drifts fastest: flat on small grids, else (M, N, N)."""
-    # NumPy broadcasts short rows slowly.
-    whole = (hypotheses, size, size)
-    return (hypotheses * size**2,) if size <= _EXPANDED_SIZE else whole
+@lru_cache(maxsize=16)
+def _kept_blocks(key: Hashable) -> dict[int, _Block]:
+    """The first blocks of a forecast, by number, which all forecasts with this key share."""
+    return {}
 
 
-class BlockCache:
-    """The most recently used blocks, within `CACHE_BYTES`.
-
-    A forecast that would fill the whole cache keeps its earliest blocks, because every
-    episode begins there.
-    """
-
-    def __init__(self) -> None:
-        self._blocks: OrderedDict[tuple[_Key, int], tuple[Block, int]] = OrderedDict()
-        self._bytes_by_forecast: Counter[_Key] = Counter()
-        self._bytes = 0
-        self.lock = RLock()
-
-    def get(self, forecast: _Key, first: int) -> Block | None:
-        """The block of a forecast that begins with a step, or None."""
-        with self.lock:
-            block, _ = self._blocks.get((forecast, first), (None, 0))
-            if block is not None:
-                self._blocks.move_to_end((forecast, first))
-            return block
-
-    def put(self, forecast: _Key, first: int, block: Block, size: int) -> None:
-        """Add a block of `size` bytes, and drop the least recently used ones over the limit."""
-        with self.lock:
-            used = self._bytes_by_forecast.get(forecast, 0)
-            if (forecast, first) in self._blocks or used + size > CACHE_BYTES:
-                return
-            self._blocks[forecast, first] = (block, size)
-            self._bytes_by_forecast[forecast] += size
-            self._bytes += size
-            while self._bytes > CACHE_BYTES:
-                (oldest, _), (_, freed) = self._blocks.popitem(last=False)
-                self._bytes -= freed
-                self._bytes_by_forecast[oldest] -= freed
-                if not self._bytes_by_forecast[oldest]:
-                    del self._bytes_by_forecast[oldest]
-
-
-_cache = BlockCache()
-
-if hasattr(os, "register_at_fork"):
-    # A child process must not inherit the lock from a thread that it does not have.
-    os.register_at_fork(
-        before=_cache.lock.acquire,
-        after_in_parent=_cache.lock.release,
-        after_in_child=_cache.lock.release,
-    )
-
-
-class ProbabilityMatrix:
+class ProbabilityMatrix(DriftModel):
     """The forecast of a drifting person: the probability of each cell at each step.
 
     Objects with equal parameters share their tables. Copies and pickles hold only the
@@ -217,9 +127,6 @@ class ProbabilityMatrix:
 
     Attributes:
         weights: the probability of each hypothesis at step 0: float64, shape (M,).
-        block_steps: the steps in each block of tables, a power of two; blocks begin at its
-            multiples.
-        group_steps: the steps whose matrices are computed together, also a power of two.
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -227,41 +134,33 @@ class ProbabilityMatrix:
     """
 
     def __init__(self, grid_size: int, person: Person | Drift) -> None:
-        size = checks.integer("grid_size", grid_size, 2)
+        self.grid_size = size = checks.integer("grid_size", grid_size, 2)
         if isinstance(person, Drift):
             person = Person((person,))
         if not isinstance(person, Person):
             raise TypeError(f"person must be a Person or a Drift, got {person!r}")
         person.check_grid(size)
-        checks.fits("a matrix", 4 * size**2 * len(person.drifts), grid_size=size)
-        self._parameters = (size, person)
-        drifts = person.drifts
-        self._key = (size, person.key)
+        hypotheses = len(person.drifts)
+        checks.fits("a matrix", 4 * size**2 * hypotheses, grid_size=size)
+        self.person = person
+        self.state_shape = (hypotheses, size, size)
+        self.key = size, person.key
         self.weights = np.array(person.weights)
-        self._separable = all(drift.prior is None for drift in drifts)
-        self.block_steps = min(_BLOCK_STEPS, _power_of_two(_BLOCK_BYTES // self._step_bytes()))
-        self.group_steps = min(_GROUP_STEPS, _power_of_two(_GROUP_BYTES // (4 * size**2)))
-        self.group_steps = min(self.group_steps, self.block_steps)
-        self._initial = self._block = self._get_block(0, None)
+        self._separable = all(drift.prior is None for drift in person.drifts)
+        joint = 0 if self._separable else 8 * size**2
+        self._step_bytes = 4 * size**2 + hypotheses * (8 * 8 * size + joint) + 512
+        self._block_steps = min(max(_BLOCK_BYTES // self._step_bytes, 1), _BLOCK_STEPS)
+        self._matrices: dict[int, Floats] = {}  # along x and y, by step
+        self._kept = _kept_blocks(self.key)
+        self._block: _Block | None = None  # used last
+        self._block_of(0)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), self._parameters
+        return type(self), (self.grid_size, self.person)
 
-    def is_same(self, other: ProbabilityMatrix) -> bool:
-        """Whether another forecast is equal to this one at every step."""
-        return self._key == other._key
+    # The forecast.
 
-    @property
-    def grid_size(self) -> int:
-        """Cells along each side of the grid."""
-        return self._parameters[0]
-
-    @property
-    def person(self) -> Person:
-        """The person."""
-        return self._parameters[1]
-
-    def at(self, step: int) -> NDArray[np.float32]:
+    def at(self, step: int) -> Singles:
         """The matrix at a step.
 
         Args:
@@ -274,33 +173,30 @@ class ProbabilityMatrix:
             TypeError: the step is not an integer.
             ValueError: the step is negative.
         """
-        matrices = self.block(step).matrices_at(step)
-        matrix: NDArray[np.float32] = matrices[step % self.group_steps]
+        block = self._block_of(step)
+        index = step - block.first
+        matrix = block.matrices[index]
+        if matrix is None:
+            if block.joint is None:
+                matrix = matrices_of(block.factors[index])
+            else:
+                matrix = over_hypotheses(block.joint[index]).astype(np.float32)
+            block.matrices[index] = matrix
         return matrix.copy()
-
-    def exact(self, step: int) -> Floats:
-        """The matrix at a step in double precision: float64, shape (N, N), indexed [y, x]."""
-        return over_hypotheses(self.joint(step))
 
     def joint(self, step: int) -> Floats:
         """The probability of each hypothesis and cell at a step: float64, shape (M, N, N)."""
-        size = self.grid_size
-        joint = np.empty((len(self.weights), size, size))
-        self.write_joint(step, joint)
-        return joint
-
-    def write_joint(self, step: int, out: Floats) -> None:
-        """`joint` into a given array."""
-        block = self.block(step)
-        if block.joint is None:
-            x, y = block.factors[step - block.first].swapaxes(0, 1)
-            np.multiply(y[:, :, None], x[:, None, :], out)
+        block = self._block_of(step)
+        if block.joint is not None:
+            joint: Floats = block.joint[step - block.first].copy()
         else:
-            out[...] = block.joint[step - block.first]
+            x, y = block.factors[step - block.first].swapaxes(0, 1)
+            joint = y[:, :, None] * x[:, None, :]
+        return joint
 
     def marginals(self, step: int) -> tuple[Floats, Floats]:
         """The probability of each column and of each row at a step: float64, shape (N,)."""
-        block = self.block(step)
+        block = self._block_of(step)
         x, y = block.factors[step - block.first].swapaxes(0, 1)
         return self.weights @ x, y.sum(axis=0)
 
@@ -311,95 +207,188 @@ class ProbabilityMatrix:
             float64, shape (M, N), given the hypothesis and the column or row: to the right
             and to the left for each column, then down and up for each row.
         """
-        right, left, down, up = (moves.copy() for moves in self.block(step).moves_at(step))
+        _, higher, lower = self._moves(step)
+        right, left, down, up = (
+            moves[:, axis].copy() for axis in (0, 1) for moves in (higher, lower)
+        )
         return right, left, down, up
 
-    @property
-    def known_start(self) -> int | None:
-        """The person's cell at step 0, y * N + x, if it is certain and the only hypothesis."""
-        person = self.person
-        if len(person.drifts) > 1 or not person.drifts[0].starts_in_known_cell:
-            return None
-        x, y = person.drifts[0].start
-        return int(y) * self.grid_size + int(x)
+    # States and cells.
+
+    def map(self, mass: Floats) -> Floats:
+        total: Floats = mass[..., 0, :, :]
+        for hypothesis in range(1, self.state_shape[0]):
+            total = total + mass[..., hypothesis, :, :]
+        return total
+
+    def lift(self, values: Floats) -> Floats:
+        lifted: Floats = values[..., None, :, :]
+        return lifted
+
+    def states(self, cell: int) -> slice:
+        return slice(cell, None, self.grid_size**2)
+
+    def cells(self, states: Any) -> Any:
+        return states % self.grid_size**2
+
+    def hypotheses(self, mass: Floats) -> tuple[float, ...]:
+        shares: list[float] = mass.sum(axis=(1, 2)).tolist()
+        return tuple(shares)
+
+    # The steps of a distribution.
+
+    def forward(self, mass: Floats, step: int) -> Floats:
+        along_x, along_y = self.matrices(step)
+        moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
+        return moved
+
+    def backward(self, value: Floats, step: int) -> Floats:
+        along_x, along_y = self.matrices(step)
+        expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
+        return expected
+
+    def drift(self, mass: Floats, step: int) -> Floats:
+        return _drifted(mass, self._moves(step), self._scratch).copy()
+
+    @cached_property
+    def _scratch(self) -> Scratch:  # making it anew takes as long as a drift
+        return scratch_of(np.empty(self.state_shape))
+
+    def matrices(self, step: int) -> tuple[Floats, Floats]:
+        """The transition matrices of a step along x and y: shape (M, N, N), from [i] to [j]."""
+        if step not in self._matrices:
+            self._add_matrices(self._block_of(step))
+        along_x, along_y = self._matrices[step]
+        return along_x, along_y
+
+    def _add_matrices(self, block: _Block) -> None:
+        stays, higher, lower = block.moves.swapaxes(2, 3)  # each (n, 2, M, N)
+        here = np.arange(self.grid_size)
+        matrices = np.zeros((*stays.shape, self.grid_size))
+        matrices[..., here, here] = stays
+        matrices[..., here[:-1], here[1:]] = higher[..., :-1]
+        matrices[..., here[1:], here[:-1]] = lower[..., 1:]
+        if len(self._matrices) * matrices[0].nbytes > _MATRICES_BYTES:
+            self._matrices.clear()
+        self._matrices.update(enumerate(matrices, block.first))
+
+    # The steps of a person.
+
+    def start(self, draws: Any) -> Any:
+        return self.start_cumulative.searchsorted(draws, side="right")
 
     @cached_property
     def start_cumulative(self) -> Floats:
-        """The cumulative distribution of `joint(0)`, flat: float64, shape (M * N * N,).
+        """The cumulative distribution of `joint(0)`, flat.
 
-        It exceeds 1 from the last cell with a positive probability on, so that every uniform
-        below 1 falls into a cell with one.
+        It exceeds 1 from the last state with a positive probability on, so that every uniform
+        below 1 falls into a state with one.
         """
         joint = self.joint(0).reshape(-1)
         cumulative = joint.cumsum()
         cumulative[joint.nonzero()[0][-1] :] = 2.0
         return cumulative
 
-    def block(self, step: int) -> Block:
-        """The shared tables that hold a step; fast if steps are in ascending order."""
-        if type(step) is not int:
-            step = checks.integer("step", step, 0)
+    def walk(
+        self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
+    ) -> list[int]:
+        size, hypotheses = self.grid_size, self.state_shape[0]
+        hypothesis, cell = divmod(state, size**2)
+        y, x = divmod(cell, size)
+        path = []
+        end = step  # of the block
+        for u, v in zip(draws_x, draws_y, strict=True):
+            if step == end:
+                block = self._block_of(step)
+                higher, lower = (each.reshape(-1).data for each in block.moves[1:])
+                row = ((step - block.first) * hypotheses + hypothesis) * 2 * size
+                end = block.first + self._block_steps
+            at = row + x
+            if u < higher[at]:
+                x += 1
+            elif u < higher[at] + lower[at]:
+                x -= 1
+            at = row + size + y
+            if v < higher[at]:
+                y += 1
+            elif v < higher[at] + lower[at]:
+                y -= 1
+            path.append((hypothesis * size + y) * size + x)
+            row += 2 * size * hypotheses
+            step += 1
+        return path
+
+    def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
+        _, higher, lower = self._moves(step)
+        hypotheses, y, x = np.unravel_index(states, self.state_shape)
+        across, along = (hypotheses, 0, x), (hypotheses, 1, y)
+        new: Ints = states + moves(draws_x, higher[across], higher[across] + lower[across])
+        return new + self.grid_size * moves(draws_y, higher[along], higher[along] + lower[along])
+
+    def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
+        falls_stays_rises = self._moves(step)[[2, 0, 1]]
+        hypotheses, y, x = np.unravel_index(states, self.state_shape)
+        along_x = falls_stays_rises[:, hypotheses, 0, x]
+        along_y = falls_stays_rises[:, hypotheses, 1, y]
+        onward = probabilities * along_y[:, None] * along_x  # [dy + 1, dx + 1, person]
+        dy, dx, place = onward.nonzero()
+        return place, states[place] + (dy - 1) * self.grid_size + dx - 1, onward[dy, dx, place]
+
+    # The tables.
+
+    def _moves(self, step: int) -> Floats:
+        block = self._block_of(step)
+        moves: Floats = block.moves[:, step - block.first]
+        return moves
+
+    def _block_of(self, step: int) -> _Block:
+        """The tables that hold a step; fast if steps are in ascending order."""
         block = self._block
-        if step < block.first:
-            checks.integer("step", step, 0)
-            block = self._initial
-        while step >= block.first + self.block_steps:
-            block = self._get_block(block.first + self.block_steps, block)
+        if block is not None and type(step) is int and 0 <= step - block.first < self._block_steps:
+            return block
+        number, done = checks.integer("step", step, 0) // self._block_steps, 0
+        if block is not None and block.first <= step:
+            done = block.first // self._block_steps + 1
+        for each in range(done, number + 1):
+            previous = block if each else None
+            block = self._kept.get(each) or self._made(each * self._block_steps, previous)
+            if (each + 1) * self._block_steps * self._step_bytes <= CACHE_BYTES:
+                self._kept[each] = block
+        assert block is not None
         self._block = block
         return block
 
-    def _step_bytes(self) -> int:
-        """Approximate memory of one step in a block."""
-        size, hypotheses = self.grid_size, len(self.weights)
-        flows = 6 * 8 * size * (size if size <= _EXPANDED_SIZE else 1)
-        joint = 0 if self._separable else 8 * size**2
-        return 4 * size**2 + hypotheses * (2 * size * 4 * 8 + flows + joint) + 512
-
-    def _get_block(self, first: int, previous: Block | None) -> Block:
-        block = _cache.get(self._key, first)
-        if block is None:
-            block = self._make_block(first, previous)
-            _cache.put(self._key, first, block, self._step_bytes() * self.block_steps)
-        return block
-
-    def _make_block(self, first: int, previous: Block | None) -> Block:
-        size, person = self._parameters
-        count, hypotheses = self.block_steps, len(person.drifts)
+    def _made(self, first: int, previous: _Block | None) -> _Block:
+        """The block that begins with a step."""
+        size, drifts, count = self.grid_size, self.person.drifts, self._block_steps
+        priors = [drift.prior for drift in drifts]
         steps = tabulate(
             size,
-            Axes.of(person.drifts),
-            start_marginals(drift.prior for drift in person.drifts),
+            Axes.of(drifts),
+            start_marginals(priors),
             first=first,
             count=count,
-            cdf=None if previous is None else previous.steps.cdf,
+            cdf=None if previous is None else previous.cdf,
         )
-        factors = steps.probability.reshape(count, hypotheses, 2, size)
-        if hypotheses > 1:
-            factors = factors.copy()
-            factors[:, :, 1] *= self.weights[:, None]
-        block = Block(
-            first=first,
-            steps=steps,
-            factors=factors,
-            joint=None if self._separable else np.empty((count + 1, hypotheses, size, size)),
-            right=steps.right.reshape(-1).data,
-            left=steps.left.reshape(-1).data,
-            flows=[None] * count,
-            matrices=[None] * (count // self.group_steps),
+        shape = (count, len(drifts), 2, size)
+        factors, right, left = (
+            table.reshape(shape) for table in (steps.probability, steps.right, steps.left)
         )
-        if block.joint is not None:
-            if previous is None:
-                priors = [drift.prior for drift in person.drifts]
-                block.joint[0] = joint_at_start(factors[0], self.weights, priors)
+        factors = factors.copy()
+        factors[:, :, 1] *= self.weights[:, None]
+        moves = np.stack([1.0 - right - left, right, left])
+        joint = None
+        if not self._separable:
+            joint = np.empty((count + 1, *self.state_shape))
+            if previous is None or previous.joint is None:
+                joint[0] = joint_at_start(factors[0], self.weights, priors)
             else:
-                assert previous.joint is not None
-                block.joint[0] = previous.joint[-1]
-            for index in range(count):
-                moves = block.moves_at(first + index)
-                block.joint[index + 1] = after_drift(block.joint[index], *moves)
-        return block
+                joint[0] = previous.joint[-1]
+            for index, each in enumerate(moves.swapaxes(0, 1)):
+                joint[index + 1] = _drifted(joint[index], each)
+        return _Block(first, factors, moves, steps.cdf, joint, [None] * count)
 
 
-def _power_of_two(number: int) -> int:
-    """The largest power of two that is at most a number; at least 1."""
-    return 1 << (max(1, number).bit_length() - 1)
+def _drifted(mass: Floats, moves: Floats, scratch: Scratch | None = None) -> Floats:
+    """Mass of shape (M, N, N) one step later, given its moves, of shape (3, M, 2, N)."""
+    return drifted(mass, moves[:, :, 0, None], moves[:, :, 1, :, None], scratch)

@@ -23,7 +23,7 @@ from DroneSwarmSearch.evaluation.results import (
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
-from DroneSwarmSearch.evaluation.workers import WorkerCrashed
+from DroneSwarmSearch.evaluation.view import View
 
 __all__ = [
     "SUITE",
@@ -35,7 +35,7 @@ __all__ = [
     "NamedSearch",
     "StorageError",
     "Video",
-    "WorkerCrashed",
+    "View",
     "compare",
     "evaluate",
     "export",

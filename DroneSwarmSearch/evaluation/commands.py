@@ -7,7 +7,6 @@ import contextlib
 import inspect
 import json
 import re
-import shlex
 import sys
 import textwrap
 import traceback
@@ -20,10 +19,8 @@ from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
-from DroneSwarmSearch.evaluation import exporting, page, recording, search_file
-from DroneSwarmSearch.evaluation import workers as work
-from DroneSwarmSearch.evaluation.board import Contest, Leaderboard
-from DroneSwarmSearch.evaluation.bounds import BoundTask
+from DroneSwarmSearch.evaluation import board, exporting, recording, search_file
+from DroneSwarmSearch.evaluation.bounds import bounds_of
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import (
     Evaluation,
@@ -33,10 +30,18 @@ from DroneSwarmSearch.evaluation.results import (
     save_episodes,
     save_json,
 )
-from DroneSwarmSearch.evaluation.run import EvaluationTask, run_tasks
-from DroneSwarmSearch.evaluation.store import Store
+from DroneSwarmSearch.evaluation.run import (
+    Case,
+    Sampling,
+    evaluate_cases,
+    manifest,
+    run_folder,
+    searches_manifest,
+)
+from DroneSwarmSearch.evaluation.run_folder import file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch, search
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
+from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
@@ -49,110 +54,88 @@ FAILED, INTERRUPTED = 1, 130
 NOTE_WIDTH = 100
 """Characters in a line of the notes below a table."""
 
-PORTIONS = "portions"
-"""The folder for finished work within the folder of the results."""
-
 
 def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Evaluate a policy on searches, print the results, and write them with --out."""
     if options.list:
-        return _guarded(_print_suite, None)
+        return _guarded(_print_suite)
     if options.policy is None or not options.searches:
         parser.error("POLICY and SEARCH are needed; `evaluate --list` lists them")
-    store = options.out and Store(options.out / PORTIONS)
     with _refusing(parser):
-        spec = PolicySpec.of(options.policy)
+        spec, view = PolicySpec.of(options.policy), _view(options)
         searches = _searches(options.searches, options.mission)
-        tasks = [
-            EvaluationTask(
-                spec,
-                each,
-                episodes=options.episodes,
-                seed=options.seed,
-                bayesian_update=True if options.posterior else None,
-                view=options.view,
-                observation=options.observation,
-                action_mask=options.action_mask,
-                right_of_way=options.right_of_way,
-                deterministic=options.deterministic,
-                store=store,
-            )
-            for each in searches
-        ]
+        cases = [Case.of(spec, each, view, options.deterministic) for each in searches]
+        sampling = Sampling(options.episodes, options.seed)
+        folder = run_folder(options.out, manifest(cases, sampling))
     _warn_of_small_grids(searches)
-    bounds = [BoundTask(task.search, store) for task in tasks] if options.bound else []
 
     def run() -> None:
-        try:
-            what = f"{spec.name} on {len(tasks)} search{'es' * (len(tasks) > 1)}"
-            run_tasks([*bounds, *tasks], what, workers=options.workers, ray=options.ray)
-        finally:  # also after an error
-            known = {each.search.name: each.bound for each in bounds}
-            finished = [
-                task.evaluation().with_bound(known.get(task.search.name))
-                for task in tasks
-                if task.is_done
-            ]
-            if finished:
-                _print_evaluations(finished, options)
+        what = f"{spec.name} on {len(cases)} search{'es' * (len(cases) > 1)}"
+        running = {"workers": options.workers, "ray": options.ray}
+        bounds = bounds_of(searches, folder, **running) if options.bound else {}
+        evaluations = [
+            each.with_bound(bounds.get(each.search.name))
+            for each in evaluate_cases(cases, sampling, folder, what, **running)
+        ]
+        _print_evaluations(evaluations, options)
         if options.out is not None:
-            _write_evaluations(finished, options.out)
+            _write_evaluations(evaluations, options.out)
 
-    return _guarded(run, store)
+    return _guarded(run, options.out)
 
 
 def leaderboard(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Run the leaderboard, print its main tables, and write its files."""
-    store = Store(options.out / PORTIONS)
+    """Run the leaderboard, print its tables, and write its files."""
     with _refusing(parser):
         searches = _searches(["all"] if options.searches is None else options.searches)
-        prepared = Contest(
+        prepared = board.prepared(
             options.policies,
             searches,
-            options.add,
-            view=options.view,
-            observation=options.observation,
-            action_mask=options.action_mask,
-            right_of_way=options.right_of_way,
+            added=options.add,
+            view=_view(options),
             deterministic=options.deterministic,
-            posterior=options.posterior,
-            episodes=options.episodes,
-            seed=options.seed,
-            store=store,
+            sampling=Sampling(options.episodes, options.seed),
+            out=options.out,
             bounds=options.bound,
         )
     _warn_of_small_grids(searches)
 
     def run() -> None:
-        board = prepared.run(workers=options.workers, ray=options.ray, progress=True)
-        board.compute_intervals()
-        _print_leaderboard(board)
-        files = page.write(
-            board, options.out, shlex.join(["python", "-m", "DroneSwarmSearch", *options.argv])
-        )
+        found = prepared(workers=options.workers, ray=options.ray, progress=True)
+        for title, (headers, *rows) in (
+            ("Success in %; the best policy of each search has a star", found.search_table),
+            ("All searches; with 95% intervals, or exact", found.summary_table),
+        ):
+            print(f"\n{title}\n")
+            print_table(headers, rows, words=1)
+        files = found.write(options.out)
         print(f"\nwritten to {options.out}: {', '.join(path.name for path in files)}")
 
-    return _guarded(run, store)
+    return _guarded(run, options.out)
 
 
 def bound(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     """Compute bounds and print them."""
-    store = options.out and Store(options.out / PORTIONS)
     with _refusing(parser):
         searches = _searches(options.searches, options.mission)
-        tasks = [BoundTask(each, store) for each in searches]
+        folder = run_folder(options.out, searches_manifest(searches))
     _warn_of_small_grids(searches)
 
     def run() -> None:
-        what = f"bounds, {len(tasks)} search{'es' * (len(tasks) > 1)}"
-        try:
-            run_tasks(tasks, what, workers=options.workers, ray=options.ray)
-        finally:  # also after an error
-            done = [(each.search, each.bound) for each in tasks if each.bound is not None]
-            if done:
-                _print_bounds(done, options.json)
+        bounds = bounds_of(searches, folder, workers=options.workers, ray=options.ray)
+        _print_bounds([(each, bounds[each.name]) for each in searches], options.json)
 
-    return _guarded(run, store)
+    return _guarded(run, options.out)
+
+
+def _view(options: argparse.Namespace) -> View:
+    return View(
+        options.view,
+        options.observation,
+        options.action_mask,
+        options.right_of_way,
+        True if options.posterior else None,
+    )
 
 
 def record(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
@@ -342,15 +325,11 @@ def _write_evaluations(evaluations: Sequence[Evaluation], folder: Path) -> None:
     for each in evaluations:
         coverage = ".coverage" * (each.coverage is not None)
         posterior = ".posterior" * each.search.scenario.bayesian_update
-        name = f"{_file_name(each.policy)}.{_file_name(each.search.name)}{coverage}{posterior}"
+        name = f"{file_name(each.policy)}.{file_name(each.search.name)}{coverage}{posterior}"
         save_json(folder / f"{name}.json", each)
         save_episodes(folder / f"{name}.episodes.csv", each)
-    save_csv(folder / f"{_file_name(evaluations[0].policy)}.summary.csv", evaluations)
+    save_csv(folder / f"{file_name(evaluations[0].policy)}.summary.csv", evaluations)
     print(f"written to {folder}", file=sys.stderr)
-
-
-def _file_name(text: str) -> str:
-    return "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in text).strip(".-")
 
 
 def _print_bounds(bounds: Sequence[tuple[NamedSearch, SuccessBound]], as_json: bool) -> None:
@@ -371,34 +350,26 @@ def _print_bounds(bounds: Sequence[tuple[NamedSearch, SuccessBound]], as_json: b
     print_table(headers, rows, words=1)
 
 
-def _print_leaderboard(board: Leaderboard) -> None:
-    """Print the two main tables of a leaderboard."""
-    for title, (headers, *rows) in (
-        ("Success in %; the best policy of each search has a star", page.overview(board, "{}*")),
-        ("All searches; with 95% intervals, or exact", page.suite_table(board)),
-    ):
-        print(f"\n{title}\n")
-        print_table(headers, rows, words=1)
-
-
 # Errors.
 
 
 @contextlib.contextmanager
 def _refusing(parser: argparse.ArgumentParser) -> Iterator[None]:
-    """Report wrong arguments, and exit with code 2."""
+    """Report wrong arguments and exit with code 2, or a folder that cannot be used with code 1."""
     try:
         yield
+    except StorageError as error:
+        parser.exit(FAILED, f"{error.filename}: {error.strerror}\n")
     except (TypeError, ValueError) as error:
         parser.error(str(error))
 
 
-def _guarded(command: Callable[[], None], store: Store | None) -> int:
+def _guarded(command: Callable[[], None], out: Path | None = None) -> int:
     """Run a command, report what stopped it, and return the exit code.
 
     Args:
         command: the work, after its arguments have been checked.
-        store: where finished work is kept, if anywhere.
+        out: where finished results are kept, if anywhere.
     """
     reason, code = "interrupted", FAILED
     try:
@@ -407,29 +378,23 @@ def _guarded(command: Callable[[], None], store: Store | None) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except StorageError as error:
-        reason = f"{error.filename}: {error.strerror}; repeat the command to resume"
-        store = None  # the error already states that earlier files are kept
-    except (work.WorkerCrashed, ImportError) as error:
+        reason = f"{error.filename}: {error.strerror}"
+    except BrokenPipeError:
+        return FAILED  # the reader of stdout has gone
+    except ImportError as error:
         reason = str(error)
     except Exception as error:
-        if isinstance(error, BrokenPipeError) and _is_ours(error):
-            return FAILED  # the reader of stdout has gone
         reason = _described(error)
-    if store is not None and len(store):
-        reason += f"; finished work is kept in {store.directory}; repeat the command to resume"
+    if out is not None:
+        reason += f"; finished results are kept in {out}, and the same command resumes"
     print(reason, file=sys.stderr)
     return code
 
 
 def _described(error: Exception) -> str:
     """An error in one line if `evaluation` raised it, otherwise with its traceback."""
-    is_plain = error.__cause__ is None and isinstance(error, (OSError, TypeError, ValueError))
-    if is_plain and _is_ours(error):
+    innermost = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    is_ours = innermost.is_relative_to(Path(__file__).parent) and error.__cause__ is None
+    if is_ours and isinstance(error, (OSError, TypeError, ValueError)):
         return f"{type(error).__name__}: {error}"
     return "".join(traceback.format_exception(error)).rstrip()
-
-
-def _is_ours(error: Exception) -> bool:
-    """Whether `evaluation` raised an error, rather than a policy or another package."""
-    innermost = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
-    return innermost.is_relative_to(Path(__file__).parent)

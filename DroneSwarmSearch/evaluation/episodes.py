@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.evaluation.statistics import ROUNDING
 
-__all__ = ["POS_EDGES", "Coverage", "Episodes", "Reliability", "is_curve"]
+__all__ = ["POS_EDGES", "Coverage", "Episodes", "Reliability"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,12 +21,6 @@ Ints = NDArray[np.int64]
 POS_EDGES = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, math.inf)
 """The edges of the bins. Probabilities of single cells are small, so nearly all searches would
 lie in the first of several bins of equal width."""
-
-
-def is_curve(success: Floats) -> bool:
-    """Whether probabilities of success after each step are possible: they never fall."""
-    is_share = (success >= 0.0) & (success <= 1.0)
-    return bool(is_share.all() and (np.diff(success) >= 0.0).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,70 +114,12 @@ class Coverage:
     """What the searches of some coverage missions covered, in the order of their seeds.
 
     Attributes:
-        probability_of_success: the cumulative probability of success (POS) after each number of
-            completed steps, from 0 to the time limit L; after the end of an episode it stays
-            as it is: float64, (n, L + 1).
         searches: the number of searches: int64, (n,).
         cells_searched: the number of different cells searched: int64, (n,).
     """
 
-    probability_of_success: Floats
     searches: Ints
     cells_searched: Ints
-
-    def common_curve(self) -> Floats:
-        """The POS after each step of a deterministic policy, equal in all episodes: (L + 1,).
-
-        Raises:
-            ValueError: the episodes differ.
-        """
-        first: Floats = self.probability_of_success[0]
-        if (self.probability_of_success != first).any():
-            raise ValueError(
-                "deterministic must be False for a policy that acts differently after the same "
-                "observations"
-            )
-        return first
-
-    @property
-    def data(self) -> dict[str, Any]:
-        """Plain data, which JSON keeps exactly."""
-        return {
-            "probability_of_success": self.probability_of_success.tolist(),
-            "searches": self.searches.tolist(),
-            "cells_searched": self.cells_searched.tolist(),
-        }
-
-    @classmethod
-    def joined(cls, parts: Sequence[Coverage]) -> Coverage:
-        """Join several portions, in their order."""
-        return cls(
-            np.concatenate([part.probability_of_success for part in parts]),
-            np.concatenate([part.searches for part in parts]),
-            np.concatenate([part.cells_searched for part in parts]),
-        )
-
-    @classmethod
-    def from_data(cls, data: Any) -> Coverage:
-        """Make coverage from its `data`.
-
-        Raises:
-            ValueError: the data are of another form, or inconsistent.
-        """
-        try:
-            success = np.array(data["probability_of_success"], np.float64)
-            searches, cells = np.array(data["searches"]), np.array(data["cells_searched"])
-        except (KeyError, OverflowError, TypeError, ValueError) as error:
-            raise ValueError(f"data must be that of coverage: {error!r}") from error
-        if not (
-            success.ndim == 2
-            and searches.shape == cells.shape == (len(success),)
-            and searches.dtype.kind == cells.dtype.kind == "i"
-            and is_curve(success)
-            and ((cells >= 0) & (cells <= searches)).all()
-        ):
-            raise ValueError("data must be that of coverage, but it is inconsistent")
-        return cls(success, searches, cells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +134,11 @@ class Episodes:
         returns: the sum of all drones' rewards: float64, (n,).
         reliability: of the forecasts of all searches made; empty in the coverage mission,
             where no search finds anybody.
+        curves: the probability of success after each number of completed steps, from 0 to the
+            time limit L: float64, (n, L + 1). In a rescue, it is the probability that every
+            person is found, given the path that the drones fly if the last find is left out; in
+            the coverage mission, the cumulative probability of success (POS). If all episodes
+            have the same curve, its shape may be (1, L + 1). None if it was not followed.
         coverage: what the searches covered, in the coverage mission; otherwise None.
     """
 
@@ -206,6 +147,7 @@ class Episodes:
     steps: Ints
     returns: Floats
     reliability: Reliability
+    curves: Floats | None = None
     coverage: Coverage | None = None
 
     def __len__(self) -> int:
@@ -214,60 +156,61 @@ class Episodes:
     @classmethod
     def joined(cls, parts: Sequence[Episodes]) -> Episodes:
         """Join several portions, in their order."""
+        curves = [part.curves for part in parts if part.curves is not None]
         coverages = [part.coverage for part in parts if part.coverage is not None]
+        coverage = None
+        if coverages:
+            coverage = Coverage(
+                np.concatenate([each.searches for each in coverages]),
+                np.concatenate([each.cells_searched for each in coverages]),
+            )
         return cls(
             np.concatenate([part.found_at for part in parts]),
             np.concatenate([part.endings for part in parts]),
             np.concatenate([part.steps for part in parts]),
             np.concatenate([part.returns for part in parts]),
             Reliability.total([part.reliability for part in parts]),
-            Coverage.joined(coverages) if coverages else None,
+            np.concatenate(curves) if curves else None,
+            coverage,
         )
 
-    @property
-    def data(self) -> dict[str, Any]:
-        """Plain data, which JSON keeps exactly."""
-        data = {
-            "found_at": self.found_at.tolist(),
-            "endings": self.endings.tolist(),
-            "steps": self.steps.tolist(),
-            "returns": self.returns.tolist(),
-            "searches": self.reliability.searches.tolist(),
-            "forecast": self.reliability.forecast.tolist(),
-            "found": self.reliability.found.tolist(),
-        }
-        return data if self.coverage is None else {**data, "coverage": self.coverage.data}
-
-    @classmethod
-    def from_data(cls, data: Any) -> Episodes:
-        """Make episodes from their `data`.
+    def with_common_curve(self) -> Episodes:
+        """The episodes of a deterministic policy, all of which have the same curve.
 
         Raises:
-            ValueError: the data are of another form, or inconsistent.
+            ValueError: the curves differ.
         """
-        try:
-            found_at = np.array(data["found_at"])
-            endings, steps = np.array(data["endings"]), np.array(data["steps"])
-            returns = np.array(data["returns"], np.float64)
-            searches, found = np.array(data["searches"]), np.array(data["found"])
-            forecast = np.array(data["forecast"], np.float64)
-            coverage = Coverage.from_data(data["coverage"]) if "coverage" in data else None
-        except (KeyError, OverflowError, TypeError, ValueError) as error:
-            raise ValueError(f"data must be that of episodes: {error!r}") from error
-        n, bins = endings.size, (len(POS_EDGES) - 1,)
-        counts, sums = (found_at, endings, steps, searches, found), (returns, forecast)
-        if not (
-            all(array.dtype.kind == "i" and (array >= 0).all() for array in counts)
-            and all(np.isfinite(array).all() for array in sums)
-            and found_at.ndim == 2
-            and found_at.shape[0] == n > 0
-            and endings.shape == steps.shape == returns.shape == (n,)
-            and searches.shape == found.shape == forecast.shape == bins
-            and endings.min() >= 1
-            and endings.max() <= len(Ending)
-            and (found_at <= steps[:, None]).all()
-            and (coverage is None or coverage.searches.shape == (n,))
-        ):
-            raise ValueError("data must be that of episodes, but it is inconsistent")
-        reliability = Reliability(searches, forecast, found)
-        return cls(found_at, endings, steps, returns, reliability, coverage)
+        curves = self.curves
+        assert curves is not None
+        if np.abs(curves - curves[0]).max() > ROUNDING:
+            raise ValueError(
+                "deterministic must be False for a policy that acts differently after the same "
+                "observations"
+            )
+        return replace(self, curves=curves[:1])
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything as arrays, for a file."""
+        arrays: dict[str, NDArray[Any] | None] = {
+            **{name: getattr(self, name) for name in _ARRAYS},
+            **{f"reliability_{name}": getattr(self.reliability, name) for name in _RELIABILITY},
+        }
+        if self.coverage is not None:
+            arrays |= {f"coverage_{name}": getattr(self.coverage, name) for name in _COVERAGE}
+        return {name: array for name, array in arrays.items() if array is not None}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Episodes:
+        """Make episodes from their `arrays`."""
+        reliability = Reliability(*(arrays[f"reliability_{name}"] for name in _RELIABILITY))
+        coverage = None
+        if "coverage_searches" in arrays:
+            coverage = Coverage(*(arrays[f"coverage_{name}"] for name in _COVERAGE))
+        known = {name: arrays[name] for name in _ARRAYS if name in arrays}
+        return cls(**known, reliability=reliability, coverage=coverage)
+
+
+_ARRAYS = ("found_at", "endings", "steps", "returns", "curves")
+_RELIABILITY = ("searches", "forecast", "found")
+_COVERAGE = ("searches", "cells_searched")

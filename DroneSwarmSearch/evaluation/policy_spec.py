@@ -8,13 +8,11 @@ import importlib.util
 import inspect
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-
-import cloudpickle
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.errors import did_you_mean
@@ -30,16 +28,14 @@ class PolicySpec:
 
     Attributes:
         name: for tables and files.
-        identity: identifies the policy in the store, as far as it is known before the policy
-            is made.
-        is_known: whether `identity` suffices: the policy and its weights belong to the package.
+        source: the policy as given, and the SHA-256 of its file or weights, for a run's manifest;
+            None for a policy in memory.
         policy: a name or a file for `policies.make`; a class, which is instantiated with the
             `Scenario` of each search; or a callable from observations to actions.
     """
 
     name: str
-    identity: str
-    is_known: bool
+    source: Mapping[str, str] | None
     policy: str | Callable[..., Any]
 
     def __post_init__(self) -> None:
@@ -66,11 +62,6 @@ class PolicySpec:
         found: type = kind if inspect.isclass(kind) else type(kind)
         return found
 
-    @property
-    def is_reusable(self) -> bool:
-        """Whether a copy may play several portions, since its memory changes no action."""
-        return self.is_known or (isinstance(self.policy, str) and self.policy.endswith(".npz"))
-
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
         """Make a spec from anything that stands for a policy.
@@ -95,20 +86,20 @@ class PolicySpec:
             return cls.of(policy[named.end() :], named[1])
         if isinstance(policy, str) and policy.endswith(".npz"):
             Network.load(_existing(policy))
-            return cls(name or policy, "weights", False, policy)
+            return cls(name or policy, _source(policy, Path(policy)), policy)
         if isinstance(policy, str) and ":" in policy:
             return _loaded(policy, name)
         if isinstance(policy, str):
             if policy not in policies.POLICIES:
                 raise ValueError(_unknown(policy))
-            return _of_package(policy, name)
+            return cls(name or policy, {"policy": policy}, policy)
         if not callable(policy):
             raise TypeError(
                 "policy must be a policy's name or a callable from observations to actions, "
                 f"got {policy!r:.100}"
             )
         own_name = getattr(policy, "__name__", type(policy).__name__)
-        return cls(name or str(own_name), f"callable:{name or ''}", False, policy)
+        return cls(name or str(own_name), None, policy)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""
@@ -138,53 +129,40 @@ def _unknown(name: str) -> str:
     )
 
 
-def _of_package(policy: str, name: str | None) -> PolicySpec:
-    """The spec of a name in `policies.POLICIES`, whose entries users may replace."""
-    made_by = policies.POLICIES[policy]
-    kind = f"{made_by.__module__}.{getattr(made_by, '__qualname__', '')}"
-    is_known = inspect.isclass(made_by) and kind.startswith(f"{policies.__name__}.")
-    return PolicySpec(name or policy, f"registry:{policy}:{kind}", is_known, policy)
+def _source(text: str, path: Path) -> dict[str, str]:
+    return {"policy": text, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
 def _loaded(text: str, name: str | None) -> PolicySpec:
     """The spec of "module:attribute" or "file.py:attribute"."""
     where, _, attribute = text.rpartition(":")
-    try:
-        if where.endswith(".py"):
-            module, identity = _module_from_file(Path(where))
-        else:
-            module, identity = _module(text, where)
-    except SystemExit as stop:
-        raise ValueError(
-            f"policy must name code that can be imported, but importing {where} ends the program "
-            f"(SystemExit: {stop.code!r})"
-        ) from stop
+    module = _module_from_file(Path(where)) if where.endswith(".py") else _module(text, where)
     found: Any = module
     for part in attribute.split("."):
         found = getattr(found, part, None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    return PolicySpec(name or text, f"{name or text}:{identity}", False, found)
+    file = getattr(module, "__file__", None)
+    source = _source(text, Path(file)) if file else {"policy": text}
+    return PolicySpec(name or text, source, found)
 
 
-def _module(text: str, name: str) -> tuple[ModuleType, str]:
-    """Import a module; returns it with a hash of its source."""
+def _module(text: str, name: str) -> ModuleType:
+    """Import a module."""
     try:
-        module = importlib.import_module(name)
+        return importlib.import_module(name)
     except (ModuleNotFoundError, TypeError, ValueError) as error:
         if isinstance(error, ModuleNotFoundError) and not f"{name}.".startswith(f"{error.name}."):
             raise  # the module exists, but one that it imports does not
         raise ValueError(
             f"policy must name a module, but there is no {name!r:.100} (in {text!r:.100})"
         ) from error
-    source = getattr(module, "__file__", None)
-    return module, _hash(Path(source)) if source else name
 
 
-def _module_from_file(path: Path) -> tuple[ModuleType, str]:
-    """Execute a file as a module; returns it with a hash of the file."""
-    digest = _hash(_existing(path))
-    name = f"_policy_{path.stem}_{digest[:16]}"
+def _module_from_file(path: Path) -> ModuleType:
+    """Execute a file as a module."""
+    _existing(path)
+    name = f"_policy_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -193,13 +171,11 @@ def _module_from_file(path: Path) -> tuple[ModuleType, str]:
     if sys.path[:1] != [folder]:
         sys.path.insert(0, folder)  # as when Python runs the file
     try:
-        spec.loader.exec_module(module)  # each time: files that it reads may have changed
-    except BaseException:
+        spec.loader.exec_module(module)
+    finally:
+        # Workers cannot import it, so joblib must pickle its content with the policy.
         del sys.modules[name]
-        raise
-    # Workers cannot import this module, so its content is pickled with the policy.
-    cloudpickle.register_pickle_by_value(module)
-    return module, digest
+    return module
 
 
 def _existing(where: str | Path) -> Path:
@@ -208,7 +184,3 @@ def _existing(where: str | Path) -> Path:
         wrong = "is a folder" if path.is_dir() else "does not exist"
         raise ValueError(f"policy must name a file, but {str(path)!r:.100} {wrong}")
     return path
-
-
-def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -21,6 +21,7 @@ from DroneSwarmSearch.evaluation import statistics
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Coverage, Episodes, Reliability
 from DroneSwarmSearch.evaluation.statistics import Band, Estimate, ExactValue
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, versions
+from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
@@ -79,30 +80,19 @@ class Evaluation:
         policy: the policy's name.
         search: the search, with `bayesian_update` as it was evaluated.
         seed: of the first episode; episode i has the seed `seed + i`.
-        view: what the policy saw: "swarm", "drone" or "parallel".
-        observation: the layout of its observations.
+        view: what the policy saw.
         episodes: what happened.
+        is_exact: whether success, its curve and the time have no sampling error.
         bound: the upper bound for this search, or None.
-        exact: the probability of success within t steps, t = 0..L, without sampling error:
-            float64, (L + 1,); None if it is not known. Success, curve and time follow from it.
-        conditional: the same for each episode, given the path that the drones fly if the last
-            find is left out: float64, (n, L + 1); None if it is not known. Without exact values,
-            success, curve and time are means of it, and not of what was found.
-        action_mask: whether the policy got masks of valid actions.
-        right_of_way: whether these masks prevented all collisions.
     """
 
     policy: str
     search: NamedSearch
     seed: int
-    view: str
-    observation: str
+    view: View
     episodes: Episodes
+    is_exact: bool
     bound: SuccessBound | None = None
-    exact: Floats | None = None
-    conditional: Floats | None = None
-    action_mask: bool = False
-    right_of_way: bool = False
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
@@ -128,29 +118,27 @@ class Evaluation:
         return self.search.scenario.timestep_limit
 
     @property
-    def is_exact(self) -> bool:
-        """Whether success, its curve and the time are exact."""
-        return self.exact is not None
-
-    @property
-    def curves(self) -> Floats | None:
+    def curves(self) -> Floats:
         """The probability of success of each episode after each step: float64, (n, L + 1).
 
-        It is `conditional`, or in the coverage mission the POS; None if only finds are known.
+        If it is exact, there is one row, for all episodes. See `Episodes.curves`.
         """
-        return self.conditional if self.coverage is None else self.coverage.probability_of_success
+        assert self.episodes.curves is not None
+        return self.episodes.curves
+
+    @property
+    def exact(self) -> Floats | None:
+        """The exact probability of success after each step, (L + 1,); None if it is sampled."""
+        return self.curves[0] if self.is_exact else None
 
     @property
     def method(self) -> str:
         """How success, its curve and the time were computed.
 
         "exact": without sampling error. "conditional": as means over sampled paths of the
-        probability of success given the path (conditional Monte Carlo). "sampled": from the
-        episodes in which everybody was found.
+        probability of success given the path (conditional Monte Carlo).
         """
-        if self.is_exact:
-            return "exact"
-        return "sampled" if self.curves is None else "conditional"
+        return "exact" if self.is_exact else "conditional"
 
     @property
     def coverage(self) -> Coverage | None:
@@ -166,54 +154,42 @@ class Evaluation:
 
     @cached_property
     def times(self) -> Floats:
-        """The step in which the last person was found, L for a failure: float64, (n,).
+        """The expected time to find given the path of each episode: float64, shape (n,).
 
-        If `curves` are known, this is the expected value given the path, the area above the
-        curve; in the coverage mission the mean over persons.
+        It is the area above the curve; in the coverage mission the mean over persons. Failures
+        count with the time limit.
 
         Their mean is the restricted mean time to find, the area above the success curve. It is
         defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
         survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
         13:152, 2013.
         """
-        if self.curves is not None:
-            times: Floats = (1.0 - self.curves[:, :-1]).sum(axis=1)
-            return times
-        return np.where(self.found_by == 0, self.limit, self.found_by).astype(np.float64)
+        times: Floats = (1.0 - self.curves[:, :-1]).sum(axis=1)
+        return times
 
     @cached_property
     def success_by_time(self) -> Band:
         """The success within t steps, t = 0..L, with its interval: (L + 1,).
 
-        If it is not exact, the mean of `curves` with Hall's interval; without them, the share of
-        successes with Wilson's interval.
+        It is exact, or the mean of `curves` with Hall's interval.
         """
-        if self.exact is not None:
-            return Band(self.exact, self.exact, self.exact)
-        if self.curves is not None:
-            return statistics.bounded_means(self.curves)
-        found_by = self.found_by
-        at_step = np.bincount(found_by[found_by > 0], minlength=self.limit + 1)
-        return statistics.wilson(at_step.cumsum(), len(found_by))
+        if self.is_exact:
+            return Band(self.curves[0], self.curves[0], self.curves[0])
+        return statistics.bounded_means(self.curves)
 
     @property
     def success(self) -> Estimate:
         """The success by the time limit, exact or with its interval."""
-        if self.exact is not None:
-            return ExactValue.of(float(self.exact[-1]))
+        if self.is_exact:
+            return ExactValue.of(float(self.curves[0, -1]))
         return self.success_by_time.at(-1)
 
     @cached_property
     def time(self) -> Estimate:
-        """The restricted mean time to find, in steps, exact or with its interval.
-
-        The interval is Hall's if `curves` are known, otherwise from the bootstrap.
-        """
-        if self.exact is not None:
-            return ExactValue.of(math.fsum((1.0 - self.exact[:-1]).tolist()))
-        if self.curves is not None:
-            return statistics.bounded_mean(self.times, most=self.limit)
-        return statistics.bootstrap_mean(self.times)
+        """The restricted mean time to find, in steps, exact or with Hall's interval."""
+        if self.is_exact:
+            return ExactValue.of(math.fsum((1.0 - self.curves[0, :-1]).tolist()))
+        return statistics.bounded_mean(self.times, most=self.limit)
 
     @cached_property
     def sampled_success(self) -> Estimate | None:
@@ -288,10 +264,10 @@ class Evaluation:
             "policy": self.policy,
             "search": self.search.name,
             "parameters": self.search.data,
-            "view": self.view,
-            "observation": self.observation,
-            "action_mask": self.action_mask,
-            "right_of_way": self.right_of_way,
+            "view": self.view.form,
+            "observation": self.view.observation,
+            "action_mask": self.view.action_mask,
+            "right_of_way": self.view.right_of_way,
             "episodes": len(self.episodes),
             "seed": self.seed,
             "confidence": statistics.CONFIDENCE,
@@ -369,10 +345,9 @@ class Comparison:
         policies: their names.
         search: the search's name.
         success: the difference in success; of two samples, with Hall's interval for the paired
-            differences of the probabilities of success, or Newcombe's for paired shares. Above 0,
-            the first policy is better.
-        time: the difference in the restricted mean time to find, in steps; of two samples, with
-            Hall's interval or a paired bootstrap interval. Below 0, the first policy is faster.
+            differences. Above 0, the first policy is better.
+        time: the difference in the restricted mean time to find, in steps, likewise. Below 0, the
+            first policy is faster.
     """
 
     policies: tuple[str, str]
@@ -411,9 +386,6 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             statistics.difference(first.time, second.time),
         )
     times = first.times - second.times
-    if first.curves is None or second.curves is None:
-        success = statistics.paired_difference(first.found_by > 0, second.found_by > 0)
-        return Comparison(*names, success, statistics.bootstrap_mean(times))
     gained = first.curves[:, -1] - second.curves[:, -1]
     return Comparison(
         *names,
@@ -481,7 +453,9 @@ def save_episodes(path: str | Path, evaluation: Evaluation) -> None:
             columns[f"person{person}_found_at"] = steps
     else:
         del columns["success"]
-        columns["probability_of_success"] = coverage.probability_of_success[:, -1].tolist()
+        columns["probability_of_success"] = np.broadcast_to(
+            evaluation.curves[:, -1], len(episodes)
+        ).tolist()
         columns["searches"] = coverage.searches.tolist()
         columns["cells_searched"] = coverage.cells_searched.tolist()
     write_text(Path(path), _csv(list(columns), zip(*columns.values(), strict=True)))

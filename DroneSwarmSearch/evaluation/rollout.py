@@ -7,197 +7,201 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.actions import checked_actions, reader
+from DroneSwarmSearch._internal.actions import Reader, checked_actions
 from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.evaluation.workers import Report
+from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.observations import observe
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.rules import Action, RewardScheme
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 from DroneSwarmSearch.wrappers.masks import swarm_masks
 
-__all__ = [
-    "VIEWS",
-    "Searches",
-    "Stage",
-    "checked_masks",
-    "checked_view",
-    "play",
-    "prepare_policy",
-    "reset_policy",
-    "stage_of",
-]
+__all__ = ["PolicyLike", "Stage", "play", "reset_policy", "stage_of"]
 
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 PolicyLike = Callable[[Any], Any]
 
-VIEWS = ("swarm", "drone", "parallel")
-
 TOP_CELLS = 8
 """Cells in the layout "top-cells", as the vector environments show them by default."""
-
-_SEARCH, _IDLE = int(Action.SEARCH), int(Action.IDLE)
-
-
-def checked_view(view: object, observation: object) -> tuple[str, str]:
-    """Validate a view and an observation layout.
-
-    Raises:
-        TypeError: one of them is not a string.
-        ValueError: one of them is unknown, or they cannot be combined.
-    """
-    view = checks.choice("view", view, VIEWS)
-    observation = checks.choice("observation", observation, tuple(LAYOUTS))
-    if view == "parallel" and observation != "dict":
-        raise ValueError(f"view='parallel' needs observation='dict', got {observation!r}")
-    return str(view), str(observation)
-
-
-def checked_masks(action_mask: object, right_of_way: object) -> bool | None:
-    """Whether the masks that a policy gets have right of way, or None if it gets none.
-
-    Raises:
-        TypeError: one of them is not a bool.
-        ValueError: right of way is wanted without masks.
-    """
-    has_way = checks.boolean("right_of_way", right_of_way)
-    if checks.boolean("action_mask", action_mask):
-        return has_way
-    if has_way:
-        raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
-    return None
 
 
 def play(
     policy: PolicyLike,
     search: NamedSearch,
     seeds: Sequence[int],
-    view: str = "swarm",
-    observation: str = "dict",
-    report: Report = lambda share: None,
-    masks: bool | None = None,
+    view: View,
+    wants_curves: bool = True,
 ) -> Episodes:
-    """Play one episode for each seed.
+    """Play one episode for each seed, and follow its success.
+
+    In a rescue, a second batch goes through the same episodes, in which no search finds the last
+    missing person. Given the path that the drones then fly, the probability that the person is
+    found within t steps is one minus the product, over these steps, of the probability that the
+    step's searches do not find the person. Until that find, the drones only learn that the person
+    was not found, so the mean of these probabilities estimates the success without bias, with a
+    variance never above that of the share of successes (conditional Monte Carlo: R. Y. Rubinstein
+    and D. P. Kroese, Simulation and the Monte Carlo Method, 3rd edition, 2016, section 5.4). With
+    one person, a policy that is deterministic in what it observes flies one path, whose curve is
+    exact.
 
     Args:
         policy: a callable from observations to actions. Its method `reset`, if it has one,
             receives the seeds before the episodes begin.
         search: the search.
         seeds: of the episodes, integers >= 0.
-        view: what the policy sees and returns, see `evaluate`; validated.
-        observation: the layout of its observations.
-        report: called with the share of the work done.
-        masks: whether the masks that it gets have right of way; None for no masks.
+        view: what the policy sees and returns.
+        wants_curves: whether to follow the success of a rescue.
 
     Raises:
         TypeError: the policy returns a wrong type.
         ValueError: the policy returns actions out of range or of a wrong shape.
     """
-    if view != "parallel":
-        batch = SearchBatch(len(seeds), **search.parameters)
-        return _play(policy, batch, stage_of(batch, view, observation, masks), seeds, report)
-    batch = SearchBatch(1, **search.parameters)
-    stage, parts = stage_of(batch, view, observation, masks), []
-    for done, seed in enumerate(seeds, 1):
-        parts.append(_play(policy, batch, stage, [seed], lambda share: None))
-        report(done / len(seeds))
-    return Episodes.joined(parts)
+    at_once = 1 if view.form == "parallel" else len(seeds)
+    batch, unfound = SearchBatch(at_once, **search.parameters), None
+    if wants_curves and search.scenario.mission == "rescue":
+        # These rewards need the beliefs; the policy does not see them.
+        scenario = search.scenario.replace(reward_scheme=RewardScheme.expected())
+        unfound = SearchBatch(
+            at_once, scenario=scenario, drones_positions=search.drones, finds_last=False
+        )
+    stage = stage_of(unfound or batch, view)
+    return Episodes.joined(
+        [
+            _play(policy, batch, unfound, stage, seeds[first : first + at_once])
+            for first in range(0, len(seeds), at_once)
+        ]
+    )
 
 
 def _play(
     policy: PolicyLike,
     batch: SearchBatch,
+    unfound: SearchBatch | None,
     stage: Stage,
     seeds: Sequence[int],
-    report: Report,
 ) -> Episodes:
     """Play all episodes of a batch together."""
-    scenario = batch.scenario
-    limit, detections = scenario.timestep_limit, np.array(scenario.detections)
     batch.reset(seeds)
+    if unfound is not None:
+        unfound.reset(seeds)
     reset_policy(policy, stage.seeds(seeds))
-    n, drones = len(seeds), scenario.n_drones
-    found_at = np.zeros((n, len(detections)), np.int64)
-    endings, steps, returns = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
-    reliability = Reliability.empty()
-    coverage = _CoverageRecorder(scenario, n) if scenario.mission == "coverage" else None
-    rows, step = np.arange(n), 0
-    while rows.size:
-        step += 1
-        actions = np.full((n, drones), _IDLE)
+    record = _Recorder(batch.scenario, len(seeds))
+    curves = None if unfound is None else _Curves(unfound)
+    going_on = np.ones(len(seeds), np.bool_)
+    followed = np.full(len(seeds), curves is not None)
+    while (rows := (going_on | followed).nonzero()[0]).size:
+        actions = np.full(batch.cells.shape, int(Action.IDLE))
         actions[rows] = stage.actions(policy, rows)
-
-        missing, persons = batch.missing, batch.person_cells
-        searchers, searching = (actions == _SEARCH).nonzero()
-        cells = batch.cells[searchers, searching]
-        forecasts = batch.probabilities(searchers, cells).astype(np.float64)
-        forecasts *= missing[searchers] @ detections
-
-        batch.step(actions)
-        if coverage is None:
-            found = missing & ~batch.missing
-            found_at[rows] += found[rows] * step
-            hits = found[searchers] & (persons[searchers] == cells[:, None])
-            reliability.count(forecasts, hits.sum(axis=1))
-        else:
-            coverage.add(batch, step, rows, searchers, cells)
-        for drone in range(drones):  # one order of additions for any number of rows
-            returns[rows] += batch.rewards[rows, drone]
-        endings[rows] = batch.endings[rows]
-        steps[rows] = step
-        rows = rows[endings[rows] == 0]
-        report(step / limit if rows.size else 1.0)
-    covered = None if coverage is None else coverage.result()
-    return Episodes(found_at, endings, steps, returns, reliability, covered)
+        if going_on.any():
+            record.step(batch, actions, going_on.nonzero()[0])
+            going_on &= batch.endings == 0
+        if unfound is not None and curves is not None:
+            unfound.step(actions)
+            curves.step(followed.nonzero()[0])
+            followed &= curves.goes_on
+    return record.result(None if curves is None else curves.success)
 
 
-class _CoverageRecorder:
-    """Records what the searches of n coverage missions cover."""
+class _Curves:
+    """The probability of success of each row of a batch whose last persons are not found."""
+
+    def __init__(self, batch: SearchBatch) -> None:
+        self._batch, self._step = batch, 0
+        self._success = np.zeros((batch.num_rows, batch.scenario.timestep_limit + 1))
+        # The last person's probability of failure, before being the last.
+        self._before = np.ones(batch.num_rows)
+        self._was_last = batch.missing.sum(axis=1) == 1
+        self.goes_on = np.ones(batch.num_rows, np.bool_)
+
+    def step(self, rows: Ints) -> None:
+        """Add a step that some rows took."""
+        self._step += 1
+        missing, failure = self._batch.missing[rows], self._batch.probability_of_failure
+        assert failure is not None
+        count, now = missing.sum(axis=1), failure[rows, missing.argmax(axis=1)]
+        is_last = count == 1
+        new = is_last & ~self._was_last[rows]
+        self._before[rows[new]] = now[new]
+        self._was_last[rows] = is_last
+        before, missed = self._before[rows], np.ones(len(rows))
+        np.divide(now, before, out=missed, where=is_last & (before > 0.0))
+        self._success[rows, self._step] = np.where(count == 0, 1.0, 1.0 - missed)
+        self.goes_on = (self._batch.endings == 0) & (self._success[:, self._step] < 1.0)
+
+    @property
+    def success(self) -> Floats:
+        """After each number of steps: float64, (rows, L + 1); it stays as it is after the end."""
+        return np.maximum.accumulate(self._success, axis=1)
+
+
+class _Recorder:
+    """Records n episodes."""
 
     def __init__(self, scenario: Scenario, n: int) -> None:
-        self._success = np.zeros((n, scenario.timestep_limit + 1))
+        self._detections, self._step = np.array(scenario.detections), 0
+        self._found_at = np.zeros((n, len(self._detections)), np.int64)
+        self._endings, self._steps = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._returns, self._reliability = np.zeros(n), Reliability.empty()
+        self._covers = scenario.mission == "coverage"
+        self._success = np.zeros((n if self._covers else 0, scenario.timestep_limit + 1))
         self._searches = np.zeros(n, np.int64)
-        self._searched = np.zeros((n, scenario.grid_size**2), np.bool_)
+        self._searched = np.zeros((n, scenario.grid_size**2 if self._covers else 0), np.bool_)
 
-    def add(self, batch: SearchBatch, step: int, rows: Ints, searchers: Ints, cells: Ints) -> None:
-        """Add a step: the rows that took it, and the row and the cell of every search."""
-        success = batch.probability_of_success
-        assert success is not None
-        self._success[rows, step] = success[rows]
-        self._searches += np.bincount(searchers, minlength=len(self._searches))
-        self._searched[searchers, cells] = True
+    def step(self, batch: SearchBatch, actions: Ints, rows: Ints) -> None:
+        """Take a step with the batch; record it for the rows whose episodes go on."""
+        self._step += 1
+        missing, persons = batch.missing, batch.person_cells
+        mine = np.full(actions.shape, int(Action.IDLE))
+        mine[rows] = actions[rows]
+        searchers, drones = (mine == int(Action.SEARCH)).nonzero()
+        cells = batch.cells[searchers, drones]
+        forecasts = batch.probabilities(searchers, cells).astype(np.float64)
+        forecasts *= missing[searchers] @ self._detections
 
-    def result(self) -> Coverage:
-        # The probability never falls, so the last one is carried beyond the end of an episode.
-        success = np.maximum.accumulate(self._success, axis=1)
-        return Coverage(success, self._searches, self._searched.sum(axis=1))
+        batch.step(mine)
+        if self._covers:
+            success = batch.probability_of_success
+            assert success is not None
+            self._success[rows, self._step] = success[rows]
+            self._searches += np.bincount(searchers, minlength=len(self._searches))
+            self._searched[searchers, cells] = True
+        else:
+            found = missing & ~batch.missing
+            self._found_at[rows] += found[rows] * self._step
+            hits = found[searchers] & (persons[searchers] == cells[:, None])
+            self._reliability.count(forecasts, hits.sum(axis=1))
+        for drone in range(
+            batch.scenario.n_drones
+        ):  # one order of additions for any number of rows
+            self._returns[rows] += batch.rewards[rows, drone]
+        self._endings[rows] = batch.endings[rows]
+        self._steps[rows] = self._step
 
-
-def prepare_policy(policy: PolicyLike, drones: Sequence[Cell], report: Report) -> None:
-    """Call the policy's `prepare`, if it has one.
-
-    Args:
-        policy: the policy.
-        drones: every drone's start cell (x, y).
-        report: passed on, if `prepare` has a parameter of that name.
-    """
-    prepare = getattr(policy, "prepare", None)
-    if prepare is None:
-        return
-    if "report" in inspect.signature(prepare).parameters:
-        prepare(drones, report=report)
-    else:
-        prepare(drones)
+    def result(self, curves: Floats | None) -> Episodes:
+        """The episodes, with the curves of a rescue."""
+        coverage = None
+        if self._covers:
+            # The probability never falls, so the last one is carried beyond the end of an episode.
+            curves = np.maximum.accumulate(self._success, axis=1)
+            coverage = Coverage(self._searches, self._searched.sum(axis=1))
+        return Episodes(
+            self._found_at,
+            self._endings,
+            self._steps,
+            self._returns,
+            self._reliability,
+            curves,
+            coverage,
+        )
 
 
 def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
@@ -221,23 +225,6 @@ def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
 # Observations and actions of each view.
 
 
-class Searches(Protocol):
-    """What the drones of some searches observe; a `SearchBatch` has it."""
-
-    @property
-    def num_rows(self) -> int: ...
-    @property
-    def scenario(self) -> Scenario: ...
-    @property
-    def cells(self) -> Ints: ...
-    @property
-    def positions(self) -> NDArray[np.int32]: ...
-    @property
-    def steps(self) -> Ints: ...
-    def scenario_of(self, row: int) -> Scenario: ...
-    def matrices_of(self, rows: Ints) -> NDArray[np.float32]: ...
-
-
 class Stage(Protocol):
     """Shows searches to a policy in one of the views, and reads its actions."""
 
@@ -248,11 +235,9 @@ class Stage(Protocol):
         """The policy's validated actions in some rows: int64, (n, n_drones)."""
 
 
-def stage_of(searches: Searches, view: str, observation: str, masks: bool | None = None) -> Stage:
-    """The stage for a view and a layout; "parallel" has one search. Masks as for `play`."""
-    if view == "parallel":
-        return _ParallelStage(searches, masks)
-    return _VectorStage(searches, view, observation, masks)
+def stage_of(batch: SearchBatch, view: View) -> Stage:
+    """The stage for a view; "parallel" has one search."""
+    return _ParallelStage(batch, view) if view.form == "parallel" else _VectorStage(batch, view)
 
 
 def _validated(read: Callable[[Any], Ints], returned: Any) -> Ints:
@@ -266,16 +251,14 @@ def _validated(read: Callable[[Any], Ints], returned: Any) -> Ints:
 class _VectorStage:
     """The views "swarm" and "drone"."""
 
-    def __init__(self, searches: Searches, view: str, observation: str, masks: bool | None) -> None:
-        self._is_swarm = view == "swarm"
-        # It only reads what `Searches` has.
-        batch = cast("SearchBatch", searches)
+    def __init__(self, batch: SearchBatch, view: View) -> None:
+        self._is_swarm = view.form == "swarm"
         self._observations = BatchObservations(
-            batch, observation, self._is_swarm, TOP_CELLS, True, masks
+            batch, view.observation, self._is_swarm, TOP_CELLS, True, view.masks
         )
-        self._is_masked = masks is not None
-        self._drones = searches.scenario.n_drones
-        self._shows_rows = self._is_swarm and observation == "dict"
+        self._is_masked = view.action_mask
+        self._drones = batch.scenario.n_drones
+        self._shows_rows = self._is_swarm and view.observation == "dict"
 
     def seeds(self, seeds: Sequence[int]) -> list[int]:
         return list(seeds)
@@ -300,20 +283,20 @@ class _VectorStage:
 class _ParallelStage:
     """The view "parallel", of one episode at a time."""
 
-    def __init__(self, searches: Searches, masks: bool | None) -> None:
-        self._searches = searches
-        self._masks = masks
-        self._names = tuple(f"drone{i}" for i in range(searches.scenario.n_drones))
-        self._neighbours, self._positions = grid_of(searches.scenario.grid_size)
-        self._reader = reader(self._names)
+    def __init__(self, batch: SearchBatch, view: View) -> None:
+        self._batch = batch
+        self._masks = view.masks
+        self._names = tuple(f"drone{i}" for i in range(batch.scenario.n_drones))
+        self._neighbours, self._positions = grid_of(batch.scenario.grid_size)
+        self._reader = Reader(self._names)
 
     def seeds(self, seeds: Sequence[int]) -> int:
         return seeds[0]
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
-        matrix = self._searches.matrices_of(rows)[0]
+        matrix = self._batch.matrices_of(rows)[0]
         matrix.flags.writeable = False
-        cells = self._searches.cells[0].tolist()
+        cells = self._batch.cells[0].tolist()
         shown: dict[str, Any]
         shown, _ = observe(self._names, cells, self._positions, matrix, False)
         if self._masks is not None:

@@ -1,4 +1,4 @@
-"""Exact values, and interval estimates: shares, paired differences and means.
+"""Exact values, and interval estimates: shares, differences and means.
 
 All intervals have a confidence of 95%; that of an exact value has width zero. The bootstrap draws
 from a fixed sequence of random numbers, so equal data always give equal intervals, with every
@@ -29,7 +29,6 @@ __all__ = [
     "bounded_means",
     "difference",
     "mean_of",
-    "paired_difference",
     "wilson",
 ]
 
@@ -125,47 +124,6 @@ def wilson(successes: ArrayLike, trials: int) -> Band:
     low = np.where(share == 0.0, 0.0, middle - half)
     high = np.where(share == 1.0, 1.0, middle + half)
     return Band(share, low, high)
-
-
-def paired_difference(first: ArrayLike, second: ArrayLike) -> Estimate:
-    """Estimate the difference of two success shares in the same episodes, first minus second.
-
-    R. G. Newcombe, Improved confidence intervals for the difference between binomial
-    proportions based on paired data, Statistics in Medicine 17:2635-2650, 1998, method 10:
-    Wilson's intervals of both shares, combined with their continuity-corrected correlation.
-    The interval keeps its width when the outcomes differ in few episodes or in none.
-
-    Args:
-        first: whether each episode is a success of the first policy: bool, (n,), n >= 1.
-        second: the same of the second policy.
-
-    Raises:
-        ValueError: the shapes differ, or are not (n,) with n >= 1.
-    """
-    one, other = np.asarray(first, bool), np.asarray(second, bool)
-    if one.shape != other.shape or one.ndim != 1 or not one.size:
-        raise ValueError(
-            f"first and second must both have the shape (n,), got {one.shape} and {other.shape}"
-        )
-    n, wins, losses = one.size, int((one & ~other).sum()), int((other & ~one).sum())
-    mine, theirs = wilson(one.sum(), n).at(()), wilson(other.sum(), n).at(())
-    both = int((one & other).sum())
-    neither = n - wins - losses - both
-    agreement: float = both * neither - wins * losses
-    if agreement > 0:
-        agreement = max(agreement - n / 2, 0.0)  # the continuity correction
-    margins = (both + wins) * (losses + neither) * (both + losses) * (wins + neither)
-    correlation = agreement / math.sqrt(margins) if margins else 0.0
-
-    def distance(x: float, y: float) -> float:
-        return math.sqrt(x**2 - 2 * correlation * x * y + y**2)
-
-    value = (wins - losses) / n
-    return Estimate(
-        value,
-        value - distance(mine.value - mine.low, theirs.high - theirs.value),
-        value + distance(mine.high - mine.value, theirs.value - theirs.low),
-    )
 
 
 def mean_of(estimates: Iterable[Estimate]) -> Estimate:

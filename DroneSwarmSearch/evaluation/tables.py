@@ -1,4 +1,4 @@
-"""Tables of figures, as plain text for the terminal and as Markdown."""
+"""Tables of figures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
-__all__ = ["figure", "markdown_table", "percent", "print_table", "signed"]
+__all__ = ["figure", "percent", "print_table", "signed"]
 
 MOST_DECIMALS = 4
 """Decimals of figures with a narrow interval; those with a wide one have one."""
@@ -54,16 +54,6 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: in
     heading, *others = _aligned([headers, *rows], words)
     for line in (heading, ["-" * len(cell) for cell in heading], *others):
         print("  ".join(line).rstrip())
-
-
-def markdown_table(rows: Sequence[Sequence[str]], words: int = 1) -> list[str]:
-    """The lines of a table in Markdown; the first row is the heading."""
-    heading, *others = _aligned(rows, words)
-    rule = [
-        "-" * len(cell) if column < words else "-" * (len(cell) - 1) + ":"
-        for column, cell in enumerate(heading)
-    ]
-    return [f"| {' | '.join(line)} |" for line in (heading, rule, *others)]
 
 
 def _aligned(rows: Sequence[Sequence[str]], words: int) -> list[list[str]]:

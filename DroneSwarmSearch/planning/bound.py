@@ -37,7 +37,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -332,9 +331,7 @@ class _Relaxation:
         for share, paths in mixture:
             for path in paths:
                 effort.reshape(steps, -1)[path.searches, path.cells[:-1][path.searches]] += share
-        objective = MarkovChainObjective(
-            MarkovChain(self.forecast), self.forecast.joint(0), rate, effort
-        )
+        objective = MarkovChainObjective(self.forecast, self.forecast.joint(0), rate, effort)
         oracle = partial(drone_paths, self.starts)
         return frank_wolfe(
             objective, oracle, gap=self.gap, iterations=CHAIN_ITERATIONS, upper_bound=bound

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.drift.belief import over_hypotheses
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import line_search
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.paths import Path
@@ -163,7 +163,7 @@ class MarkovChainObjective:
     """
 
     def __init__(
-        self, chain: MarkovChain, prior: Floats, rate: float | Floats, effort: Floats
+        self, chain: DriftModel, prior: Floats, rate: float | Floats, effort: Floats
     ) -> None:
         self._chain, self._prior, self._rate, self._effort = chain, prior, rate, effort
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Box", "Passes", "Target"]
@@ -35,7 +35,7 @@ class Target:
         worth: the worth of finding this person in each step of the plan: float64, shape (n,).
     """
 
-    chain: MarkovChain
+    chain: ProbabilityMatrix
     detection: float
     belief: Floats
     worth: Floats

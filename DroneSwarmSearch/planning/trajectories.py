@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.streams import numbers, stream_keys
-from DroneSwarmSearch.drift.markov_chain import move_probabilities
-from DroneSwarmSearch.drift.person import moves
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.model import DriftModel
 
 __all__ = ["Trajectories", "chernoff_bound", "enumerate_trajectories", "sample_trajectories"]
 
@@ -38,50 +36,33 @@ class Trajectories(NamedTuple):
         return Trajectories(self.cells[:steps], self.probabilities)
 
 
-def enumerate_trajectories(forecast: ProbabilityMatrix, steps: int) -> Trajectories | None:
+def enumerate_trajectories(model: DriftModel, steps: int) -> Trajectories | None:
     """All trajectories over a number of steps; None if there are more than `MOST_ENUMERATED`.
 
-    Each belongs to one hypothesis.
+    Each is one of states.
     """
-    size = forecast.grid_size
-    joint = forecast.joint(0).reshape(-1)
-    (starts,) = joint.nonzero()
-    if len(starts) > MOST_ENUMERATED:
+    start = model.joint(0).reshape(-1)
+    (states,) = start.nonzero()
+    if len(states) > MOST_ENUMERATED:
         return None
-    hypotheses, first = np.divmod(starts, size**2)
-    cells, probabilities = first[None], joint[starts]
+    cells, probabilities = model.cells(states)[None], start[states]
     for step in range(steps - 1):
-        right, left, down, up = forecast.moves(step)
-        y_now, x_now = np.divmod(cells[-1], size)
-        along_x = move_probabilities(right, left)[:, hypotheses, x_now]
-        along_y = move_probabilities(down, up)[:, hypotheses, y_now]
-        onward = probabilities * along_y[:, None] * along_x  # [dy + 1, dx + 1, trajectory]
-        dy, dx, trajectory = onward.nonzero()
+        trajectory, states, probabilities = model.branches(states, probabilities, step)
         if len(trajectory) > MOST_ENUMERATED:
             return None
-        ahead = cells[-1, trajectory] + (dy - 1) * size + dx - 1
-        cells = np.vstack([cells[:, trajectory], ahead])
-        hypotheses, probabilities = hypotheses[trajectory], onward[dy, dx, trajectory]
+        cells = np.vstack([cells[:, trajectory], model.cells(states)])
     return Trajectories(cells, probabilities)
 
 
-def sample_trajectories(forecast: ProbabilityMatrix, steps: int, count: int) -> Trajectories:
+def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectories:
     """Independent, equally likely trajectories over a number of steps; always the same."""
-    size = forecast.grid_size
     key, _, _, start_key = stream_keys(0)
-    draws = numbers(start_key, np.arange(count, dtype=np.uint64))
-    starts = forecast.start_cumulative.searchsorted(draws, side="right")
-    hypotheses, first = np.divmod(starts, size**2)
-    y, x = np.divmod(first, size)
+    states = model.start(numbers(start_key, np.arange(count, dtype=np.uint64)))
     cells = np.empty((steps, count), np.int64)
     for step in range(steps):
-        cells[step] = y * size + x
-        right, left, down, up = forecast.moves(step)
+        cells[step] = model.cells(states)
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
-        u, v = numbers(key, places).reshape(2, count)
-        at_x, at_y = (hypotheses, x), (hypotheses, y)
-        x = x + moves(u, right[at_x], right[at_x] + left[at_x])
-        y = y + moves(v, down[at_y], down[at_y] + up[at_y])
+        states = model.moved(states, step, *numbers(key, places).reshape(2, count))
     return Trajectories(cells, np.full(count, 1 / count))
 
 

@@ -13,23 +13,14 @@ from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.drift.belief import (
-    after_drift,
-    after_unsuccessful_search,
-    mean_over_missing,
-    over_hypotheses,
-)
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 __all__ = ["BeliefTracker", "Outlook"]
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 
 MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
@@ -50,8 +41,7 @@ class BeliefTracker:
     Persons with equal beliefs cannot be distinguished: one that was found may still count as
     missing, which does not change the mean.
 
-    Copies are cheap; they share the forecasts and the arrays, which never change. Copy a tracker
-    to begin many searches of one scenario: `success_ahead` keeps tables, which copies share.
+    Copies are cheap; they share the forecasts and the beliefs, which never change.
 
     Args:
         scenario: the parameters of the search.
@@ -66,12 +56,10 @@ class BeliefTracker:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.forecasts = scenario.forecasts()
-        self._chains = [*map(MarkovChain, self.forecasts)]
         self.step = 0
         self.missing = tuple(range(len(self.forecasts)))
-        self._beliefs: tuple[Floats, ...] | None = None  # None before the first search
+        self._beliefs: tuple[Belief, ...] | None = None  # None before the first search
         self._perhaps_found: tuple[int, ...] = ()  # by the latest searches
-        self._kept = [1.0] * len(self.forecasts)  # see `success`
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BeliefTracker:
         twin = object.__new__(type(self))
@@ -82,13 +70,13 @@ class BeliefTracker:
         """Where a missing person is: float64, shape (N, N), indexed [y, x]; a new array."""
         if self._beliefs is None:
             return self.forecasts[person].exact(self.step)
-        return over_hypotheses(self._beliefs[person]).copy()
+        return self._beliefs[person].map().copy()
 
     def joint(self, person: int) -> Floats:
-        """The same for each hypothesis: float64, shape (M, N, N), indexed [hypothesis, y, x]."""
+        """The probability of the person's states, see `DriftModel`; a new array."""
         if self._beliefs is None:
             return self.forecasts[person].joint(self.step)
-        return self._beliefs[person].copy()
+        return self._beliefs[person].mass.copy()
 
     @property
     def success(self) -> Floats:
@@ -118,20 +106,18 @@ class BeliefTracker:
 
     def carried_ahead(self, person: int, steps: int) -> list[Floats]:
         """`joint` in this step and each later one, if nobody searches in between."""
-        beliefs = [self.joint(person)]
+        masses = [self.joint(person)]
         for step in range(self.step, self.step + steps):
-            beliefs.append(self._chains[person].forward(beliefs[-1], step))
-        return beliefs
-
-    def carried_on(self, person: int, mass: Floats, ahead: int) -> Floats:
-        """Mass of a person `ahead` steps from now, one step later: float64, shape (M, N, N)."""
-        return self._chains[person].forward(mass, self.step + ahead)
+            masses.append(self.forecasts[person].forward(masses[-1], step))
+        return masses
 
     def worth(self, person: int) -> float:
         """The factor that turns `joint` of a missing person into `success`, before the mean."""
-        return self.scenario.detections[person] * self._kept[person]
+        return self.scenario.detections[person] * (
+            self._beliefs[person].kept if self._beliefs else 1.0
+        )
 
-    def chance_of_find(self, person: int, searched: Sequence[int] | NDArray[np.int64]) -> float:
+    def chance_of_find(self, person: int, searched: Sequence[int] | Ints) -> float:
         """The probability that this step's searches find a missing person.
 
         Args:
@@ -152,8 +138,8 @@ class BeliefTracker:
         """
         persons = self.missing if missing is None else missing
         if self.scenario.bayesian_update and self._beliefs is not None:
-            beliefs = [over_hypotheses(belief) for belief in self._beliefs]
-            return mean_over_missing(beliefs, persons).astype(np.float32)
+            maps = [belief.map() for belief in self._beliefs]
+            return mean_over_missing(maps, persons).astype(np.float32)
         forecasts = [self.forecasts[person] for person in persons]
         if all(forecast.is_same(forecasts[0]) for forecast in forecasts):
             return forecasts[0].at(self.step)
@@ -207,28 +193,27 @@ class BeliefTracker:
         if searched:
             self._update_beliefs(searched)
         if self._beliefs is not None:
-            self._beliefs = tuple(
-                after_drift(belief, *forecast.moves(self.step))
-                for belief, forecast in zip(self._beliefs, self.forecasts, strict=True)
-            )
+            self._beliefs = tuple(belief.after_drift(self.step) for belief in self._beliefs)
         self.step += 1
 
     def _update_beliefs(self, searched: list[int]) -> None:
         """Apply Bayes' rule for unsuccessful searches."""
-        beliefs = [self.joint(person) for person in range(len(self.forecasts))]
-        perhaps_found, kept = [], self._kept.copy()
+        persons = range(len(self.forecasts))
+        beliefs, perhaps_found = [*(self._beliefs or map(self._belief_at_start, persons))], []
         for person in self.missing:
-            detection = self.scenario.detections[person]
-            chances = over_hypotheses(beliefs[person]).reshape(-1)[searched]
-            if detection > 0.0 and chances.any():
+            belief = beliefs[person]
+            if belief.detection > 0.0 and belief.map().reshape(-1)[searched].any():
                 perhaps_found.append(person)
-            beliefs[person], missed = after_unsuccessful_search(
-                beliefs[person], searched, detection
-            )
-            if self.scenario.mission == "coverage":
-                kept[person] *= missed
-        self._kept = kept
+            after = belief.after_search(searched)
+            # The factor counts in coverage missions only, see `success`.
+            is_coverage = self.scenario.mission == "coverage"
+            beliefs[person] = after if is_coverage else after._replace(kept=belief.kept)
         self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)
+
+    def _belief_at_start(self, person: int) -> Belief:
+        """The belief before the first search."""
+        detection = self.scenario.detections[person]
+        return Belief(self.forecasts[person], detection, self.joint(person))
 
 
 class Outlook:
@@ -246,12 +231,12 @@ class Outlook:
 
     def __init__(self, tracker: BeliefTracker, steps: int) -> None:
         size, self._tracker = tracker.scenario.grid_size, tracker
-        self._beliefs = {person: tracker.carried_ahead(person, steps) for person in tracker.missing}
+        self._masses = {person: tracker.carried_ahead(person, steps) for person in tracker.missing}
         self.success = np.zeros((steps + 1, size, size))
-        for person, beliefs in self._beliefs.items():
+        for person, masses in self._masses.items():
             worth = tracker.worth(person)
-            for total, belief in zip(self.success, beliefs, strict=True):
-                total += worth * over_hypotheses(belief)
+            for total, mass in zip(self.success, masses, strict=True):
+                total += worth * tracker.forecasts[person].map(mass)
         self.success /= len(tracker.missing)
 
     def search(self, cell: Cell, ahead: int) -> None:
@@ -262,15 +247,17 @@ class Outlook:
             ahead: the steps from now.
         """
         (x, y), last = cell, min(len(self.success) - 1, ahead + FOLLOWED)
-        for person, beliefs in self._beliefs.items():
-            found = np.zeros_like(beliefs[ahead])
+        first = self._tracker.step
+        for person, masses in self._masses.items():
+            model = self._tracker.forecasts[person]
             detection = self._tracker.scenario.detections[person]
-            found[:, y, x] = detection * beliefs[ahead][:, y, x]
+            found, states = np.zeros_like(masses[ahead]), model.states(y * model.grid_size + x)
+            found.reshape(-1)[states] = detection * masses[ahead].reshape(-1)[states]
             if not found.any():
                 continue
-            worth = self._tracker.worth(person) / len(self._beliefs)
+            worth = self._tracker.worth(person) / len(self._masses)
             for later in range(ahead, last + 1):
-                beliefs[later] -= found
-                self.success[later] -= worth * over_hypotheses(found)
+                masses[later] -= found
+                self.success[later] -= worth * model.map(found)
                 if later < last:
-                    found = self._tracker.carried_on(person, found, later)
+                    found = model.forward(found, first + later)

@@ -12,7 +12,6 @@ import sys
 import numpy as np
 
 from DroneSwarmSearch._internal.progress import Progress
-from DroneSwarmSearch.drift.markov_chain import MarkovChain
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Report, idle_paths
@@ -114,7 +113,7 @@ class PlannerPolicy(PlannedPolicy):
         worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
         targets = [
             Target(
-                MarkovChain(tracker.forecasts[person]),
+                tracker.forecasts[person],
                 self.scenario.detections[person],
                 tracker.joint(person),
                 worth,

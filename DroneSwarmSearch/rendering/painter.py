@@ -11,7 +11,7 @@ from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE
-from DroneSwarmSearch.rendering.panel import Layout, Panel
+from DroneSwarmSearch.rendering.panel import Panel
 from DroneSwarmSearch.rendering.search_map import (
     BOTTOM,
     LEFT,
@@ -23,13 +23,11 @@ from DroneSwarmSearch.rendering.search_map import (
 from DroneSwarmSearch.rendering.sprites import fitted_line, write
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["VIEWS", "Painter", "to_array"]
-
-VIEWS = ("matrix", "both")
-"""One map, of what the drones observe; or two, with the prior left of the posterior."""
+__all__ = ["Painter", "to_array"]
 
 SIDES = {"matrix": 720, "both": 660}
-"""The approximate side of a map in pixels."""
+"""The views with the approximate side of a map in pixels: "matrix" is one map, of what the drones
+observe; "both" has the prior left of the posterior."""
 
 GAP = 6
 """Pixels between the map's margin and the panel."""
@@ -52,7 +50,7 @@ class Painter:
         render_grid: draw lines between the cells.
         render_gradient: colour the cells smoothly; otherwise in three colours.
         palette: the colours of the cells, a name in `palette.PALETTES`.
-        view: one of `VIEWS`.
+        view: a key of `SIDES`.
     """
 
     def __init__(
@@ -86,12 +84,6 @@ class Painter:
         height = max(self._panel_area.bottom + BOTTOM, HEAD + height)
         width = self._panel_area.right + RIGHT
         self._size = width + width % 2, height + height % 2
-        self._layout: Layout | None = None
-        self._backdrop: pygame.Surface | None = None
-
-    def __getstate__(self) -> dict[str, object]:
-        """Everything but the prepared surface, which cannot be copied."""
-        return {**self.__dict__, "_backdrop": None}
 
     @property
     def size(self) -> tuple[int, int]:
@@ -114,13 +106,8 @@ class Painter:
         """
         moving = previous if previous is not None and progress < 1.0 else None
         scene = frame if moving is None else moving
-        layout = self._panel.layout(scene)
-        if self._backdrop is None or layout != self._layout:
-            self._layout = layout
-            self._backdrop = pygame.Surface(self.size, 0, 32)
-            self._backdrop.fill(PAPER)
-            self._panel.draw_fixed(self._backdrop.subsurface(self._panel_area), layout)
-        canvas = self._backdrop.copy()
+        canvas = pygame.Surface(self.size, 0, 32)
+        canvas.fill(PAPER)
         self._draw_head(canvas, scene)
         for area, shown in zip(self._map_areas, self._maps(scene), strict=True):
             target = frame if moving is not None else None

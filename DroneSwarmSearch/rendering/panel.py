@@ -21,13 +21,12 @@ from DroneSwarmSearch.rendering.palette import (
     PALETTES,
     PROGRESS,
     PROGRESS_LIGHT,
-    Colour,
     readable_on,
     shades,
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-__all__ = ["Layout", "Panel", "draw_weights", "symbol_images", "vector_component"]
+__all__ = ["Panel"]
 
 WIDTH, LEAST_HEIGHT = 232, 704
 
@@ -41,7 +40,7 @@ DRIFT_TOP = 160
 SCALE_TOP = 272
 SYMBOLS_TOP = 360
 FOOT_TOP = 504
-"""Distances from the upper edge in pixels; see also `Layout`."""
+"""Distances from the upper edge in pixels; see also `Sections`."""
 
 SUCCESS_HEIGHT, RETURN_HEIGHT = 36, 24
 """Of the probability of success, where it is below the persons found, and of the return."""
@@ -73,7 +72,7 @@ WEIGHT_GAP_FROM = 4
 """Parts of a bar at least this wide have a gap between them."""
 
 
-class Layout(NamedTuple):
+class Sections(NamedTuple):
     """The sections of the panel that depend on the search, the same for all its frames.
 
     Attributes:
@@ -131,64 +130,71 @@ class Panel:
         self._gradient = gradient
         self._palette = PALETTES[palette]
 
-    def layout(self, frame: Frame) -> Layout:
-        """The layout for a frame."""
+    def _sections(self, frame: Frame) -> Sections:
         success, returns = frame.probability_of_success, frame.total_return
-        layout = Layout(bool(frame.persons), success is not None, returns is not None, 0)
-        room = self.size[1] - layout.hypotheses_top - HYPOTHESES_HEAD - DRONES_LEAST
+        sections = Sections(bool(frame.persons), success is not None, returns is not None, 0)
+        room = self.size[1] - sections.hypotheses_top - HYPOTHESES_HEAD - DRONES_LEAST
         most = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW)
-        return layout._replace(rows=min(len(frame.uncertain_persons), most))
+        return sections._replace(rows=min(len(frame.uncertain_persons), most))
 
     def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """Draw the values of a frame on a surface with the fixed parts of its layout."""
-        layout = self.layout(frame)
+        """Draw the headings, and the values of a frame."""
+        sections = self._sections(frame)
+        self._draw_fixed(canvas, sections)
         self._draw_step(canvas, frame)
-        if layout.persons:
+        if sections.persons:
             self._draw_found(canvas, frame)
         if frame.probability_of_success is not None:
-            self._draw_success(canvas, frame.probability_of_success, below=layout.persons)
+            self._draw_success(canvas, frame.probability_of_success, below=sections.persons)
         if frame.total_return is not None:
             text = _return(frame.total_return)
-            write(canvas, text, BODY, INK, topright=(WIDTH, layout.return_top - 2))
-        self._draw_drift(canvas, frame.vector, DRIFT_TOP + layout.shift)
-        self._draw_limits(canvas, float(frame.matrix.max()), SCALE_TOP + layout.shift)
-        if layout.rows:
-            self._draw_hypotheses(canvas, frame, layout)
-        self._draw_drones(canvas, len(frame.drones), layout.drones_top)
+            write(canvas, text, BODY, INK, topright=(WIDTH, sections.return_top - 2))
+        self._draw_drift(canvas, frame.vector, DRIFT_TOP + sections.shift)
+        self._draw_limits(canvas, float(frame.matrix.max()), SCALE_TOP + sections.shift)
+        if sections.rows:
+            self._draw_hypotheses(canvas, frame, sections)
+        self._draw_drones(canvas, len(frame.drones), sections.drones_top)
 
-    def draw_fixed(self, canvas: pygame.Surface, layout: Layout) -> None:
+    def _draw_fixed(self, canvas: pygame.Surface, sections: Sections) -> None:
         """Draw headings, colour scale and symbols, which are the same for every frame."""
         write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
-        shift = layout.shift
+        shift = sections.shift
         headings = [
-            ("PERSONS FOUND" if layout.persons else "PROBABILITY OF SUCCESS", FOUND_TOP),
+            ("PERSONS FOUND" if sections.persons else "PROBABILITY OF SUCCESS", FOUND_TOP),
             ("DRIFT, CELLS PER STEP", DRIFT_TOP + shift),
             ("PROBABILITY OF A CELL, %", SCALE_TOP + shift),
             ("SYMBOLS", SYMBOLS_TOP + shift),
-            ("DRONES", layout.drones_top),
+            ("DRONES", sections.drones_top),
         ]
-        if layout.rows:
-            headings.append(("HYPOTHESES", layout.hypotheses_top))
+        if sections.rows:
+            headings.append(("HYPOTHESES", sections.hypotheses_top))
         for heading, top in headings:
             pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
             write(canvas, heading, HEADING, GREY, topleft=(0, top))
-        if layout.success_below:
+        if sections.success_below:
             write(canvas, "PROBABILITY OF SUCCESS", HEADING, GREY, topleft=(0, SUCCESS_TOP))
-        if layout.returns:
-            write(canvas, "RETURN", HEADING, GREY, topleft=(0, layout.return_top))
+        if sections.returns:
+            write(canvas, "RETURN", HEADING, GREY, topleft=(0, sections.return_top))
         shares = np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32)
         colours = self._palette.ramp[shades(shares, self._gradient)]
         bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
         place = pygame.Rect(0, SCALE_TOP + shift + 22, WIDTH, SCALE_HEIGHT)
         canvas.blit(pygame.transform.scale(bar, place.size), place)
         pygame.draw.rect(canvas, INK, place, width=1)
-        self._draw_symbols(canvas, layout)
+        self._draw_symbols(canvas, sections)
 
-    def _draw_symbols(self, canvas: pygame.Surface, layout: Layout) -> None:
-        images = symbol_images(self._symbol, SYMBOL_MOST + 4, self._palette.drone(0))
-        half = WIDTH // 2
+    def _draw_symbols(self, canvas: pygame.Surface, sections: Sections) -> None:
+        side, colour, half = self._symbol, self._palette.drone(0), WIDTH // 2
+        drone, small = sprites.drone(side, colour), sprites.drone(side - 4, colour)
+        images = {
+            "drone": (drone,),
+            "searching": (sprites.search_ring(SYMBOL_MOST + 4), small),
+            "collision": (sprites.collision(SYMBOL_MOST + 6), small),
+            "person": (sprites.person(side),),
+            "found": (sprites.found(side, colour),),
+        }
         symbols = [(0, 0, "drone", "drone"), (half, 0, "searching", "searching")]
-        if layout.persons:
+        if sections.persons:
             symbols += [
                 (0, 1, "person", "person"),
                 (half, 1, "collision", "collision"),
@@ -197,7 +203,7 @@ class Panel:
         else:
             symbols.append((0, 1, "collision", "collision"))
         for left, row, name, meaning in symbols:
-            middle = SYMBOLS_TOP + layout.shift + 36 + row * SYMBOL_ROW
+            middle = SYMBOLS_TOP + sections.shift + 36 + row * SYMBOL_ROW
             for image in images[name]:
                 canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
             write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
@@ -234,7 +240,13 @@ class Panel:
             ("y", vector[1], top + COMPASS // 2 + 13),
         ):
             write(canvas, name, BODY, GREY, midleft=(left, middle))
-            write(canvas, vector_component(value), BODY + 4, INK, midleft=(left + 22, middle))
+            write(
+                canvas,
+                signed(value).replace("-", "\N{MINUS SIGN}"),
+                BODY + 4,
+                INK,
+                midleft=(left + 22, middle),
+            )
 
     def _draw_limits(self, canvas: pygame.Surface, maximum: float, top: int) -> None:
         """The probabilities at the limits of the colour scale."""
@@ -250,25 +262,25 @@ class Panel:
             canvas.blit(label, (left, foot + 7))
             room = left - LABEL_GAP
 
-    def _draw_hypotheses(self, canvas: pygame.Surface, frame: Frame, layout: Layout) -> None:
+    def _draw_hypotheses(self, canvas: pygame.Surface, frame: Frame, sections: Sections) -> None:
         """The probabilities of the hypotheses about the persons, as many persons as fit."""
-        top = layout.hypotheses_top
+        top = sections.hypotheses_top
         if len(frame.hypotheses) == 1:
             (weights,) = frame.hypotheses
             write(canvas, f"{len(weights)}", HEADING, GREY, topright=(WIDTH, top))
-            draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
+            _draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
             return
         persons = frame.shown_uncertain_persons
-        if len(persons) > layout.rows:
-            text = f"and {len(persons) - layout.rows} more"
+        if len(persons) > sections.rows:
+            text = f"and {len(persons) - sections.rows} more"
             write(canvas, text, HEADING, GREY, topright=(WIDTH, top))
         before, behind = WEIGHTS_ROOM
         bar = pygame.Rect(before, top + 20, WIDTH - before - behind, WEIGHTS_HEIGHT)
-        for person in persons[: layout.rows]:
+        for person in persons[: sections.rows]:
             weights = frame.hypotheses[person]
             write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
             write(canvas, f"{len(weights)}", SMALL, GREY, midright=(WIDTH, bar.centery))
-            draw_weights(canvas, weights, bar)
+            _draw_weights(canvas, weights, bar)
             bar.move_ip(0, HYPOTHESES_ROW)
 
     def _draw_drones(self, canvas: pygame.Surface, drones: int, top: int) -> None:
@@ -288,29 +300,6 @@ class Panel:
             write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
 
 
-def symbol_images(side: int, ring: int, colour: Colour) -> dict[str, tuple[pygame.Surface, ...]]:
-    """The images of each symbol for a legend, the lowest first.
-
-    Args:
-        side: side of a symbol in pixels.
-        ring: side of the marks around drones.
-        colour: the drone's colour.
-    """
-    drone, small = sprites.drone(side, colour), sprites.drone(side - 4, colour)
-    return {
-        "drone": (drone,),
-        "searching": (sprites.search_ring(ring), small),
-        "collision": (sprites.collision(ring + 2), small),
-        "person": (sprites.person(side),),
-        "found": (sprites.found(side, colour),),
-    }
-
-
-def vector_component(value: float) -> str:
-    """A component of the drift with a typographic minus sign."""
-    return signed(value).replace("-", "\N{MINUS SIGN}")
-
-
 def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
     """A thin bar of which a share is filled."""
     bar = pygame.Rect(0, top, WIDTH, PROGRESS_HEIGHT)
@@ -320,9 +309,7 @@ def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
         pygame.draw.rect(canvas, PROGRESS, bar, border_radius=PROGRESS_HEIGHT // 2)
 
 
-def draw_weights(
-    canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect, font: int = SMALL
-) -> None:
+def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect) -> None:
     """A bar with a part for each probability, in percent where there is room."""
     edges = np.rint(bar.left + bar.width * np.cumsum((0.0, *weights))).astype(int).tolist()
     for number, (left, right) in enumerate(pairwise(edges)):
@@ -331,7 +318,7 @@ def draw_weights(
         if number and part.width >= WEIGHT_GAP_FROM:
             part = pygame.Rect(left + 1, bar.top, part.width - 1, bar.height)
         canvas.fill(colour, part)
-        label = text_line(f"{weights[number]:.0%}", font, readable_on(colour))
+        label = text_line(f"{weights[number]:.0%}", SMALL, readable_on(colour))
         if label.get_width() + LABEL_GAP <= part.width:
             canvas.blit(label, label.get_rect(center=part.center))
 

@@ -10,6 +10,7 @@ from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
+from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import resolve_scenario
 
@@ -27,10 +28,7 @@ def compare_with_baselines(
     policy: object,
     parameters: Mapping[str, Any],
     *,
-    view: str = "drone",
-    observation: str = "flat",
-    action_mask: bool = False,
-    right_of_way: bool = False,
+    view: View | str = View("drone", "flat"),  # noqa: B008 (it is frozen)
     episodes: int = 1000,
     name: str = "trained",
     folder: str | Path | None = None,
@@ -41,10 +39,7 @@ def compare_with_baselines(
     Args:
         policy: a callable from observations to actions, see `evaluation.evaluate`.
         parameters: those of `DroneSwarmSearch`, and optionally "drones_positions".
-        view: form of the observations and actions, as for `evaluate`.
-        observation: layout of the observations, as for `evaluate`.
-        action_mask: whether the policy gets masks of valid actions, as for `evaluate`.
-        right_of_way: whether these masks prevent all collisions.
+        view: what the policy sees and returns, as for `evaluate`.
         episodes: number of episodes; at least 1.
         name: the policy's name in the table.
         folder: the run's folder; evaluation.csv is written there, one row per policy.
@@ -60,16 +55,7 @@ def compare_with_baselines(
     """
     search = _search(parameters)
     shared: dict[str, Any] = {"episodes": episodes, "seed": SEED}
-    trained = evaluate(
-        policy,
-        search,
-        view=view,
-        observation=observation,
-        action_mask=action_mask,
-        right_of_way=right_of_way,
-        name=name,
-        **shared,
-    )
+    trained = evaluate(policy, search, view=view, name=name, **shared)
     others = [evaluate(baseline, search, **shared) for baseline in baselines]
     rows = [[*_figures(trained), "", ""]]
     rows += [[*_figures(other), *_lead(trained, other)] for other in others]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,6 @@ from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
 from DroneSwarmSearch.wrappers.wrapper import Observations
 
 __all__ = ["FlatLayout", "FlatObservation", "JointFlatLayout"]
-
-_KEPT_TAILS = 64
-"""Groups of steps whose scaled matrices `FlatObservation` keeps, of 64 KiB at most each."""
 
 
 class FlatLayout(Layout):
@@ -92,48 +88,16 @@ class FlatObservation(LayoutObservation):
         self._pairs: NDArray[np.float64] = pairs.view(np.float64)[:, 0]
         self._order = own_first(n)
         self._shape = (n, 2 * n + 1 + size**2)
-        self._last_tail = np.empty(1 + size**2, np.float32)  # of a posterior
-        # By first step: the tables of some steps, and what `_make_tails` makes of them.
-        self._tails: dict[int, tuple[Sequence[Singles], Singles]] = {}
+        self._tail = np.empty(1 + size**2, np.float32)
 
     def _observe(self) -> Observations:
         # `FlatLayout.write` for one search, with as few NumPy calls as possible.
         cells, world = self._search._cells_and_world()
-        matrices, index = world.loaded_matrices()
+        row, tail = world.matrix().reshape(-1), self._tail
         width = 2 * len(cells)
         vectors = np.empty(self._shape, np.float32)
-        if len(matrices) > 1:
-            vectors[:, width:] = self._tail(matrices, index, world.step)
-        else:
-            row, tail = matrices[0].reshape(-1), self._last_tail
-            tail[0] = time_fraction(world.step, self._search.timestep_limit)
-            np.divide(row, row[row.argmax()], tail[1:])  # argmax is faster than max
-            vectors[:, width:] = tail
+        tail[0] = time_fraction(world.step, self._search.timestep_limit)
+        np.divide(row, row[row.argmax()], tail[1:])  # argmax is faster than max
+        vectors[:, width:] = tail
         vectors[:, :width] = self._pairs.take(cells).take(self._order).view(np.float32)
         return dict(zip(self._names, vectors))  # noqa: B905 (strict=True takes time)
-
-    def _tail(self, matrices: Sequence[Singles], index: int, step: int) -> Singles:
-        """The part of the vectors that all drones share, from matrices of several steps."""
-        first = step - index
-        known, tails = self._tails.get(first, (None, matrices))
-        if known is not matrices:
-            tails = self._make_tails(matrices, first)
-            if len(self._tails) >= _KEPT_TAILS:
-                self._tails.clear()
-            self._tails[first] = matrices, tails
-        tail: Singles = tails[index]
-        return tail
-
-    def _make_tails(self, matrices: Sequence[Singles], first: int) -> Singles:
-        """`_tail` of some steps: float32, (n, 1 + N²)."""
-        count = len(matrices)
-        rows = np.asarray(matrices).reshape(count, -1)
-        tails = np.empty((count, 1 + rows.shape[1]), np.float32)
-        limit = self._search.timestep_limit
-        tails[:, 0] = [time_fraction(step, limit) for step in range(first, first + count)]
-        np.divide(rows, np.maximum.reduce(rows, 1, keepdims=True), tails[:, 1:])
-        return tails
-
-    def __getstate__(self) -> dict[str, Any]:
-        """A copy computes its tails itself."""
-        return {**self.__dict__, "_tails": {}}

@@ -76,7 +76,6 @@ class LayoutObservation(SearchWrapper):
     def _observe(self) -> Observations:
         """Every drone's observation of the current state; new arrays."""
         cells, world = self._search._cells_and_world()
-        matrices, index = world.loaded_matrices()
         y, x = np.divmod(np.array(cells, np.int32), np.int32(self._search.grid_size))
         left = remaining_time_fraction([world.step], self._search.timestep_limit)
         arrays: Any = create_empty_array(self.layout.space, len(cells), fn=np.empty)
@@ -86,5 +85,5 @@ class LayoutObservation(SearchWrapper):
         else:
             out, by_drone = arrays[None], list(arrays)
         positions = np.stack([x, y], axis=-1)[None]
-        self.layout.write(positions, matrices[index][None].copy(), left, out)
+        self.layout.write(positions, world.matrix()[None], left, out)
         return dict(zip(self._names, by_drone, strict=True))

@@ -1,0 +1,86 @@
+"""What a policy sees of a search, and the form of its actions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+
+__all__ = ["FORMS", "View"]
+
+FORMS = ("swarm", "drone", "parallel")
+
+
+@dataclass(frozen=True)
+class View:
+    """What a policy sees and returns.
+
+    Attributes:
+        form: "swarm": the observations of `SwarmVectorEnv` for the E episodes that have not
+            ended, in the dict layout with their indices as "row"; actions of shape
+            (E, n_drones). "drone": the observations of `DroneVectorEnv`; actions of shape
+            (E * n_drones,). "parallel": the observations of `DroneSwarmSearch`, one episode at a
+            time; a dict of actions.
+        observation: the layout for "swarm" and "drone": "dict", "flat", "planes", "top-cells"
+            or "crops".
+        action_mask: whether the policy gets masks of valid actions: {"observation": as above,
+            "action_mask": int8}, shape (E, n_drones, 6) for "swarm", (E * n_drones, 6) for
+            "drone"; for "parallel", each drone's mask has the shape (6,). See
+            `wrappers.action_masks`.
+        right_of_way: whether these masks prevent all collisions.
+        bayesian_update: whether the policy sees the posterior, or the prior that only follows
+            the drift; None: as in the search.
+
+    Raises:
+        TypeError: an attribute is of the wrong type.
+        ValueError: an attribute is out of range, or they cannot be combined.
+    """
+
+    form: str = "swarm"
+    observation: str = "dict"
+    action_mask: bool = False
+    right_of_way: bool = False
+    bayesian_update: bool | None = None
+
+    def __post_init__(self) -> None:
+        checks.choice("view", self.form, FORMS)
+        checks.choice("observation", self.observation, tuple(LAYOUTS))
+        if self.form == "parallel" and self.observation != "dict":
+            raise ValueError(f"view='parallel' needs observation='dict', got {self.observation!r}")
+        checks.boolean("action_mask", self.action_mask)
+        if checks.boolean("right_of_way", self.right_of_way) and not self.action_mask:
+            raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
+        if self.bayesian_update is not None:
+            checks.boolean("bayesian_update", self.bayesian_update)
+
+    @classmethod
+    def of(cls, view: object) -> View:
+        """Return a `View` from a `View` or from its form."""
+        if isinstance(view, View):
+            return view
+        if isinstance(view, str):
+            return cls(view)
+        raise TypeError(f"view must be a View or one of {', '.join(FORMS)}, got {view!r:.100}")
+
+    @property
+    def masks(self) -> bool | None:
+        """Whether the masks have right of way; None without masks."""
+        return self.right_of_way if self.action_mask else None
+
+    def check_package_policy(self, name: str) -> None:
+        """Raise a ValueError unless the package's policies can read this view."""
+        if self.form == "drone":
+            raise ValueError(
+                f"view must be 'swarm' or 'parallel' for {name}, which steers whole swarms, "
+                "got 'drone'"
+            )
+        if self.observation != "dict":
+            raise ValueError(
+                f"observation must be 'dict' for {name}, which takes positions and a matrix, "
+                f"got {self.observation!r}"
+            )
+        if self.action_mask:
+            raise ValueError(
+                f"action_mask must be False for {name}, which takes no masks, got True"
+            )

@@ -1,0 +1,199 @@
+"""A drift model's steps: of a distribution, forward and backward, and of a person."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from small_searches import uncertain_persons
+
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
+from DroneSwarmSearch.drift.person import Starts
+
+
+@st.composite
+def forecasts(draw: st.DrawFn) -> ProbabilityMatrix:
+    size = draw(st.integers(2, 7))
+    return ProbabilityMatrix(size, draw(uncertain_persons(size)))
+
+
+def one_hypothesis(size: int, cell: tuple[int, int], vector: tuple[float, float]) -> Any:
+    return ProbabilityMatrix(size, Drift(cell, vector=vector, diffusion=0.33))
+
+
+def random_grid(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarray:
+    shape = (*axes, len(forecast.weights), forecast.grid_size, forecast.grid_size)
+    return np.random.default_rng(seed).random(shape)
+
+
+@settings(deadline=None, max_examples=50, derandomize=True)
+@given(forecasts(), st.integers(0, 12), st.integers(1, 6), st.integers(0, 99))
+def test_forward_is_the_drift_of_a_belief(
+    forecast: ProbabilityMatrix, first: int, steps: int, seed: int
+) -> None:
+    for step in range(first, first + steps):
+        mass = random_grid(forecast, seed + step)
+        after = forecast.forward(mass, step)
+        np.testing.assert_allclose(after, forecast.drift(mass, step), atol=1e-13)
+        assert after.sum() == pytest.approx(mass.sum(), rel=1e-12)
+        assert (after >= 0).all()
+        np.testing.assert_allclose(
+            forecast.forward(forecast.joint(step), step), forecast.joint(step + 1), atol=1e-13
+        )
+
+
+@settings(deadline=None, max_examples=50, derandomize=True)
+@given(forecasts(), st.integers(0, 12), st.integers(0, 99))
+def test_backward_is_the_adjoint_of_forward(
+    forecast: ProbabilityMatrix, step: int, seed: int
+) -> None:
+    mass, value = random_grid(forecast, seed), random_grid(forecast, seed + 1)
+    now = float(np.vdot(forecast.backward(value, step), mass))
+    assert now == pytest.approx(float(np.vdot(value, forecast.forward(mass, step))), rel=1e-12)
+    np.testing.assert_allclose(forecast.backward(np.ones_like(mass), step), 1.0, rtol=1e-12)
+
+
+def test_backward_in_a_corner_is_the_mean_over_the_moves_there() -> None:
+    forecast = one_hypothesis(4, (0, 3), (0.4, 0.1))
+    right, left, down, up = (chances[0] for chances in forecast.moves(2))
+    value = random_grid(forecast, 3)
+    expected = 0.0
+    for dx, along_x in ((0, 1 - right[0] - left[0]), (1, right[0])):
+        for dy, along_y in ((0, 1 - down[3] - up[3]), (-1, up[3])):
+            expected += along_x * along_y * value[0, 3 + dy, dx]
+    before = forecast.backward(value, 2)
+    assert before[0, 3, 0] == pytest.approx(expected, rel=1e-12)
+    assert 0.0 < right[0] < 1.0
+    assert 0.0 < up[3] < 1.0
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate: Any) -> None:
+    forecast, other = (one_hypothesis(6, (2, 3), (0.3, -0.2)) for _ in range(2))
+    mass = random_grid(forecast, 4)
+    after = {step: forecast.forward(mass, step) for step in (3, 33, 70, 71)}
+    for step in (70, 3, 71, 33):
+        assert np.array_equal(other.forward(mass, step), after[step])
+        assert np.array_equal(duplicate(forecast).forward(mass, step), after[step])
+
+
+def test_leading_axes_are_batch_axes() -> None:
+    forecast = one_hypothesis(5, (2, 3), (0.3, -0.2))
+    batch = random_grid(forecast, 5, 2, 3)
+    for direction in (forecast.forward, forecast.backward):
+        together = direction(batch, 1)
+        for i, j in np.ndindex(2, 3):
+            np.testing.assert_allclose(together[i, j], direction(batch[i, j], 1), rtol=1e-13)
+
+
+def test_uniforms_select_right_left_or_stay() -> None:
+    forecast = ProbabilityMatrix(9, Drift((4, 4), vector=(0.1, -0.1), diffusion=4 / 9))
+    right, left, down, up = (chances[0] for chances in forecast.moves(0))
+    eps = 1e-9
+    to_right, to_left, stay = right[4] - eps, right[4] + left[4] - eps, right[4] + left[4] + eps
+    for u, x in ((0.0, 5), (to_right, 5), (right[4] + eps, 3), (to_left, 3), (stay, 4), (0.999, 4)):
+        assert forecast.walk(4 * 9 + 4, 0, [u], [0.9999]) == [4 * 9 + x]
+    for v, y in ((0.0, 5), (down[4] + eps, 3), (down[4] + up[4] + eps, 4)):
+        assert forecast.walk(4 * 9 + 4, 0, [0.9999], [v]) == [y * 9 + 4]
+
+
+def test_a_walk_can_be_computed_in_pieces() -> None:
+    forecast = ProbabilityMatrix(20, Drift((10, 10), vector=(0.3, 0.2), diffusion=4 / 9))
+    numbers = np.random.default_rng(5)
+    for_x, for_y = numbers.random((2, 32)).tolist()
+    whole = forecast.walk(210, 0, for_x, for_y)
+    first = forecast.walk(210, 0, for_x[:8], for_y[:8])
+    assert first + forecast.walk(first[-1], 8, for_x[8:], for_y[8:]) == whole
+    assert len(forecast.walk(210, 24, for_x, for_y)) == 32, "across blocks of tables"
+
+
+def known(start: tuple[int, int], vector: tuple[float, float], diffusion: float) -> Person:
+    return Person(Drift(start, vector=vector, diffusion=diffusion))
+
+
+@pytest.mark.parametrize(
+    "person",
+    [
+        known((10, 10), (0, 0), 0.4),
+        known((10, 10), (0.5, 0.5), 0.25),
+        known((10, 10), (0.3, -0.2), 0.64),
+        known((2, 3), (1, 1), 0.06),
+        known((10, 10), (3.5, -0.5), 0.4),
+        known((0, 0), (-0.5, -0.5), 0.4),
+        known((19, 0), (0.4, -3), 0.11),
+        known((5, 5), (0, 0), 0),
+        known((0, 5), (0.5, 0.25), 0),
+        Person(Drift((25.5, 4), start_sd=3, vector=(-0.3, 0.1), vector_sd=0.05, adrift=5)),
+        Person(
+            [
+                Drift((4, 4), start_sd=(1, 0), vector=(0.2, 0.2), diffusion=0.05, weight=3),
+                Drift(np.eye(20)[::-1], vector=(0.1, 0), vector_sd=0.02, diffusion=0.3),
+            ]
+        ),
+    ],
+)
+def test_walks_are_distributed_as_the_matrix(person: Person) -> None:
+    """Pearson's chi-square over the cells that hold enough, at four steps of 4,000 walks."""
+    size, walks = 20, 4000
+    forecast = ProbabilityMatrix(size, person)
+    rng = np.random.default_rng(20)
+    paths = []
+    for draw, *draws in zip(rng.random(walks), *rng.random((2, walks, 32)).tolist(), strict=True):
+        state = forecast.start(draw)
+        paths.append([state, *forecast.walk(state, 0, *draws)])
+    cells = forecast.cells(np.array(paths))
+    for t in (0, 1, 7, 31):
+        counts = np.bincount(cells[:, t], minlength=size**2)
+        expected = walks * forecast.exact(t).ravel()
+        assert not counts[expected == 0].any(), "a person is in a cell of probability 0"
+        common = expected >= 5
+        groups = np.append(counts[common], counts[~common].sum())
+        means = np.append(expected[common], expected[~common].sum())
+        groups, means = groups[means > 0.5], means[means > 0.5]
+        statistic = ((groups - means) ** 2 / means).sum()
+        freedom = max(len(groups) - 1, 1)
+        # Four standard deviations of a chi-square of that freedom, by Wilson and Hilferty.
+        limit = freedom * (1 - 2 / (9 * freedom) + 4 * (2 / (9 * freedom)) ** 0.5) ** 3
+        assert statistic < limit, (t, statistic, freedom)
+
+
+def test_several_persons_move_like_one() -> None:
+    forecast = ProbabilityMatrix(9, Person([Drift((4, 4)), Drift((3, 4), vector=(0.3, -0.2))]))
+    rng = np.random.default_rng(1)
+    states = rng.integers(0, 2 * 81, 500)
+    u, v = rng.random((2, 500))
+    after = forecast.moved(states, 3, u, v)
+    alone = zip(states.tolist(), u.tolist(), v.tolist(), strict=True)
+    assert after.tolist() == [forecast.walk(state, 3, [x], [y])[0] for state, x, y in alone]
+
+
+def test_branches_are_the_steps_of_the_distribution() -> None:
+    forecast = ProbabilityMatrix(7, Person([Drift((2, 3), vector=(0.3, 0.2), diffusion=0.3)]))
+    mass = forecast.joint(4).reshape(-1)
+    (states,) = mass.nonzero()
+    place, after, chances = forecast.branches(states, mass[states], 4)
+    assert (abs(forecast.cells(after) % 7 - forecast.cells(states[place]) % 7) <= 1).all()
+    np.testing.assert_allclose(np.bincount(after, chances, 49), forecast.joint(5).flat, atol=1e-13)
+
+
+def test_the_starts_of_several_persons_are_drawn_like_one() -> None:
+    persons = [
+        Person([Drift((1, 1), weight=0.4), Drift((2, 2), start_sd=1)]),
+        Person(Drift(np.eye(5))),
+        Person(Drift((3, 3))),
+    ]
+    forecasts = [ProbabilityMatrix(5, person) for person in persons]
+    drawn_starts = Starts(forecasts)
+    draws = np.append(np.random.default_rng(3).random(200), [0.0, 1 - 2**-53])
+    for number, forecast in enumerate(forecasts):
+        drawn = drawn_starts(np.full(len(draws), number), draws)
+        assert drawn.tolist() == [forecast.start(draw) for draw in draws.tolist()]
+    numbers = np.arange(3)[:, None].repeat(4, axis=1)
+    together = drawn_starts(numbers, draws[:12].reshape(3, 4))
+    assert together[1].tolist() == drawn_starts(numbers[1], draws[4:8]).tolist()
+    assert forecasts[2].start(0.5) == 18
