@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Words
 
 __all__ = [
     "DENOMINATOR",
@@ -34,7 +35,6 @@ __all__ = [
     "unit_numbers",
 ]
 
-Words = NDArray[np.uint64]
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """The counter's increment, close to 2**64 / golden ratio, so that multiples spread evenly."""
