@@ -146,6 +146,7 @@ class SearchEnv(EnvBase):
             observation=observation,
             action_mask="observation",
             autoreset_mode="Disabled",
+            copy=True,  # TorchRL keeps the arrays
             **keywords,
         )
         super().__init__(device=device, batch_size=[env.batch.num_rows])
