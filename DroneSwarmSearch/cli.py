@@ -32,10 +32,12 @@ COMMANDS = {
 EVALUATE = """\
 Evaluate a policy on searches of the suite or of files. Success is the share of episodes in
 which every person is found by the time limit; time is the restricted mean time to find
-(failures count with the limit); return is the mean return of the team. Coverage missions are
-judged by the probability of success (POS) of the searches made. Success and time are exact for
-deterministic policies and one or two persons; other figures have 95% intervals. For the same seed,
-all policies use common random numbers.
+(failures count with the limit); return is the mean return of the team; crashes are episodes in
+which drones collided or left the grid. Coverage missions are judged by the probability of success
+(POS) of the searches made; coverage and repetition are the different cells searched and the
+repeated searches, both divided by the number of cells. Success and time are exact for
+deterministic policies and one person; other figures have 95% intervals. For the same seed, all
+policies use common random numbers.
 """
 
 EVALUATE_EXAMPLES = """\
@@ -56,7 +58,7 @@ with everything it imports: only name code that you trust.
 A file of a search, .json, holds the data of Scenario.to_dict, and may hold the start cells of the
 drones, "drones_positions".
 
-With --out, finished work is kept in DIR/portions, and the same command resumes after an
+With --out, finished results are kept in DIR/finished, and the same command resumes after an
 interruption. Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """
 
@@ -68,8 +70,8 @@ OWN_POLICY = (
 SEARCH = "of the suite, or a file of a search, .json"
 
 LEADERBOARD = """\
-Evaluate every policy on every search of the suite, in the same episodes, and write tables and
-plots to DIR (default: leaderboard).
+Evaluate every policy on every search of the suite, in the same episodes; print tables, and write
+leaderboard.csv and plots to DIR (default: leaderboard).
 """
 
 LEADERBOARD_EXAMPLES = """\
@@ -78,7 +80,7 @@ examples:
   python -m DroneSwarmSearch leaderboard --episodes 200 --searches pond fog --workers 2
   python -m DroneSwarmSearch leaderboard --add my_policies.py:MyPolicy --out mine
 
-Finished work is kept in DIR/portions, and the same command resumes after an interruption.
+Finished results are kept in DIR/finished, and the same command resumes after an interruption.
 Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """
 

@@ -7,7 +7,6 @@ import itertools
 import os
 import sys
 import textwrap
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -97,7 +96,6 @@ class _Episode:
 
     Attributes:
         frame: the current one.
-        seconds: the time that the environment's steps have taken.
 
     Raises:
         OSError, TypeError, ValueError: an argument is invalid.
@@ -118,7 +116,6 @@ class _Episode:
         self._hide_persons = hide_persons
         self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
         self._observations, _ = self._env.reset(seed, drones_positions=search.drones or None)
-        self.seconds = 0.0
         self.frame = self._current_frame()
 
     def step(self, action: Action | None = None) -> Frame:
@@ -135,9 +132,7 @@ class _Episode:
         else:
             others = self._policy(_after_move_of_drone0(self._observations, action))
             actions = {**others, "drone0": int(action)}
-        start = time.perf_counter()
         self._observations, _, _, _, _ = self._env.step(actions)
-        self.seconds += time.perf_counter() - start
         self.frame = self._current_frame()
         return self.frame
 
@@ -250,9 +245,6 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
     else:
         terminal.show(seen(), options.fps)
     lines = _summary(search, options.seed, options.policy, frames)
-    if episode.seconds > 0:
-        speed = frames[-1].step / episode.seconds
-        lines.append(f"speed           {speed:,.0f} steps/s (the environment alone)")
     print("\n".join(lines), flush=True)
     return 0
 
@@ -281,8 +273,8 @@ def _record(
     painter = _painter(search.scenario.grid_size, options)
     try:
         write_video(path, painter, frames, fps=options.fps, hold=HOLD_VIDEO)
-    except (ImportError, ValueError) as error:
-        parser.error(message_on_option(str(error)))
+    except ImportError as error:
+        parser.error(str(error))
     except OSError as error:
         parser.exit(1, f"cannot write {path}: {error.strerror or error}\n")
 

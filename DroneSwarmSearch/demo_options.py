@@ -23,6 +23,7 @@ from DroneSwarmSearch.evaluation.search_file import SUFFIX, search_from_file
 from DroneSwarmSearch.evaluation.suite import NamedSearch, search
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
+from DroneSwarmSearch.rendering.video import SUFFIXES
 from DroneSwarmSearch.scenario import MISSIONS, Cell, Scenario
 
 __all__ = ["around_the_border", "message_on_option", "parse", "search_of"]
@@ -133,7 +134,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--manual", action="store_true", help="fly drone 0 with the arrow keys")
     add("--hide-person", action="store_true", help="do not show missing persons")
     add("--text", action="store_true", help="stay in the terminal")
-    add("--record", metavar="FILE", type=Path, help="write a video instead, .gif or .mp4")
+    add("--record", metavar="FILE", type=_video, help="write a video instead, .gif or .mp4")
     add("--fps", type=float, default=6.0, help="steps shown per second")
     add("--grid", action=flag, default=True, help="draw lines between the cells")
     add("--gradient", action=flag, default=True, help="colour the cells smoothly")
@@ -181,6 +182,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _video(text: str) -> Path:
+    if Path(text).suffix.lower() not in SUFFIXES:
+        raise argparse.ArgumentTypeError(f"must end in .gif or .mp4, got {text!r}")
+    return Path(text)
+
+
 def _add_number(group: Any, option: str, metavar: str, default: float, text: str) -> None:
     group.add_argument(option, metavar=metavar, type=float, default=default, help=text)
 
@@ -203,7 +210,7 @@ class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescrip
 def message_on_option(message: str) -> str:
     """An error message on a parameter, with the name of the option that sets it."""
     others = {
-        **{"n_drones": "drones", "name": "policy", "path": "record"},
+        **{"n_drones": "drones", "name": "policy"},
         **{"swath": "cell", "speed": "drone_speed"},
     }
 

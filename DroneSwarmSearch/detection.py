@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
 
 __all__ = ["coverage", "definite_range", "inverse_cube", "random_search"]
 
-Floats = NDArray[np.float64]
 Number = TypeVar("Number", float, NDArray[Any])
 
 

@@ -13,14 +13,14 @@ import warnings
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
 
 __all__ = ["from_points", "gaussian", "line", "polygon"]
 
-Floats = NDArray[np.float64]
 
 _MAX_BEYOND = 0.01
 

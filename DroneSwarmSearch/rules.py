@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
 
 __all__ = [
     "OFF_GRID",
@@ -57,7 +58,6 @@ __all__ = [
     "uneventful_reward",
 ]
 
-Floats = NDArray[np.float64]
 Drones = NDArray[np.int64]
 
 

@@ -12,9 +12,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.drift.tables import dispersion_rate
@@ -22,7 +22,6 @@ from DroneSwarmSearch.rules import RewardScheme
 
 __all__ = ["Cell", "Scenario"]
 
-Ints = NDArray[np.int64]
 
 _DRONE_BYTES = 900
 """Approximate memory of one drone during an episode, including its observations."""

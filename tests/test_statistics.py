@@ -12,7 +12,6 @@ from DroneSwarmSearch.evaluation.statistics import (
     RESAMPLES,
     Estimate,
     bootstrap_mean,
-    bootstrap_means,
     bounded_mean,
     bounded_means,
     mean_of,
@@ -236,14 +235,3 @@ def test_tables_add_up():
     assert whole.found.sum() == sum(part.found.sum() for part in parts)
     assert whole.forecast.sum() == pytest.approx(33 / 2)
     assert Reliability.total([]).expected_error == 0.0
-
-
-def test_bootstrap_means_are_those_of_each_column():
-    samples = np.random.default_rng(5).normal(size=(50, 3))
-    samples[:, 1] = 0.25
-    band = bootstrap_means(samples)
-    assert [band.at(column) for column in range(3)] == [*map(bootstrap_mean, samples.T)]
-    assert band.at(1) == Estimate(0.25, 0.25, 0.25)
-    for wrong in (samples[:, 0], samples[:0]):
-        with pytest.raises(ValueError, match=r"samples must have the shape \(n, k\) with n >= 1"):
-            bootstrap_means(wrong)

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from DroneSwarmSearch._internal.arrays import Ints
+
 __all__ = [
     "LARGEST_EXACT",
     "array",
@@ -43,9 +45,6 @@ __all__ = [
     "seeds",
 ]
 
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal.arrays import Floats
 
 __all__ = ["erf"]
 
-Floats = NDArray[np.float64]
 
 _LARGEST = 6.0
 """erf rounds to 1 from here on."""

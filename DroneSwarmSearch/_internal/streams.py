@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Words
+
 __all__ = [
     "DENOMINATOR",
     "EpisodeStream",
@@ -30,7 +32,6 @@ __all__ = [
     "unit_numbers",
 ]
 
-Words = NDArray[np.uint64]
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """The counter's increment, close to 2**64 / golden ratio, so that multiples spread evenly."""

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
 
 __all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
-Floats = NDArray[np.float64]
 
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""

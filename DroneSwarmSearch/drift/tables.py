@@ -29,6 +29,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.persons import Drift
 
@@ -46,7 +47,6 @@ __all__ = [
     "tabulate",
 ]
 
-Floats = NDArray[np.float64]
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
 Starts = Sequence[Floats | None] | None

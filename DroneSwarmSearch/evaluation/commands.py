@@ -8,7 +8,6 @@ import inspect
 import json
 import re
 import sys
-import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -50,9 +49,6 @@ __all__ = ["bound", "evaluate", "export", "leaderboard", "record"]
 
 FAILED, INTERRUPTED = 1, 130
 """Exit codes; 130 is the shells' code for Ctrl-C."""
-
-NOTE_WIDTH = 100
-"""Characters in a line of the notes below a table."""
 
 
 def evaluate(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
@@ -268,34 +264,11 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
         print_table(*_table(several, options.bound))
         print()
     shown = "posterior" if options.posterior else "prior"
-    notes = [
+    print(
         f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
-        f"{SUITE_VERSION}, {shown} shown; 95% intervals in parentheses."
-    ]
-    methods = {each.method for each in evaluations}
-    if "exact" in methods:
-        notes.append(
-            "Success, POS, time and the rates of cells are exact where they have no interval; "
-            "the return is a mean of episodes."
-        )
-    if "conditional" in methods:
-        notes.append(
-            "Where they have an interval, success, POS and time are means over the paths flown in "
-            "the episodes, of the probability given the path."
-        )
-    if rescues:
-        notes.append(
-            "Success: every person found within the time limit. Time: until the last person is "
-            "found, or the time limit."
-        )
-    if coverages:
-        notes.append(
-            "POS: probability of success of the searches made; the time is then the expected time "
-            "until a person is found, or the time limit. Coverage: different cells searched, and "
-            "repetition: repeated searches, both divided by the number of cells."
-        )
-    notes.append("Crashes: episodes in which drones collided or left the grid.")
-    print(textwrap.fill(" ".join(notes), NOTE_WIDTH))
+        f"{SUITE_VERSION}, {shown} shown. Figures without an interval are exact,\n"
+        "except returns, which are means; the others have 95% intervals. See `evaluate --help`."
+    )
 
 
 def _table(evaluations: Sequence[Evaluation], bound: bool) -> tuple[list[str], list[list[str]]]:

@@ -80,7 +80,7 @@ def export(
             `DroneSwarmSearch` shows it.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
         path: the file, .json.
-        seeds: of the episodes of each policy, different integers >= 0.
+        seeds: of the episodes of each policy, integers >= 0.
         bayesian_update: whether the policies see the posterior or the prior; None: as in
             the search.
 
@@ -90,7 +90,7 @@ def export(
     Raises:
         OSError: the file cannot be written.
         TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of range, a name is unknown or occurs twice.
+        ValueError: an argument is out of range, or a name is unknown.
     """
     if Path(path).suffix.lower() != SUFFIX:
         raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r:.100}")
@@ -98,9 +98,7 @@ def export(
     if bayesian_update is not None:
         where = where.with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in _listed("policies", policies)]
-    _all_different("policies", [spec.name for spec in specs])
     numbers = [checks.integer("seeds", seed, 0) for seed in _listed("seeds", seeds)]
-    _all_different("seeds", numbers)
     check_writable(Path(path))
 
     maps, episodes = _Maps(), []
@@ -131,11 +129,6 @@ def _listed(name: str, values: Any) -> list[Any]:
     if not listed:
         raise ValueError(f"{name} must hold at least one item, got {values!r}")
     return listed
-
-
-def _all_different(name: str, values: Sequence[object]) -> None:
-    if len(set(values)) < len(values):
-        raise ValueError(f"{name} must be different, got {', '.join(map(str, values))}")
 
 
 def _description(search: NamedSearch) -> dict[str, Any]:

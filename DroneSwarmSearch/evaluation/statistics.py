@@ -24,7 +24,6 @@ __all__ = [
     "Estimate",
     "ExactValue",
     "bootstrap_mean",
-    "bootstrap_means",
     "bounded_mean",
     "bounded_means",
     "difference",
@@ -175,23 +174,18 @@ def bootstrap_mean(sample: ArrayLike) -> Estimate:
     Raises:
         ValueError: the sample has another shape.
     """
-    return bootstrap_means(_column(sample)).at(0)
-
-
-def bootstrap_means(samples: ArrayLike) -> Band:
-    """Estimate the means of several quantities, each as `bootstrap_mean` does.
-
-    Args:
-        samples: the quantities of each trial: real numbers, shape (n, k), n >= 1.
-
-    Raises:
-        ValueError: the samples have another shape.
-    """
-    values = _columns(samples)
-    columns = np.ascontiguousarray(values.T)
+    values = _column(sample)[:, 0]
+    n, mean = len(values), math.fsum(values.tolist()) / len(values)
+    if (values == values[0]).all():
+        return Estimate(mean, mean, mean)
+    means, at_once, key = np.empty(RESAMPLES), max(1, _AT_ONCE // n), np.array([_KEY], np.uint64)
+    for first in range(0, RESAMPLES, at_once):
+        last = min(first + at_once, RESAMPLES)
+        drawn = numbers(key, np.arange(first * n, last * n, dtype=np.uint64)) * n
+        means[first:last] = values[drawn.astype(np.int64).reshape(-1, n)].mean(axis=1)
     tail = (1.0 - CONFIDENCE) / 2
-    low, high = np.quantile(_resampled_means(columns), (tail, 1.0 - tail), axis=1)
-    return Band(np.array([math.fsum(each) for each in columns.tolist()]) / len(values), low, high)
+    low, high = np.quantile(means, (tail, 1.0 - tail))
+    return Estimate(mean, float(low), float(high))
 
 
 def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Estimate:
@@ -282,21 +276,3 @@ def _columns(samples: ArrayLike) -> Floats:
     if values.ndim != 2 or not len(values):
         raise ValueError(f"samples must have the shape (n, k) with n >= 1, got {values.shape}")
     return values
-
-
-def _resampled_means(columns: Floats) -> Floats:
-    """The means of `RESAMPLES` samples drawn with replacement from each column: (k, RESAMPLES)."""
-    n = columns.shape[1]
-    means = np.tile(columns[:, :1], RESAMPLES)
-    varying = (columns.min(axis=1) < columns.max(axis=1)).nonzero()[0].tolist()
-    if not varying:
-        return means
-    at_once = max(1, _AT_ONCE // n)
-    key = np.array([_KEY], np.uint64)
-    for first in range(0, RESAMPLES, at_once):
-        last = min(first + at_once, RESAMPLES)
-        places = np.arange(first * n, last * n, dtype=np.uint64)
-        drawn = (numbers(key, places) * n).astype(np.int64).reshape(-1, n)
-        for column in varying:
-            means[column, first:last] = columns[column][drawn].mean(axis=1)
-    return means

@@ -34,9 +34,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -56,8 +56,6 @@ from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
 __all__ = ["SuccessBound", "success_bound"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SAMPLE = 65536
 """Trajectories in a sample; with one person, sampling adds at most 0.9 percentage points."""

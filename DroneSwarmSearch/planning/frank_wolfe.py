@@ -14,11 +14,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal.arrays import Floats
 
 __all__ = ["Solution", "frank_wolfe", "line_search"]
 
-Floats = NDArray[np.float64]
 
 AVERAGING = 10.0
 """Iteration k enters the mean of tangents with weight AVERAGING / (k + AVERAGING), so the mean

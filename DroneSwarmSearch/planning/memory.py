@@ -20,20 +20,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
 __all__ = ["Histories", "RememberingDrones"]
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
-Indices = NDArray[np.int32]
 
 Offset = tuple[int, int] | None
 """A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
@@ -92,23 +87,23 @@ class _Step(NamedTuple):
     """The trajectories in one step, grouped by cell and past.
 
     Attributes:
-        group: int32, shape (M,): the group of each trajectory.
-        column: int64, shape (G,): the cell of each group, as an index into `cells`.
-        row: int64, shape (G,): the past of each group, as an index into `pasts`.
-        cells: int64, shape (C,): the cells that hold trajectories.
+        group: shape (M,): the group of each trajectory.
+        column: shape (G,): the cell of each group, as an index into `cells`.
+        row: shape (G,): the past of each group, as an index into `pasts`.
+        cells: shape (C,): the cells that hold trajectories.
         box: the rows and columns of the grid that contain these cells.
-        pasts: the P pasts, tuples of K offsets, the latest step first.
-        order: int32, shape (M,): the trajectories by cell.
-        ends: int64, shape (C + 1,): where in `order` each cell begins and ends.
+        pasts: shape (K, P): the offsets of each past, the latest step first, see `_code`.
+        order: shape (M,): the trajectories by cell.
+        ends: shape (C + 1,): where in `order` each cell begins and ends.
     """
 
-    group: Indices
+    group: Ints
     column: Ints
     row: Ints
     cells: Ints
     box: tuple[slice, slice]
-    pasts: list[tuple[Offset, ...]]
-    order: Indices
+    pasts: Ints
+    order: Ints
     ends: Ints
 
 
@@ -121,6 +116,9 @@ class RememberingDrones:
         detection: the probability of detection, q.
         starts: every drone's first cell, y * N + x.
         memory: the number of remembered actions, K.
+
+    Attributes:
+        probabilities: those of the trajectories.
     """
 
     def __init__(
@@ -133,10 +131,10 @@ class RememberingDrones:
     ) -> None:
         cells = trajectories.cells
         self._size, self._q, self._starts = grid_size, detection, list(starts)
-        self._count, self._probabilities = cells.shape[1], trajectories.probabilities
+        self._count, self.probabilities = cells.shape[1], trajectories.probabilities
         self.memory = min(memory, len(cells) - 1)
         self._histories = Histories(self.memory)
-        y, x = np.divmod(cells.astype(np.int32), grid_size)
+        y, x = np.divmod(cells, grid_size)
         self._steps = [self._grouped(cells[step], x, y, step) for step in range(len(cells))]
         self._values: Singles = np.zeros((0, 0, 0), np.float32)
 
@@ -147,14 +145,9 @@ class RememberingDrones:
         return shorter
 
     @property
-    def probabilities(self) -> Floats:
-        """The probabilities of the trajectories."""
-        return self._probabilities
-
-    @property
     def work(self) -> float:
         """The cost of computing the best paths once, in updates of a value."""
-        products = sum(len(step.pasts) * len(step.cells) for step in self._steps)
+        products: int = sum(step.pasts.shape[1] * len(step.cells) for step in self._steps)
         updates = len(self._steps) * self._size**2
         return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)
 
@@ -217,55 +210,41 @@ class RememberingDrones:
             searched[slot, places] = 1
             recent[slot] = places
 
-    def _grouped(self, here: Ints, x: Indices, y: Indices, number: int) -> _Step:
+    def _grouped(self, here: Ints, x: Ints, y: Ints, number: int) -> _Step:
         """Group the trajectories in a step."""
-        side = 2 * self.memory + 1
-        past = np.zeros(self._count, np.int64)
-        pasts: list[tuple[Offset, ...]] = [()]
+        past, pasts = np.zeros(self._count, np.int64), np.zeros((0, 1), np.int64)
+        codes_of_offsets = (2 * self.memory + 1) ** 2 + 1
         for age in range(1, self.memory + 1):
             offset = np.zeros(self._count, np.int64)
             if age <= number:
                 dx, dy = x[number - age] - x[number], y[number - age] - y[number]
-                offset = (dy + self.memory) * side + dx + self.memory + 1
-                offset[abs(dx) + abs(dy) >= age] = 0
-            codes, past = _distinct(past * (side**2 + 1) + offset)
-            before, latest = np.divmod(codes, side**2 + 1)
-            pasts = [
-                (*pasts[old], _offset(new, side))
-                for old, new in zip(before.tolist(), latest.tolist(), strict=True)
-            ]
+                near = abs(dx) + abs(dy) < age
+                offset[near] = _code(dx[near], dy[near], self.memory)
+            codes, past = _distinct(past * codes_of_offsets + offset)
+            before, latest = np.divmod(codes, codes_of_offsets)
+            pasts = np.vstack([pasts[:, before], latest])
         cells, cell = _distinct(here)
         codes, group = _distinct(past * len(cells) + cell)
         row, column = np.divmod(codes, len(cells))
-        order = cell.astype(np.uint16 if len(cells) < 2**16 else np.int64).argsort(kind="stable")
         ends = np.append(0, np.bincount(cell).cumsum())
-        return _Step(
-            group.astype(np.int32),
-            column,
-            row,
-            cells,
-            _box(cells, self._size),
-            pasts,
-            order.astype(np.int32),
-            ends,
-        )
+        order = cell.argsort(kind="stable")
+        return _Step(group, column, row, cells, _box(cells, self._size), pasts, order, ends)
 
     @cached_property
     def _credits(self) -> list[Singles]:
         """For each step, the credit of each history for each past: float32, shape (H, P)."""
-        codes: dict[Offset, int] = {None: 0}
-
-        def coded(tuples: list[tuple[Offset, ...]], age: int) -> Ints:
-            return np.array([codes.setdefault(each[age], len(codes)) for each in tuples])
-
-        searched = [coded(self._histories.all, age) for age in range(self.memory)]
+        searched = np.array(
+            [
+                [0 if offset is None else _code(*offset, self.memory) for offset in history]
+                for history in self._histories.all
+            ]
+        )
+        by_number = self._q * (1.0 - self._q) ** np.arange(self.memory + 1.0)
         credits = []
         for step in self._steps:
-            earlier = np.zeros((len(self._histories.all), len(step.pasts)), np.uint8)
-            for age in range(self.memory):
-                seen = coded(step.pasts, age)
-                earlier += (searched[age][:, None] == seen) & (seen > 0)
-            by_number = self._q * (1.0 - self._q) ** np.arange(self.memory + 1.0)
+            earlier = np.zeros((len(searched), step.pasts.shape[1]), np.uint8)
+            for age, seen in enumerate(step.pasts):
+                earlier += (searched[:, age, None] == seen) & (seen > 0)
             credits.append(by_number.astype(np.float32)[earlier])
         return credits
 
@@ -293,7 +272,7 @@ class RememberingDrones:
             np.maximum(within, gains, out=within)
         gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
         # Single precision loses at most this fraction of a sum of positive numbers.
-        pasts = max(len(step.pasts) for step in self._steps)
+        pasts: int = max(step.pasts.shape[1] for step in self._steps)
         return gained * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
 
     def _gains(self, step: _Step, credits: Singles, weights: Floats) -> Singles:
@@ -303,7 +282,7 @@ class RememberingDrones:
         shape = rows.stop - rows.start, columns.stop - columns.start
         y, x = np.divmod(step.cells, self._size)
         place = (y - rows.start) * shape[1] + x - columns.start
-        table = np.zeros((len(step.pasts), shape[0] * shape[1]), np.float32)
+        table = np.zeros((step.pasts.shape[1], shape[0] * shape[1]), np.float32)
         table[step.row, place[step.column]] = np.bincount(step.group, credit, len(step.row))
         gains: Singles = credits @ table
         if search.any():
@@ -353,9 +332,6 @@ def _box(cells: Ints, size: int) -> tuple[slice, slice]:
     return slice(int(y.min()), int(y.max()) + 1), slice(int(x.min()), int(x.max()) + 1)
 
 
-def _offset(code: int, side: int) -> Offset:
-    """The offset that a code stands for; None for 0."""
-    if code == 0:
-        return None
-    dy, dx = divmod(code - 1, side)
-    return dx - side // 2, dy - side // 2
+def _code(dx: Any, dy: Any, memory: int) -> Any:
+    """A positive number for an offset of at most `memory` cells along each axis."""
+    return (dy + memory) * (2 * memory + 1) + dx + memory + 1

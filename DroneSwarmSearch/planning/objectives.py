@@ -10,9 +10,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift.belief import over_hypotheses
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import line_search
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -20,8 +19,6 @@ from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["MarkovChainObjective", "Mixture", "TrajectoryObjective"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 Mixture = Sequence[tuple[float, Sequence[Path]]]
 """Sets of paths, one for each drone, with their shares in a mixture."""
@@ -175,8 +172,8 @@ class MarkovChainObjective:
         gains = np.empty_like(self._effort)
         later = np.ones_like(self._prior)  # the probability of staying unfound from here on
         for step in range(len(missed) - 1, -1, -1):
-            later = later * missed[step]
-            gains[step] = self._rate * over_hypotheses(missing[step] * later)
+            later = later * self._chain.lift(missed[step])
+            gains[step] = self._rate * self._chain.map(missing[step] * later)
             if step:
                 later = self._chain.backward(later, step - 1)
         found = 1.0 - missing[-1].sum()
@@ -198,7 +195,7 @@ class MarkovChainObjective:
         mass, missed = self._prior, self._missed(effort)
         missing = [mass]
         for step, fraction in enumerate(missed):
-            mass = mass * fraction
+            mass = mass * self._chain.lift(fraction)
             if step + 1 < len(missed):
                 mass = self._chain.forward(mass, step)
             missing.append(mass)

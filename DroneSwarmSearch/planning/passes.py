@@ -12,12 +12,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Box", "Passes", "Target"]
 
-Floats = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-13
 """A cell with less probability cannot make a plan better."""
@@ -144,19 +144,19 @@ class Passes:
 
     def forward_to(self, step: int) -> None:
         """Bring the masses up to date until before a step."""
+        chain = self.target.chain
         for now in range(self._masses_to, step):
-            along_x, along_y = self.matrices(now)
-            mass = self.masses[now] * self.kept[now]
-            np.matmul(along_y.swapaxes(1, 2) @ mass, along_x, out=self.masses[now + 1])
+            mass = self.masses[now] * chain.lift(self.kept[now])
+            self.masses[now + 1] = chain.forward(mass, self._first + now)
         self._masses_to = max(self._masses_to, step)
 
     def backward_to(self, step: int) -> None:
         """Bring the rests up to date from a step on."""
+        chain = self.target.chain
         for now in range(self._rests_from - 1, step - 1, -1):
-            along_x, along_y = self.matrices(now)
-            kept, worth = self.kept[now + 1], self.target.worth[now + 1]
+            kept, worth = chain.lift(self.kept[now + 1]), self.target.worth[now + 1]
             value = kept * self.rests[now + 1] + (1.0 - kept) * worth
-            np.matmul(along_y @ value, along_x.swapaxes(1, 2), out=self.rests[now])
+            self.rests[now] = chain.backward(value, self._first + now)
         self._rests_from = min(self._rests_from, step)
 
     def likely(self, begin: int, end: int) -> Box:

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints
+
 __all__ = ["FORBIDDEN", "Path", "best_path", "values_to_go"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 FORBIDDEN = -np.inf
 """The value of a cell that a drone must not be in."""

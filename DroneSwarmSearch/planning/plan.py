@@ -28,15 +28,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.planning.passes import Passes, Target
 from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_path, values_to_go
 from DroneSwarmSearch.planning.segments import Segment, reach_of
 
 __all__ = ["Plan", "Report", "idle_paths"]
 
-Floats = NDArray[np.float64]
 
 Distortion = Callable[[Floats], Floats]
 """Changes the gains of a segment."""

@@ -10,15 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.planning.passes import Box, Passes
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Segment", "reach_of"]
 
-Floats = NDArray[np.float64]
 
 Cell = tuple[int, int]
 """A row and a column within a box."""

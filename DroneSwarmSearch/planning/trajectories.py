@@ -6,15 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.streams import numbers, stream_keys
 from DroneSwarmSearch.drift.model import DriftModel
 
 __all__ = ["Trajectories", "chernoff_bound", "enumerate_trajectories", "sample_trajectories"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MOST_ENUMERATED = 65536
 """The most trajectories to enumerate: of the order of a sample, so at a similar cost."""

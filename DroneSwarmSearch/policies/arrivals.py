@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.policies.greedy import (
     CLAIMED,
     DISCOUNT,
@@ -31,7 +32,6 @@ from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 __all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
 
 Ints = NDArray[np.integer]
-Singles = NDArray[np.float32]
 
 NEAR, FAR = DISCOUNT, 0.9
 """Factors on the success of a search for every step of the way: for the best cell, as in greedy

@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Ints, Singles
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
 __all__ = ["BatchPolicy", "SwarmPolicy"]
 
-Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
 
 _NO_GROUP = -1
 

@@ -6,14 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.policies.tracks import Rectangle
 
 __all__ = ["REACH", "Datum", "datums_of"]
 
-Floats = NDArray[np.float64]
 
 REACH = 2.0
 """Standard deviations from the datum to each side: 91% of a normal distribution is inside."""

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 from DroneSwarmSearch.policies.conflicts import MOVES
@@ -51,9 +51,6 @@ SLIGHT = 1e-20
 LEAST = 1e-300
 """Replaces a probability of 0, whose logarithm is infinite."""
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Singles = NDArray[np.float32]
 Floating = TypeVar("Floating", Floats, Singles)
 Claim = Callable[[int, Cell, Ints], Floats]
 

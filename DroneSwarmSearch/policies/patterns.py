@@ -23,9 +23,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.conflicts import MOVES, resolve_conflicts
@@ -50,7 +48,6 @@ __all__ = [
     "SectorSearchPolicy",
 ]
 
-Singles = NDArray[np.float32]
 Route = list[Cell]
 
 STEPS_PER_CELL = 2

@@ -13,9 +13,9 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
@@ -31,7 +31,6 @@ from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 __all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]
 
-Singles = NDArray[np.float32]
 
 SAMPLES = 4
 """Simulations with sampled actions before a search."""

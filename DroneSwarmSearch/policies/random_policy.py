@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, policy_key
 from DroneSwarmSearch.policies.base import BatchPolicy
 from DroneSwarmSearch.rules import Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["RandomPolicy"]
-
-Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
-Singles = NDArray[np.float32]
 
 
 class RandomPolicy(BatchPolicy):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import accumulate
 
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.painter import Painter
@@ -14,7 +13,7 @@ from DroneSwarmSearch.rendering.player import (
     Player,
     score_row,
 )
-from DroneSwarmSearch.rendering.sprites import text_line
+from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rendering.window import Window, fitted
 
 __all__ = ["PlayerWindow"]
@@ -30,8 +29,11 @@ REPEAT_AFTER, REPEAT_EVERY = 300, 110
 ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}
 """The keypad's names of keys."""
 
-FONT_LEAST, FONT_USUAL, FONT_MOST = 14, 20, 44
-"""Font sizes of the strip, in pictures of very small, the usual and very large scale."""
+FONT, LINE = 20, 30
+"""The size of the text, and the height of a line with its margins."""
+
+STRIP = FONT // 2 + 2 * LINE
+"""The height of the strip."""
 
 VEIL = (*INK, 150)
 """The colour over the picture behind a card of text, with its opacity."""
@@ -64,7 +66,7 @@ class PlayerWindow(Window):
     def _usual_size(self, view: str) -> tuple[int, int]:
         """The size of the window in which a view needs no scaling."""
         width, height = self._painter(view).size
-        return width, height + _strip_height(FONT_USUAL)
+        return width, height + STRIP
 
     def play(self, player: Player) -> str:
         """Show a player until the user quits, or to its end if the window is hidden.
@@ -119,64 +121,49 @@ class PlayerWindow(Window):
     # Drawing.
 
     def _draw(self, player: Player) -> None:
-        screen = self.surface
         moment = player.moment
         painter = self._painter(moment.view)
         picture = painter.paint(moment.frame, previous=moment.previous, progress=moment.progress)
-        font = self._font(painter)
-        area = screen.get_rect()
-        strip = pygame.Rect(0, area.height - _strip_height(font), area.width, _strip_height(font))
-        area.height = max(1, strip.top)
-        screen.fill(PAPER)
-        screen.blit(*fitted(picture, area))
-        self._draw_strip(screen, strip, player, font)
+        area = picture.get_rect()
+        canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)
+        canvas.blit(picture, area)
+        _draw_strip(canvas, area.height, player)
         if player.shows_keys:
             keys = [(each.keys, each.details) for each in player.keys]
             veil = pygame.Surface(area.size, pygame.SRCALPHA)
             veil.fill(VEIL)
-            screen.blit(veil, area)
-            _draw_card(screen, area, _card("Keys", keys, font), "center")
+            canvas.blit(veil, area)
+            card = _card("Keys", keys)
+            canvas.blit(card, card.get_rect(center=area.center))
         elif player.is_at_end and player.recording.scores:
             scores = [SCORE_HEADERS, *map(score_row, player.recording.scores)]
-            _draw_card(screen, area, _card("Your result", scores, font), "bottomright")
+            card = _card("Your result", scores)
+            canvas.blit(card, card.get_rect(bottomright=area.bottomright))
+        self.surface.fill(PAPER)
+        self.surface.blit(*fitted(canvas, self.surface.get_rect()))
         pygame.display.flip()
 
-    def _font(self, painter: Painter) -> int:
-        """The font size that fits the scale of the picture."""
-        width, height = self.surface.get_size()
-        scale = min(width / painter.size[0], height / painter.size[1])
-        return min(max(round(FONT_USUAL * scale), FONT_LEAST), FONT_MOST)
 
-    @staticmethod
-    def _draw_strip(screen: pygame.Surface, strip: pygame.Rect, player: Player, font: int) -> None:
-        """A line with the state, and one with the keys, as many as fit."""
-        screen.fill(WHITE, strip)
-        pygame.draw.line(screen, FAINT, strip.topleft, strip.topright)
-        margin, line = font // 2, font + font // 2
-        top = pygame.Rect(strip.left + margin, strip.top + margin // 2, strip.width, line)
-        text = text_line(player.hint or player.status, font, INK if player.hint else GREY)
-        screen.blit(text, text.get_rect(midleft=top.midleft))
-        left, middle = top.left, top.bottom + line // 2
-        *others, keys, quit_key = (_key_image(each, font) for each in player.keys)
-        room = strip.width - margin - keys.get_width() - quit_key.get_width()
-        widths = accumulate(image.get_width() for image in others)
-        images = [
-            image for image, width in zip(others, widths, strict=True) if margin + width <= room
-        ]
-        for image in (*images, keys, quit_key):
-            screen.blit(image, image.get_rect(midleft=(left, middle)))
+def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
+    """A line with the state, and one with the keys, as many as fit."""
+    width, margin = canvas.get_width(), FONT // 2
+    canvas.fill(WHITE, (0, top, width, STRIP))
+    pygame.draw.line(canvas, FAINT, (0, top), (width, top))
+    colour, middle = (INK if player.hint else GREY), top + margin // 2 + LINE // 2
+    write(canvas, player.hint or player.status, FONT, colour, midleft=(margin, middle))
+    *others, keys, quit_key = map(_key_image, player.keys)
+    left, room = margin, width - keys.get_width() - quit_key.get_width()
+    for image in (*others, keys, quit_key):
+        if image in (keys, quit_key) or left + image.get_width() <= room:
+            canvas.blit(image, image.get_rect(midleft=(left, middle + LINE)))
             left += image.get_width()
 
 
-def _strip_height(font: int) -> int:
-    return font // 2 + 2 * (font + font // 2)
-
-
-def _key_image(key: KeyHelp, font: int) -> pygame.Surface:
+def _key_image(key: KeyHelp) -> pygame.Surface:
     """A key cap and what the key does."""
-    cap, meaning = text_line(key.keys, font, INK), text_line(key.meaning, font, GREY)
-    pad = font // 3
-    box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, font + pad)
+    cap, meaning = text_line(key.keys, FONT, INK), text_line(key.meaning, FONT, GREY)
+    pad = FONT // 3
+    box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, FONT + pad)
     image = pygame.Surface((box.width + meaning.get_width() + 4 * pad, box.height), 0, 32)
     image.fill(WHITE)
     pygame.draw.rect(image, FAINT, box, border_radius=pad)
@@ -185,15 +172,15 @@ def _key_image(key: KeyHelp, font: int) -> pygame.Surface:
     return image
 
 
-def _card(title: str, rows: Sequence[Sequence[str]], font: int) -> pygame.Surface:
+def _card(title: str, rows: Sequence[Sequence[str]]) -> pygame.Surface:
     """A table on a card; the columns from the third one hold numbers, aligned to the right."""
-    gap, line = font, font + font // 2
-    cells = [[text_line(cell or " ", font, INK) for cell in row] for row in rows]
+    gap, line = FONT, LINE
+    cells = [[text_line(cell or " ", FONT, INK) for cell in row] for row in rows]
     widths = [max(cell.get_width() for cell in column) for column in zip(*cells, strict=True)]
     size = sum(widths) + gap * (len(widths) + 1), line * (len(rows) + 1) + 2 * gap
     card = pygame.Surface(size, 0, 32)
     card.fill(PAPER)
-    card.blit(text_line(title, font + font // 3, INK), (gap, gap))
+    card.blit(text_line(title, FONT + FONT // 3, INK), (gap, gap))
     for number, row in enumerate(cells, 1):
         left, middle = gap, gap + line * number + line // 2
         for column, (cell, width) in enumerate(zip(row, widths, strict=True)):
@@ -204,11 +191,3 @@ def _card(title: str, rows: Sequence[Sequence[str]], font: int) -> pygame.Surfac
             left += width + gap
     pygame.draw.rect(card, INK, card.get_rect(), width=1)
     return card
-
-
-def _draw_card(
-    screen: pygame.Surface, area: pygame.Rect, card: pygame.Surface, anchor: str
-) -> None:
-    """A card at an anchor of an area, such as "center"; smaller if there is no room."""
-    place = card.get_rect(**{anchor: getattr(area, anchor)})
-    screen.blit(*fitted(card, place if area.contains(place) else area))

@@ -17,7 +17,7 @@ from DroneSwarmSearch.frame import Frame
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
 
-__all__ = ["FPS_LEAST", "FPS_MOST", "write_pictures", "write_video"]
+__all__ = ["FPS_LEAST", "FPS_MOST", "SUFFIXES", "write_pictures", "write_video"]
 
 SUFFIXES = (".gif", ".mp4")
 
