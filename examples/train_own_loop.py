@@ -35,13 +35,13 @@ GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 30.0, 0.
 TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
 
 
-def sampler(rng: Any) -> dict[str, Any]:
-    """Draw new searches; each drone starts in its own band of rows."""
+def sampler(rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a search; each drone starts in its own band of rows."""
     bands = np.linspace(0, GRID_SIZE, DRONES + 1).astype(int)
     x, y = rng.integers(0, GRID_SIZE, DRONES), rng.integers(bands[:-1], bands[1:], DRONES)
     return {
         "vector": rng.uniform(-0.5, 0.5, 2),
-        "person_initial_position": rng.integers(0, GRID_SIZE, (1, 2)),
+        "person_initial_position": rng.integers(0, GRID_SIZE, 2),
         "disperse_constant": np.exp(rng.uniform(0.0, np.log(15.0))),
         "drones_positions": np.stack([x, y], axis=-1),
     }

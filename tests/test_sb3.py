@@ -197,12 +197,11 @@ def idle(env: SB3VecEnv) -> np.ndarray:
 @both_views
 def test_options_hold_for_one_reset(view: type[SearchVectorEnv]) -> None:
     env = made(view)
-    env.set_options({"drones_positions": [(3, 3), (0, 2)], "vector": np.array([1.0, 0.0])})
+    env.set_options({"drones_positions": [(3, 3), (0, 2)]})
     env.reset()
     assert env.env.batch.positions.tolist() == [[[3, 3], [0, 2]]] * 3
     env.reset()
     assert env.env.batch.positions.tolist() == [[[0, 0], [1, 0]]] * 3
-    assert env.env.batch.parameters["vector"].tolist() == [[1.0, 0.0]] * 3  # a drift stays
 
 
 @both_views
