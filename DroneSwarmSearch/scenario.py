@@ -1,7 +1,7 @@
 """The parameters of a search: meaning, units, defaults and limits.
 
-`persons_of_rows` and `Scenario.drone_cells_of_rows` are the array forms of the rules for start
-cells: they validate the values of all rows of a batch at once.
+`Scenario.drone_cells_of_rows` is the array form of `drone_cells`: it validates the cells of all
+rows of a batch at once.
 """
 
 from __future__ import annotations
@@ -421,34 +421,6 @@ def _cells(value: object, grid_size: int) -> tuple[Cell, ...]:
             checks.cell(f"{name}[{index}]", entry, grid_size) for index, entry in enumerate(entries)
         )
     return (checks.cell(name, value, grid_size),)
-
-
-def persons_of_rows(value: object, rows: int, grid_size: int, persons: int | None = None) -> Ints:
-    """The persons' start cells in the rows of a batch: the same for all, or cells for each.
-
-    Args:
-        value: a cell; a cell for each person, shape (persons, 2); or those of each row,
-            shape (rows, persons, 2).
-        rows: the number of rows.
-        grid_size: cells along each side.
-        persons: the number of persons, if the batch exists already.
-
-    Returns:
-        int64, shape (rows, persons, 2), x first.
-    """
-    name = "person_initial_position"
-    given = checks.numbers(name, value, "a cell (x, y), several of them, or cells for each search")
-    cells = given[None] if given.ndim == 1 else given
-    count = persons or (cells.shape[-2] if cells.ndim > 1 else 0)
-    if not count or cells.shape not in ((count, 2), (rows, count, 2)):
-        number = "persons" if persons is None else persons
-        one = "a cell (x, y), or " if persons in (None, 1) else ""
-        raise ValueError(
-            f"{name} must be {one}a cell for each person, of shape ({number}, 2), or those "
-            f"of each search, of shape ({rows}, {number}, 2); got shape {given.shape}"
-        )
-    whole = checks.cells(name, given, grid_size).reshape(cells.shape)
-    return np.broadcast_to(whole, (rows, count, 2))
 
 
 def _detection(value: object, persons: tuple[Cell, ...]) -> float | tuple[float, ...]:

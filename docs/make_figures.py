@@ -55,7 +55,7 @@ from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.training import TRAINING_TASK
-from DroneSwarmSearch.training.curve import Curve, moving_mean
+from DroneSwarmSearch.training.curve import moving_mean, read_columns
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
@@ -1000,8 +1000,9 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
             if (level := yardsticks(example).get(name)) is not None:
                 axes.axhline(level, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
         for path in sorted(TRAINING.glob(f"{example}-*.csv")):
-            curve = Curve(path)
-            steps, found = curve.column("steps"), moving_mean(curve.column("found"))
+            columns = read_columns(path)
+            known = ~np.isnan(columns["found"])
+            steps, found = columns["steps"][known], moving_mean(columns["found"][known])
             axes.plot(steps, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
         axes.set_xlim(0)
         axes.xaxis.set_major_locator(MaxNLocator(4))

@@ -14,17 +14,17 @@ probability of success that it adds. This is the mean of a reward for finding, w
 
 from __future__ import annotations
 
+import argparse
+import time
+from pathlib import Path
 from typing import Any
-
-from DroneSwarmSearch import Action, training
-
-training.exit_on_interrupt(__name__)  # also during the imports below
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.evaluation import View, search
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -35,13 +35,13 @@ GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 30.0, 0.
 TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
 
 
-def sampler(rng: Any) -> dict[str, Any]:
-    """Draw new searches; each drone starts in its own band of rows."""
+def sampler(rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a search; each drone starts in its own band of rows."""
     bands = np.linspace(0, GRID_SIZE, DRONES + 1).astype(int)
     x, y = rng.integers(0, GRID_SIZE, DRONES), rng.integers(bands[:-1], bands[1:], DRONES)
     return {
         "vector": rng.uniform(-0.5, 0.5, 2),
-        "person_initial_position": rng.integers(0, GRID_SIZE, (1, 2)),
+        "person_initial_position": rng.integers(0, GRID_SIZE, 2),
         "disperse_constant": np.exp(rng.uniform(0.0, np.log(15.0))),
         "drones_positions": np.stack([x, y], axis=-1),
     }
@@ -156,45 +156,58 @@ def update(
     return entropy.item()
 
 
-def train(run: training.Run, agent: Agent, seed: int) -> None:
+def train(agent: Agent, options: argparse.Namespace) -> None:
+    checkpoint, curve = options.out / "checkpoint.pt", options.out / "curve.csv"
     optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    if run.resuming:
-        checkpoint = torch.load(run.checkpoint, weights_only=True)
-        agent.load_state_dict(checkpoint["agent"])
-        optimizer.load_state_dict(checkpoint["optimizer"])
-        run.resume_from(checkpoint["steps"])
-
-    def save(steps: int) -> None:
-        state = {"agent": agent.state_dict(), "optimizer": optimizer.state_dict(), "steps": steps}
-        with run.saving("checkpoint.pt") as path:
-            torch.save(state, path)
-
-    save(run.steps_done)
+    steps, seconds = 0, 0.0
+    if options.resume:
+        state = torch.load(checkpoint, weights_only=True)
+        agent.load_state_dict(state["agent"])
+        optimizer.load_state_dict(state["optimizer"])
+        steps, seconds = state["steps"], state["seconds"]
+        torch.manual_seed(options.seed + steps)
+    started = time.monotonic() - seconds
     envs = make_envs()
+    # A resumed training plays new searches.
+    observations, _ = envs.reset(seed=options.seed + steps)
     data: dict[str, torch.Tensor] = {}
-    observations, _ = envs.reset(seed=seed + run.steps_done)  # a resumed run plays new searches
     ended: list[float] = []
-    while run.steps_done < run.total_steps:
+    while steps < options.steps:
         observations, successes = rollout(envs, agent, data, observations)
+        entropy = update(agent, optimizer, data, 1.0 - steps / options.steps)
+        steps, seconds = steps + NUM_STEPS * SWARMS, time.monotonic() - started
+        state = {"agent": agent.state_dict(), "optimizer": optimizer.state_dict()}
+        torch.save({**state, "steps": steps, "seconds": seconds}, checkpoint.with_suffix(".new"))
+        checkpoint.with_suffix(".new").replace(checkpoint)  # never leave half a checkpoint
         ended += successes
-        entropy = update(agent, optimizer, data, 1.0 - run.steps_done / run.total_steps)
-        save(run.steps_done + NUM_STEPS * SWARMS)
-        found = float("nan")
         if len(ended) >= SWARMS * DRONES // 2:  # the few that end early are the easy ones
             found = float(np.mean(ended))
+            training.log_row(curve, steps=steps, seconds=seconds, found=found, entropy=entropy)
             ended = []
-        mean_return = found / DRONES  # what a swarm is paid is its probability of success
-        run.log(run.steps_done + NUM_STEPS * SWARMS, mean_return, found, entropy=entropy)
+    if curve.exists():
+        training.plot_curve(curve)
 
 
 def main() -> None:
-    options = training.arguments(__doc__, steps=16_000_000, short=20_000).parse_args()
+    parser = argparse.ArgumentParser(description="Train drones with PPO in one file of PyTorch.")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
+    parser.add_argument("--resume", action="store_true", help="continue from its checkpoint")
+    parser.add_argument("--steps", type=int, default=16_000_000, help="environment steps in all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
+    options = parser.parse_args()
+    if options.resume != (options.out / "checkpoint.pt").exists():
+        parser.error(f"{options.out} holds {'no' if options.resume else 'a'} training to resume")
+    options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
     agent = Agent()
-    with training.Run(options, "PPO in one file") as run:
-        train(run, agent, options.seed)
-    print(f'On the search "{TEST_SEARCH}", which is not part of the training:')
+    try:
+        train(agent, options)
+    except KeyboardInterrupt:
+        raise SystemExit("\ninterrupted: --resume continues from the last update") from None
+    print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:')
     training.compare_with_baselines(
         agent.policy,
         search(TEST_SEARCH).with_posterior(True).parameters,

@@ -25,35 +25,28 @@ search:
 
 from __future__ import annotations
 
+import argparse
 from functools import partial
+from pathlib import Path
 from typing import Any
-
-from DroneSwarmSearch.training import (
-    ExpectedSearches,
-    Run,
-    arguments,
-    compare_with_baselines,
-    exit_on_interrupt,
-)
-
-exit_on_interrupt(__name__)  # also during the imports below
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from DroneSwarmSearch import Action
+from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
+from DroneSwarmSearch.training import ExpectedSearches
 from DroneSwarmSearch.training.random_searches import (
     draw_searches,
     held_out_searches,
     mean_success,
 )
-from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""
@@ -274,69 +267,55 @@ def update(
     return entropy.item()
 
 
-def train(run: Run, seed: int) -> None:
-    torch.manual_seed(seed)
-    agent, checkpoint = Agent(), None
+def train(options: argparse.Namespace) -> Path:
+    """Train for all steps; returns the path of the weights."""
+    curve, weights = options.out / "curve.csv", options.out / "policy.npz"
+    torch.manual_seed(options.seed)
+    agent = Agent()
     optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5)
-    if run.resuming:
-        checkpoint = torch.load(run.checkpoint, weights_only=True)
-        run.resume_from(checkpoint["steps"])
-        agent.load_state_dict(checkpoint["agent"])
-        optimizer.load_state_dict(checkpoint["optimizer"])
-    else:
-        save(run, agent, optimizer, 0, 0)
     held_out = held_out_searches(HELD_OUT)
     levels = {name: mean_success(partial(make, name), held_out) for name in BASELINES}
-    rng = np.random.default_rng([seed, run.steps_done])  # new searches after a resume
+    rng = np.random.default_rng([options.seed, 0])
     batches = [new_batch(rng) for _ in range(BATCHES)]
-    updates = 0 if checkpoint is None else checkpoint["updates"]
-    while run.steps_done < run.total_steps:
-        frac = 1.0 - run.steps_done / run.total_steps
+    steps = updates = 0
+    while steps < options.steps:
+        frac = 1.0 - steps / options.steps
         data, ended, count = rollout(agent, batches, rng)
         entropy = update(agent, optimizer, data, frac, only_critic=updates < WARM_UP)
-        steps, updates = run.steps_done + count, updates + 1
-        save(run, agent, optimizer, steps, updates)
-        found = [min(float(batch.found.mean()), 1.0) for batch in ended]
-        returns = [each / batch.n_drones for each, batch in zip(found, ended, strict=True)]
-        mean = {"reward": np.mean(returns), "found": np.mean(found)} if ended else {}
+        steps, updates = steps + count, updates + 1
+        agent.network().save(weights)
+        found = np.mean([min(batch.found.mean(), 1.0) for batch in ended]) if ended else np.nan
+        row = {"steps": steps, "found": float(found), "entropy": entropy, "held-out": np.nan}
         if updates == 1 or updates % EVALUATION == 0:
-            weights = run.folder / "policy.npz"
             alone = partial(PPOPolicy, weights=weights, samples=None)
-            mean["held_out"] = {"the network": mean_success(alone, held_out), **levels}
-        run.log(steps, entropy=entropy, **mean)
-
-
-def save(run: Run, agent: Agent, optimizer: Any, steps: int, updates: int) -> None:
-    """Save the weights, then the checkpoint, whose number of steps --resume relies on."""
-    with run.saving("policy.npz") as path:
-        agent.network().save(path)
-    state = {
-        "agent": agent.state_dict(),
-        "optimizer": optimizer.state_dict(),
-        "steps": steps,
-        "updates": updates,
-    }
-    with run.saving("checkpoint.pt") as path:
-        torch.save(state, path)
+            row["held-out"] = mean_success(alone, held_out)
+        training.log_row(curve, **row, **levels)
+    training.plot_curve(curve, columns=["found", "held-out"])
+    return weights
 
 
 def main() -> None:
-    description = 'Train the policy "ppo": one network for all drones, on random searches.'
-    parser = arguments(description, steps=180_000, short=10_000)
+    parser = argparse.ArgumentParser(description='Train the policy "ppo" on random searches.')
+    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
+    parser.add_argument("--steps", type=int, default=180_000, help="environment steps in all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
+    if options.out.exists():
+        parser.error(f"{options.out} exists: choose another folder")
+    options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
-    with Run(options, 'The policy "ppo"') as run:
-        train(run, options.seed)
+    weights = train(options)
     test = search(TEST_SEARCH)
-    policy = PPOPolicy(test.scenario, run.folder / "policy.npz")
     print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:\n')
-    compare_with_baselines(
-        policy,
+    training.compare_with_baselines(
+        PPOPolicy(test.scenario, weights),
         test.parameters,
         view="swarm",
         episodes=options.episodes,
         name="ppo",
-        folder=run.folder,
+        folder=options.out,
     )
 
 

@@ -13,12 +13,8 @@ the folder.
 
 from __future__ import annotations
 
-from argparse import Namespace
+import argparse
 from pathlib import Path
-
-from DroneSwarmSearch import training
-
-training.exit_on_interrupt(__name__)  # also during the imports below
 
 import ray
 import torch
@@ -28,7 +24,8 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
-from DroneSwarmSearch.adapters import rllib
+from DroneSwarmSearch import training
+from DroneSwarmSearch.adapters import TrainedPolicy, rllib
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 
@@ -45,7 +42,7 @@ ENV_CONFIG = {
 DRONES = TRAINING_TASK["n_drones"]
 
 
-def build_algorithm(options: Namespace, seed: int) -> Algorithm:
+def build_algorithm(options: argparse.Namespace) -> Algorithm:
     network = DefaultModelConfig(
         fcnet_hiddens=[128, 128], fcnet_activation="tanh", vf_share_layers=False
     )
@@ -70,36 +67,30 @@ def build_algorithm(options: Namespace, seed: int) -> Algorithm:
             num_epochs=6,
         )
         .callbacks(on_episode_end=rllib.log_success)
-        .debugging(seed=seed, log_level="ERROR")
+        .debugging(seed=options.seed, log_level="ERROR")
     )
     return config.build_algo()
 
 
-def train(run: training.Run, options: Namespace) -> Path:
-    """Train for all steps; returns the path of the last checkpoint."""
-
-    def save(steps: int) -> None:
-        with run.saving_folder(f"checkpoint_{steps}") as path:
-            algorithm.save_to_path(path)
-
-    algorithm = build_algorithm(options, options.seed + run.steps_done)  # resumed: new episodes
-    if run.resuming:
-        algorithm.restore_from_path(run.checkpoint.absolute())
-        counter = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
-        run.resume_from(int(algorithm.metrics.peek(counter, default=0)) // DRONES)
-    else:
-        save(0)
-    while run.steps_done < run.total_steps:
+def train(options: argparse.Namespace) -> Path:
+    """Train for all steps; returns the path of the checkpoint."""
+    checkpoint = options.out.absolute() / "checkpoint"
+    algorithm, steps = build_algorithm(options), 0
+    while steps < options.steps:
         results = algorithm.train()[ENV_RUNNER_RESULTS]
         steps = int(results[NUM_ENV_STEPS_SAMPLED_LIFETIME]) // DRONES  # RLlib counts drones' steps
-        save(steps)
-        run.log(steps, results.get("episode_return_mean"), results.get("probability_of_success"))
+        if "probability_of_success" in results:
+            found = float(results["probability_of_success"])
+            training.log_row(options.out / "curve.csv", steps=steps, found=found)
+        algorithm.save_to_path(checkpoint)
     algorithm.stop()
-    return run.checkpoint
+    training.plot_curve(options.out / "curve.csv")
+    return checkpoint
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=300_000, short=2_000)
+    parser = argparse.ArgumentParser(description="Train drones with RLlib's PPO.")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
     number = {"type": int, "metavar": "N"}
     parser.add_argument("--num-env-runners", default=0, help="remote env runners (0)", **number)
     parser.add_argument("--num-envs", default=64, help="searches of each runner (64)", **number)
@@ -109,21 +100,27 @@ def main() -> None:
     parser.add_argument(
         "--address", default="local", help="of a Ray cluster; 'auto' for this machine's (a new one)"
     )
+    parser.add_argument("--steps", type=int, default=300_000, help="environment steps in all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
+    if options.out.exists():
+        parser.error(f"{options.out} exists: choose another folder")
+    options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
-    with training.Run(options, "PPO with RLlib", "checkpoint_*") as run:
-        ray.init(address=options.address, log_to_driver=False, logging_level="error")
-        try:
-            path = train(run, options)
-        finally:
-            ray.shutdown()
+    ray.init(address=options.address, log_to_driver=False, logging_level="error")
+    try:
+        checkpoint = train(options)
+    finally:
+        ray.shutdown()
     training.compare_with_baselines(
-        rllib.TrainedPolicy(path),  # samples actions, as in training
+        TrainedPolicy(rllib.logits(checkpoint)),  # samples actions, as in training
         TRAINING_TASK,
         view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="rllib-ppo",
-        folder=run.folder,
+        folder=options.out,
     )
 
 

@@ -11,15 +11,18 @@ searches for a person.
 
 from __future__ import annotations
 
-from DroneSwarmSearch import training
-
-training.exit_on_interrupt(__name__)  # also during the imports below
+import argparse
+from pathlib import Path
 
 import torch
 from sb3_contrib import MaskablePPO
+from stable_baselines3.common.callbacks import CheckpointCallback
+from stable_baselines3.common.logger import CSVOutputFormat, Logger
 from stable_baselines3.common.vec_env import VecMonitor
 
-from DroneSwarmSearch.adapters.sb3 import RunCallback, SB3VecEnv, TrainedPolicy
+from DroneSwarmSearch import training
+from DroneSwarmSearch.adapters import TrainedPolicy
+from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv, logits
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
@@ -55,29 +58,47 @@ def make_env() -> VecMonitor:
     return VecMonitor(SB3VecEnv(drones))
 
 
-def train(run: training.Run, seed: int) -> MaskablePPO:
+def train(options: argparse.Namespace) -> MaskablePPO:
     """Train for all steps that are left; returns the model."""
-    env = make_env()
-    seed += run.steps_done  # a resumed run plays new episodes
-    if run.resuming:
-        model = MaskablePPO.load(run.checkpoint, env, seed=seed, device="cpu")
-        run.resume_from(model.num_timesteps // DRONES)
+    env, folder = make_env(), options.out
+    if options.resume:
+        newest = max(folder.glob("model*.zip"), key=lambda path: path.stat().st_mtime)
+        model = MaskablePPO.load(newest, env, device="cpu")
+        model.set_random_seed(options.seed + model.num_timesteps)  # plays new episodes
     else:
-        model = MaskablePPO("MlpPolicy", env, seed=seed, **SETTINGS)
-    remaining = run.total_steps - run.steps_done
-    if remaining > 0:  # Stable-Baselines3 counts the steps of single drones
-        model.learn(remaining * DRONES, RunCallback(run), reset_num_timesteps=not run.resuming)
+        model = MaskablePPO("MlpPolicy", env, seed=options.seed, **SETTINGS)
+    # Stable-Baselines3 counts the steps of single drones.
+    csv = CSVOutputFormat(str(folder / f"progress_{model.num_timesteps:09}.csv"))
+    model.set_logger(Logger(None, [csv]))
+    callbacks = [LogSuccess(), CheckpointCallback(10 * NUM_STEPS, str(folder), "model")]
+    remaining = options.steps * DRONES - model.num_timesteps
+    if remaining > 0:
+        model.learn(remaining, callbacks, reset_num_timesteps=not options.resume)
+    model.save(folder / "model.zip")
+    training.plot_curve(
+        *sorted(folder.glob("progress_*.csv")),
+        steps="time/total_timesteps",
+        columns=["rollout/probability_of_success"],
+    )
     return model
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=400_000, short=NUM_SWARMS * NUM_STEPS)
+    parser = argparse.ArgumentParser(description="Train drones with MaskablePPO of sb3-contrib.")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
+    parser.add_argument("--resume", action="store_true", help="continue from its last checkpoint")
+    parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
+    if options.resume != any(options.out.glob("model*.zip")):
+        parser.error(f"{options.out} holds {'no' if options.resume else 'a'} training to resume")
+    options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(options.threads)
-    with training.Run(options, "MaskablePPO of sb3-contrib", "model.zip") as run:
-        model = train(run, options.seed)
+    model = train(options)
     training.compare_with_baselines(
-        TrainedPolicy(model),  # samples actions, as in training
+        TrainedPolicy(logits(model)),  # samples actions, as in training
         TRAINING_TASK,
         view=View("drone", "crops", action_mask=True, right_of_way=True),
         episodes=options.episodes,

@@ -9,10 +9,7 @@ Every drone of every search is a sub-environment, and all share one network. Mas
 from __future__ import annotations
 
 import argparse
-
-from DroneSwarmSearch import training
-
-training.exit_on_interrupt(__name__)  # also during the imports below
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -23,12 +20,11 @@ from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
 
-from DroneSwarmSearch.adapters import tianshou
+from DroneSwarmSearch import training
+from DroneSwarmSearch.adapters import TrainedPolicy, tianshou
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
-
-CHECKPOINT = "model.pt"
 
 DRONES = TRAINING_TASK["n_drones"]
 
@@ -76,51 +72,45 @@ def make_ppo(envs: tianshou.DroneVenv) -> PPO:
 
 def train(options: argparse.Namespace) -> PPO:
     """Train for all steps; returns the algorithm."""
-    with training.Run(options, "PPO of Tianshou", CHECKPOINT) as run:
-
-        def save(steps: int) -> None:
-            with run.saving(CHECKPOINT) as path:
-                torch.save({"steps": steps, "ppo": ppo.state_dict()}, path)
-
-        seed = options.seed + run.steps_done  # a resumed run plays new episodes
-        torch.manual_seed(seed)
-        np.random.seed(seed)  # for the order of minibatches
-        envs = make_envs(options.num_envs)
-        envs.seed(seed)
-        ppo = make_ppo(envs)
-        if run.resuming:
-            checkpoint = torch.load(run.checkpoint)
-            ppo.load_state_dict(checkpoint["ppo"])
-            run.resume_from(checkpoint["steps"])
-        else:
-            save(0)
-        buffer = VectorReplayBuffer(ROLLOUT * len(envs), len(envs))
-        collector = Collector(ppo, envs, buffer, collect_stats_class=tianshou.SuccessStats)
-        collector.reset()
-        while run.steps_done < run.total_steps:
-            with policy_within_training_step(ppo.policy):
-                stats = collector.collect(n_step=ROLLOUT * len(envs))
-                ppo.update(buffer, batch_size=1024, repeat=6)
-            collector.reset_buffer(keep_statistics=True)
-            steps = run.steps_done + stats.n_collected_steps // DRONES
-            save(steps)
-            if stats.n_collected_episodes:
-                run.log(steps, np.mean(stats.returns), np.mean(stats.probabilities))
-            else:
-                run.log(steps)
+    torch.manual_seed(options.seed)
+    np.random.seed(options.seed)  # for the order of minibatches
+    envs = make_envs(options.num_envs)
+    envs.seed(options.seed)
+    ppo = make_ppo(envs)
+    buffer = VectorReplayBuffer(ROLLOUT * len(envs), len(envs))
+    collector = Collector(ppo, envs, buffer, collect_stats_class=tianshou.SuccessStats)
+    collector.reset()
+    steps = 0
+    while steps < options.steps:
+        with policy_within_training_step(ppo.policy):
+            stats = collector.collect(n_step=ROLLOUT * len(envs))
+            ppo.update(buffer, batch_size=1024, repeat=6)
+        collector.reset_buffer(keep_statistics=True)
+        steps += stats.n_collected_steps // DRONES
+        if stats.probabilities:
+            found = float(np.mean(stats.probabilities))
+            training.log_row(options.out / "curve.csv", steps=steps, found=found)
+        torch.save(ppo.state_dict(), options.out / "model.pt")
+    training.plot_curve(options.out / "curve.csv")
     return ppo
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=300_000, short=2_000)
-    parser.add_argument(
-        "--num-envs", metavar="N", type=int, default=64, help="searches in the batch (64)"
-    )
+    parser = argparse.ArgumentParser(description="Train drones with Tianshou's PPO.")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
+    parser.add_argument("--num-envs", type=int, default=64, help="searches in the batch (64)")
+    parser.add_argument("--steps", type=int, default=300_000, help="environment steps in all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
+    if options.out.exists():
+        parser.error(f"{options.out} exists: choose another folder")
+    options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
     ppo = train(options)
     training.compare_with_baselines(
-        tianshou.TrainedPolicy(ppo.policy),  # samples actions, as in training
+        TrainedPolicy(tianshou.logits(ppo.policy)),  # samples actions, as in training
         TRAINING_TASK,
         view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,

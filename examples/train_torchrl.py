@@ -10,11 +10,9 @@ or also the state, which shows the person (MAPPO). The state is used in training
 
 from __future__ import annotations
 
+import argparse
 import warnings
-
-from DroneSwarmSearch import training
-
-training.exit_on_interrupt(__name__)  # also during the imports below
+from pathlib import Path
 
 import torch
 from tensordict.nn import TensorDictModule
@@ -24,7 +22,8 @@ from torchrl.envs import RewardSum, TransformedEnv
 from torchrl.modules import MLP
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from DroneSwarmSearch import Action
+from DroneSwarmSearch import Action, training
+from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.torchrl import (
     LOGITS,
     OBSERVATION,
@@ -33,9 +32,9 @@ from DroneSwarmSearch.adapters.torchrl import (
     STATE,
     VALUE,
     SearchEnv,
-    TrainedPolicy,
     WithState,
     episode_metrics,
+    logits,
     masked_policy,
 )
 from DroneSwarmSearch.evaluation import View
@@ -57,70 +56,66 @@ SHOWN = {"observation": "crops", "right_of_way": True}
 
 
 def main() -> None:
-    parser = training.arguments(__doc__, steps=400_000, short=2 * BATCH)
+    parser = argparse.ArgumentParser(description="Train drones with TorchRL's PPO.")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
     sees = "sees the drone's observation, or also the state (local)"
     parser.add_argument("--critic", choices=["local", "central"], default="local", help=sees)
+    parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
+    if options.out.exists():
+        parser.error(f"{options.out} exists: choose another folder")
+    options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
-    with training.Run(options, f"TorchRL, PPO with a {options.critic} critic") as run:
-        central = options.critic == "central"
-        torch.manual_seed(options.seed)
-        env = SearchEnv(NUM_SWARMS, state=central, **MISSION, **SHOWN, **TRAINING_TASK)
-        network = TensorDictModule(MLP(out_features=len(Action), **LAYERS), [OBSERVATION], [LOGITS])
-        policy = masked_policy(network)
-        seen = [OBSERVATION, STATE] if central else [OBSERVATION]
-        critic = TensorDictModule(WithState(MLP(out_features=1, **LAYERS)), seen, [VALUE])
-        critic(policy(env.reset()))  # determines the numbers of inputs
-        loss = ClipPPOLoss(policy, critic, entropy_coeff=ENTROPY, normalize_advantage=True)
-        loss.set_keys(**PPO_KEYS)
-        loss.make_value_estimator(ValueEstimators.GAE, gamma=0.99, lmbda=0.95)
-        optimiser = torch.optim.Adam(loss.parameters(), lr=LEARNING_RATE, eps=1e-5)
-        if run.resuming:
-            checkpoint = torch.load(run.checkpoint, weights_only=True)
-            loss.load_state_dict(checkpoint["loss"])
-            optimiser.load_state_dict(checkpoint["optimiser"])
-            run.resume_from(checkpoint["steps"])
-        env.set_seed(options.seed + run.steps_done)  # a resumed run plays new episodes
-
-        def save(steps: int) -> None:
-            state = {"loss": loss.state_dict(), "optimiser": optimiser.state_dict()}
-            with run.saving("checkpoint.pt") as path:
-                torch.save({"steps": steps, **state}, path)
-
-        if not run.resuming:
-            save(0)
-        collector = Collector(TransformedEnv(env, RewardSum()), policy, frames_per_batch=BATCH)
-        batches = iter(collector)
-        while run.steps_done < run.total_steps:
-            batch = next(batches)
-            left = 1 - run.steps_done / run.total_steps
-            optimiser.param_groups[0]["lr"] = LEARNING_RATE * left
-            loss.entropy_coeff.fill_(ENTROPY * left)
-            with torch.no_grad():
-                loss.value_estimator(
-                    batch,
-                    params=loss.critic_network_params,
-                    target_params=loss.target_critic_network_params,
-                )
-            steps = batch.reshape(-1)
-            for _ in range(EPOCHS):
-                for indices in torch.randperm(len(steps)).split(MINIBATCH_SIZE):
-                    losses = loss(steps[indices])
-                    total = sum(value for name, value in losses.items() if name.startswith("loss_"))
-                    optimiser.zero_grad()
-                    total.backward()
-                    nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
-                    optimiser.step()
-            save(run.steps_done + BATCH)
-            run.log(run.steps_done + BATCH, **episode_metrics(batch, success=PROBABILITY))
-        collector.shutdown()
+    torch.manual_seed(options.seed)
+    central = options.critic == "central"
+    env = SearchEnv(NUM_SWARMS, state=central, **MISSION, **SHOWN, **TRAINING_TASK)
+    env.set_seed(options.seed)
+    network = TensorDictModule(MLP(out_features=len(Action), **LAYERS), [OBSERVATION], [LOGITS])
+    policy = masked_policy(network)
+    seen = [OBSERVATION, STATE] if central else [OBSERVATION]
+    critic = TensorDictModule(WithState(MLP(out_features=1, **LAYERS)), seen, [VALUE])
+    critic(policy(env.reset()))  # determines the numbers of inputs
+    loss = ClipPPOLoss(policy, critic, entropy_coeff=ENTROPY, normalize_advantage=True)
+    loss.set_keys(**PPO_KEYS)
+    loss.make_value_estimator(ValueEstimators.GAE, gamma=0.99, lmbda=0.95)
+    optimiser = torch.optim.Adam(loss.parameters(), lr=LEARNING_RATE, eps=1e-5)
+    total = -(-options.steps // BATCH) * BATCH
+    env = TransformedEnv(env, RewardSum())
+    collector = Collector(env, policy, frames_per_batch=BATCH, total_frames=total)
+    for number, batch in enumerate(collector):
+        left = 1 - number * BATCH / total
+        optimiser.param_groups[0]["lr"] = LEARNING_RATE * left
+        loss.entropy_coeff.fill_(ENTROPY * left)
+        with torch.no_grad():
+            loss.value_estimator(
+                batch,
+                params=loss.critic_network_params,
+                target_params=loss.target_critic_network_params,
+            )
+        steps = batch.reshape(-1)
+        for _ in range(EPOCHS):
+            for indices in torch.randperm(len(steps)).split(MINIBATCH_SIZE):
+                losses = loss(steps[indices])
+                optimiser.zero_grad()
+                sum(value for name, value in losses.items() if name.startswith("loss_")).backward()
+                nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
+                optimiser.step()
+        metrics = episode_metrics(batch, success=PROBABILITY)
+        training.log_row(options.out / "curve.csv", steps=(number + 1) * BATCH, **metrics)
+        torch.save(policy.state_dict(), options.out / "policy.pt")
+    collector.shutdown()
+    training.plot_curve(options.out / "curve.csv")
     training.compare_with_baselines(
-        TrainedPolicy(policy, TRAINING_TASK["n_drones"]),  # samples actions, as in training
+        # Samples actions, as in training.
+        TrainedPolicy(logits(policy, TRAINING_TASK["n_drones"])),
         TRAINING_TASK,
         view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name="torchrl-ppo",
-        folder=run.folder,
+        folder=options.out,
     )
 
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from helpers import plain
 
-from DroneSwarmSearch._internal.streams import RowGenerator
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import SearchBatch
 
@@ -18,8 +17,7 @@ DRONES = "drones_positions"
 CONSTANT = "disperse_constant"
 
 # The axes of a value for all rows; with one axis more, each row has its own.
-AXES = {"vector": 1, PERSON: 2, CONSTANT: 0, DRONES: 2}
-SITUATION_AXES = {"situation": 0, DRONES: 2}
+AXES = {"situation": 0, DRONES: 2}
 
 
 PRIOR = np.diag(np.arange(6, dtype=float))
@@ -46,17 +44,17 @@ def seen(batch: SearchBatch) -> list[Any]:
     ]  # fmt: skip
     if batch.probability_of_success is not None:
         values.append(batch.probability_of_success)
-    values += batch.parameters.values()
+    values.append(batch.situation)
     return [[plain(value[row]) for value in values] for row in range(batch.num_rows)]
 
 
-def everything_sampled(rng: RowGenerator) -> dict[str, Any]:
+def everything_sampled(rng: np.random.Generator) -> dict[str, Any]:
     """Two drones in different halves of a grid of 6 x 6, one person anywhere."""
     return {
         "vector": rng.uniform(-1, 1, 2),
-        PERSON: rng.integers(0, 6, (1, 2)),
+        PERSON: rng.integers(0, 6, 2),
         CONSTANT: rng.uniform(0, 30),
-        DRONES: rng.integers([[0, 0], [3, 0]], [[3, 6], [6, 6]], (2, 2)),
+        DRONES: rng.integers([[0, 0], [3, 0]], [[3, 6], [6, 6]]),
     }
 
 
@@ -64,6 +62,6 @@ SAMPLED = {
     "grid_size": 6,
     "n_drones": 2,
     "timestep_limit": 12,
-    POD: 0.5,
+    "probability_of_detection": 0.5,
     "bayesian_update": True,
 }

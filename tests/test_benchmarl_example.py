@@ -1,61 +1,15 @@
-"""The BenchMARL task, and short runs of the example as users run it."""
+"""The BenchMARL task."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
-from trainer_examples import EXAMPLES, check_folder, check_table, interrupt, python, rows
+from trainer_examples import python
 
 pytest.importorskip("benchmarl")
 
 pytestmark = pytest.mark.slow
-
-EXAMPLE = EXAMPLES / "train_benchmarl.py"
-
-OPTIMISER_STEPS = """
-import sys, torch
-
-for path in sys.argv[1:]:
-    checkpoint = torch.load(path, weights_only=True)
-    steps = [each["state"][0]["step"] for each in checkpoint["optimisers_drones"].values()]
-    print(checkpoint["state"]["total_frames"], *map(int, steps))
-"""
-
-
-@pytest.mark.parametrize("algorithm", ["ippo", "mappo"])
-def test_it_trains_resumes_and_compares(algorithm: str, tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    arguments = (EXAMPLE, "--short", "--out", folder, "--algorithm", algorithm)
-    name = f"benchmarl-{algorithm}"
-    check_table(python(*arguments), name, 50)
-    [logged] = folder.rglob("collection_success_rate.csv")
-    assert len(logged.read_text("utf-8").splitlines()) == 2
-    [checkpoints] = folder.glob("*/checkpoints")
-    relative = checkpoints.relative_to(folder)
-    assert check_folder(folder, relative / "checkpoint_10000.pt", name) == [5000, 10000]
-    first = rows(folder / "curve.csv")
-
-    check_table(python(*arguments, "--resume", "--steps", 12000), name, 50)
-    assert check_folder(folder, relative / "checkpoint_15000.pt", name) == [5000, 10000, 15000]
-    assert rows(folder / "curve.csv")[:2] == first
-
-    paths = [checkpoints / f"checkpoint_{steps}.pt" for steps in (5000, 10000, 15000)]
-    script = tmp_path / "optimiser_steps.py"
-    script.write_text(OPTIMISER_STEPS, "utf-8")
-    counts = [list(map(int, line.split())) for line in python(script, *paths).splitlines()]
-    per_batch = counts[0][1]
-    assert counts == [[5000 * i, per_batch * i, per_batch * i] for i in (1, 2, 3)]
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
-@pytest.mark.parametrize("moment", ["", "*/checkpoints/*", "curve.csv"])
-def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
-    folder = tmp_path / "run"
-    interrupt("train_benchmarl", folder, moment, "--episodes", 5)
-    assert (folder / "evaluation.csv").exists()
-
 
 TASK = """
 import warnings

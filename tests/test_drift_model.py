@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from small_searches import uncertain_persons
 
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
-from DroneSwarmSearch.drift.person import Starts
 
 
 @st.composite
@@ -182,18 +181,9 @@ def test_branches_are_the_steps_of_the_distribution() -> None:
 
 
 def test_the_starts_of_several_persons_are_drawn_like_one() -> None:
-    persons = [
-        Person([Drift((1, 1), weight=0.4), Drift((2, 2), start_sd=1)]),
-        Person(Drift(np.eye(5))),
-        Person(Drift((3, 3))),
-    ]
-    forecasts = [ProbabilityMatrix(5, person) for person in persons]
-    drawn_starts = Starts(forecasts)
+    forecast = ProbabilityMatrix(5, Person([Drift((1, 1), weight=0.4), Drift(np.eye(5))]))
     draws = np.append(np.random.default_rng(3).random(200), [0.0, 1 - 2**-53])
-    for number, forecast in enumerate(forecasts):
-        drawn = drawn_starts(np.full(len(draws), number), draws)
-        assert drawn.tolist() == [forecast.start(draw) for draw in draws.tolist()]
-    numbers = np.arange(3)[:, None].repeat(4, axis=1)
-    together = drawn_starts(numbers, draws[:12].reshape(3, 4))
-    assert together[1].tolist() == drawn_starts(numbers[1], draws[4:8]).tolist()
-    assert forecasts[2].start(0.5) == 18
+    drawn = forecast.start(draws)
+    assert drawn.tolist() == [forecast.start(draw) for draw in draws.tolist()]
+    assert (forecast.joint(0).reshape(-1)[drawn] > 0).all()
+    assert ProbabilityMatrix(5, Drift((3, 3))).start(0.5) == 18

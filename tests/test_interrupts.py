@@ -9,7 +9,6 @@ import copy
 import itertools
 import random
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
@@ -22,8 +21,7 @@ from helpers import observed, plain, play, play_on
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
 from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv, threads
-from DroneSwarmSearch.vector.threads import run_in_parts
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 HOME = str(Path(package.__file__).parent)
 
@@ -138,15 +136,10 @@ def test_an_interrupted_reset_of_an_environment() -> None:
 ROWS = 5
 BATCHES: dict[str, dict[str, Any]] = {
     "the drift alone": {},
-    "one forecast for each search": {"vector": np.linspace(-0.4, 0.4, 2 * ROWS).reshape(ROWS, 2)},
     "posterior, several persons": {
         "bayesian_update": True,
         "person_initial_position": [(1, 0), (2, 2)],
         "probability_of_detection": 0.5,
-    },
-    "sampler": {
-        "bayesian_update": True,
-        "sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)},
     },
     "situations, posterior": {
         "bayesian_update": True,
@@ -226,20 +219,20 @@ def test_an_interrupted_step_of_a_batch(parameters: dict[str, Any]) -> None:
 @pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
 def test_an_interrupted_reset_of_a_batch(parameters: dict[str, Any]) -> None:
     batch, new = made_batch(parameters), made_batch(parameters)
-    given: dict[str, Any] = {"vector": (0.3, 0.1)}
-    others: dict[str, Any] = {"disperse_constant": 3}
+    given: dict[str, Any] = {"drones_positions": [(1, 1), (2, 3)]}
+    others: dict[str, Any] = {"drones_positions": [(3, 1), (2, 2)]}
     if "situations" in parameters:
         given, others = {"situation": 1}, {"situation": 0}
-    new.reset(range(20, 20 + ROWS), given=given)
+    new.reset(range(20, 20 + ROWS), **given)
     expected = seen(new)
     for rows in (None, np.arange(3)):
         count = ROWS if rows is None else len(rows)
         for left in interruptions(
             lambda: copy.deepcopy(batch),
-            lambda batch, rows=rows, count=count: batch.reset(range(count), rows, others),
-            stride=260,
+            lambda batch, rows=rows, count=count: batch.reset(range(count), rows, **others),
+            stride=100,
         ):
-            left.reset(range(20, 20 + ROWS), given=given)
+            left.reset(range(20, 20 + ROWS), **given)
             assert seen(left) == expected
 
 
@@ -276,104 +269,3 @@ def test_an_interrupted_step_of_a_view(
             with pytest.raises(ResetNeeded):
                 left.step(np.full(left.action_space.shape, Action.IDLE))
         assert log(left) == expected
-
-
-# Worker threads.
-
-
-@pytest.fixture
-def two_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = threads._Workers()
-    made.number = 2
-    monkeypatch.setattr(threads, "_workers", made)
-
-
-def test_no_worker_runs_after_an_interrupt(two_workers: None) -> None:
-    may_end = threading.Event()
-
-    for at in itertools.count():
-        started: list[int] = []
-        done: list[int] = []
-        may_end.clear()
-        threading.Timer(0.005, may_end.set).start()
-
-        def work(part: int, started: list[int] = started, done: list[int] = done) -> None:
-            started.append(part)
-            assert may_end.wait(60)
-            done.append(part)
-
-        whole = not interrupted(lambda work=work: run_in_parts(work, range(6)), at)
-        own = len(started) - len(done)  # this thread's part ends with the interrupt
-        assert own in (0, 1)
-        if whole:
-            assert sorted(done) == list(range(6))
-            break
-        finished = list(done)
-        may_end.set()
-        assert done == finished and len(started) - len(done) == own
-    assert at > 50 // COARSER
-
-
-def test_a_second_interrupt_does_not_end_the_wait(
-    two_workers: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    started, may_end, done = threading.Event(), threading.Event(), []
-
-    def work(part: int) -> None:
-        started.set()
-        assert may_end.wait(60)
-        done.append(part)
-
-    def interrupt_the_wait(_: float) -> None:
-        may_end.set()
-        raise KeyboardInterrupt
-
-    def foreground() -> None:
-        assert started.wait(60)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(threads.time, "sleep", interrupt_the_wait)
-    with pytest.raises(KeyboardInterrupt):
-        run_in_parts(work, [1], foreground)
-    assert done == [1]
-
-
-@pytest.mark.parametrize("bayesian", [False, True])
-def test_interrupted_batches_with_workers(
-    bayesian: bool, two_workers: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(threads, "_LEAST_BYTES", 1)
-    monkeypatch.setattr(threads, "_PART_BYTES", 1)
-    parameters = {"bayesian_update": bayesian}
-    batch, new = made_batch(parameters), made_batch(parameters)
-    new.reset(range(20, 20 + ROWS))
-    expected = seen(new)
-    matrices = np.empty((ROWS, 4, 4), np.float32)
-    for left in interruptions(
-        lambda: copy.deepcopy(batch), lambda batch: batch.step(ACTIONS, matrices), stride=167
-    ):
-        left.reset(range(20, 20 + ROWS))
-        assert seen(left) == expected
-
-
-def test_an_episode_continues_after_an_error_of_the_sampler() -> None:
-    """The sampler runs before any state changes, so no reset is needed."""
-    wrong = False
-
-    def sampler(rng: Any) -> dict[str, Any]:
-        if wrong:
-            raise ArithmeticError("sampler")
-        return {"vector": rng.uniform(-0.5, 0.5, 2)}
-
-    batch = SearchBatch(3, grid_size=4, sampler=sampler)
-    batch.reset([1, 2, 3])
-    batch.step([[Action.LEFT], [Action.IDLE], [Action.IDLE]])
-    twin = copy.deepcopy(batch)
-    wrong = True
-    for _ in range(2):
-        with pytest.raises(ArithmeticError, match="sampler"):
-            batch.step([[Action.SEARCH]] * 3)
-    wrong = False
-    for one in (batch, twin):
-        one.step([[Action.SEARCH]] * 3)
-    assert plain([batch.person_cells, batch.rewards]) == plain([twin.person_cells, twin.rewards])

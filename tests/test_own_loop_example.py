@@ -1,13 +1,11 @@
-"""The training loop in one file: its parts, and short runs as users run it."""
+"""The parts of the training loop in one file."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from types import ModuleType
 
 import pytest
-from trainer_examples import check_folder, check_table, interrupt, module, run
+from trainer_examples import module
 
 from DroneSwarmSearch import Action
 
@@ -19,26 +17,6 @@ def example() -> ModuleType:
     made = module("train_own_loop")
     made.SWARMS = 6
     return made
-
-
-@pytest.mark.slow
-def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
-    options = ("--short", "--out", tmp_path, "--episodes", 20)
-    check_table(run("train_own_loop", *options), "ppo", 20)
-    steps = check_folder(tmp_path, "checkpoint.pt", "ppo")
-    first = (tmp_path / "checkpoint.pt").read_bytes()
-    run("train_own_loop", *options, "--resume", "--steps", steps[-1] + 1)
-    assert check_folder(tmp_path, "checkpoint.pt", "ppo")[:-1] == steps
-    assert (tmp_path / "checkpoint.pt").read_bytes() != first
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
-@pytest.mark.parametrize("moment", ["", ".checkpoint.*", "curve.csv"])
-def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
-    folder = tmp_path / "run"
-    interrupt("train_own_loop", folder, moment, "--steps", 40_000, "--episodes", 5)
-    assert (folder / "evaluation.csv").exists()
 
 
 def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) -> None:

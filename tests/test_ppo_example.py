@@ -1,20 +1,18 @@
-"""The example that trains the policy "ppo": its parts, and a short run as users run it."""
+"""The parts of the example that trains the policy "ppo"."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from trainer_examples import check_folder, check_table, interrupt, module, rows, run
+from trainer_examples import module
 
 from DroneSwarmSearch import Action, Drift, Person, Scenario
-from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.policies.arrivals import INPUTS
-from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
+from DroneSwarmSearch.policies.ppo import Network
 from DroneSwarmSearch.training import ExpectedSearches
 
 torch = pytest.importorskip("torch")
@@ -23,35 +21,6 @@ torch = pytest.importorskip("torch")
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
     return module("train_ppo")
-
-
-@pytest.mark.slow
-def test_it_trains_resumes_and_compares(tmp_path: Path) -> None:
-    options = ("--short", "--out", tmp_path, "--episodes", 20)
-    output = run("train_ppo", *options)
-    check_table(output, "ppo", 20)
-    steps = check_folder(tmp_path, "checkpoint.pt", "ppo")
-    assert steps[-1] >= 10_000
-    first_row = rows(tmp_path / "curve.csv")[0]
-    for name in ("the network", *module("train_ppo").BASELINES):
-        assert 0.2 < float(first_row[f"held-out {name}"]) < 1
-    weights = tmp_path / "policy.npz"
-    first = weights.read_bytes()
-    run("train_ppo", *options, "--resume", "--steps", steps[-1] + 1)
-    resumed = check_folder(tmp_path, "checkpoint.pt", "ppo")
-    assert resumed[:-1] == steps
-    assert weights.read_bytes() != first
-    assert PPOPolicy(search("classic").scenario, weights)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
-@pytest.mark.parametrize("moment", ["", ".policy.*", ".checkpoint.*", "checkpoint.pt", "curve.csv"])
-def test_after_ctrl_c_it_resumes(tmp_path: Path, moment: str) -> None:
-    folder = tmp_path / "run"
-    interrupt("train_ppo", folder, moment, "--steps", 20_000, "--episodes", 5)
-    assert int(rows(folder / "curve.csv")[-1]["steps"]) >= 20_000
-    assert (folder / "evaluation.csv").exists()
 
 
 def searches_of(limit: int = 20, detection: float = 0.7, count: int = 6) -> ExpectedSearches:

@@ -42,7 +42,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.detection",
     "DroneSwarmSearch.vector",
     *ADAPTERS,
-    "DroneSwarmSearch.adapters.agilerl",
+    "DroneSwarmSearch.adapters",
     "DroneSwarmSearch.wrappers",
     "DroneSwarmSearch.policies",
     "DroneSwarmSearch.planning",

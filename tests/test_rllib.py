@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from helpers import TWO_DRONES
 
+from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -192,14 +193,14 @@ def test_a_checkpoint_becomes_a_policy(rllib: Any, tmp_path: Path) -> None:
     module = module_for(rllib, batch)
     module.save_to_path(tmp_path / "learner_group" / "learner" / "rl_module" / "drone")
     observations, _ = batch.reset(seed=0)
-    sampling = rllib.TrainedPolicy(tmp_path, "drone")
+    sampling = TrainedPolicy(rllib.logits(tmp_path, "drone"))
     actions = sampling(observations)
     allowed = observations["action_mask"] == 1
     assert actions.shape == (400,) and allowed[np.arange(400), actions].all()
     assert len({*actions.tolist()}) > 2
     sampling.reset(seed=0)
     assert (sampling(observations) == actions).all()
-    best = rllib.TrainedPolicy(tmp_path, "drone", deterministic=True)
+    best = TrainedPolicy(rllib.logits(tmp_path, "drone"), deterministic=True)
     assert (best(observations) == best(observations)).all()
 
 

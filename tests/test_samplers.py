@@ -1,238 +1,150 @@
-"""Samplers: parameters drawn for every episode, and their random numbers."""
+"""Samplers: searches drawn for the episodes of a batch."""
 
 from __future__ import annotations
 
-import copy
-import math
 from typing import Any
 
 import numpy as np
 import pytest
-from batches import CONSTANT, DRONES, NAN, PERSON, SAMPLED, everything_sampled, seen
+from batches import CATALOGUE, CONSTANT, DRONES, NAN, PERSON, SAMPLED, everything_sampled, seen
 from helpers import plain, without_history
 
-from DroneSwarmSearch import DroneSwarmSearch
-from DroneSwarmSearch._internal.streams import RowGenerator, stream_keys
-from DroneSwarmSearch.vector import SearchBatch
+from DroneSwarmSearch import Action, DroneSwarmSearch, Person
+from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 
-def test_what_is_sampled_depends_on_seed_and_episode_alone() -> None:
-    seeds = [4, 8, 15, 16, 23]
-    together = SearchBatch(5, sampler=everything_sampled, **SAMPLED)
-    together.reset(seeds)
-    single = [SearchBatch(1, sampler=everything_sampled, **SAMPLED) for _ in seeds]
-    for batch, seed in zip(single, seeds, strict=True):
-        batch.reset([seed])
+def test_the_same_seeds_draw_the_same_searches() -> None:
+    batches = [SearchBatch(5, sampler=everything_sampled, **SAMPLED) for _ in range(3)]
+    for batch, seed in zip(batches, (4, 4, 5), strict=True):
+        batch.reset(range(seed, seed + 5))
     rng = np.random.default_rng(1)
-    different = set()
-    for _ in range(80):
-        rows = seen(together)
-        assert rows == [seen(batch)[0] for batch in single]
-        different |= {repr(row[-4:]) for row in rows}
+    for _ in range(40):
         actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 4], (5, 2))
-        together.step(actions)
-        for row, batch in enumerate(single):
-            batch.step(actions[row : row + 1])
-    assert len(different) > 40  # episodes, each with parameters of its own
+        for batch in batches:
+            batch.step(actions)
+        assert seen(batches[0]) == seen(batches[1]) != seen(batches[2])
+    batches[2].reset(range(4, 9))
+    batches[0].reset(range(4, 9))
+    assert seen(batches[0]) == seen(batches[2])
 
 
-def test_sampled_parameters_given_to_single_environments_make_the_same_episodes() -> None:
-    seeds = list(range(6))
-    batch = SearchBatch(len(seeds), sampler=everything_sampled, **SAMPLED)
-    batch.reset(seeds)
+@pytest.mark.parametrize("bayesian", [False, True])
+def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
+    bayesian: bool,
+) -> None:
+    """Enough episodes that the sampler draws anew while others are under way."""
+    calls, shared = [0], {**SAMPLED, "bayesian_update": bayesian}
+
+    def sampler(rng: np.random.Generator) -> dict[str, Any]:
+        calls[0] += 1
+        hypotheses = CATALOGUE[rng.integers(0, 3)]  # of one to two hypotheses
+        if rng.random() < 0.5:
+            return {"persons": hypotheses, DRONES: everything_sampled(rng)[DRONES]}
+        return {**everything_sampled(rng), "probability_of_detection": 0.4}
+
+    del shared["probability_of_detection"]
+    rows = 30
+    batch = SearchBatch(rows, sampler=sampler, **shared)
+    batch.reset(range(rows))
+    drawn, different = calls[0], set()
+    envs, episodes = [None] * rows, [0] * rows
     rng = np.random.default_rng(2)
-
-    def begin(row: int, episode: int) -> DroneSwarmSearch:
-        options = {name: value[row].tolist() for name, value in batch.parameters.items()}
-        env = DroneSwarmSearch(**SAMPLED, disperse_constant=options.pop(CONSTANT))
-        for number in range(episode + 1):
-            env.reset(seed=None if number else seeds[row], options=options)
-        return env
-
-    episodes = [0] * len(seeds)
-    envs = [begin(row, 0) for row in range(len(seeds))]
-    for _ in range(60):
-        ended, actions = batch.ended.tolist(), rng.choice([0, 1, 2, 3, 4, 4, 4], (len(seeds), 2))
-        batch.step(actions)
-        for row in range(len(seeds)):
+    ended = np.ones(rows, bool)
+    checked = range(0, rows, 10)
+    for turn in range(700):
+        for row in checked:
             if ended[row]:
+                envs[row] = env = DroneSwarmSearch(scenario=batch.scenario_of(row))
+                positions = {DRONES: batch.positions[row].tolist()}
+                for episode in range(episodes[row] + 1):
+                    env.reset(seed=None if episode else row, options=positions)
                 episodes[row] += 1
-                envs[row] = begin(row, episodes[row])
-            else:
-                drone0, drone1 = actions[row].tolist()
-                rewards = envs[row].step({"drone0": drone0, "drone1": drone1})[1]
+                different.add(batch.scenario_of(row).situation)
+            if turn % 5 == 0 or ended[row]:
+                assert plain(vars(batch.frame(row))) == without_history(envs[row].frame())
+        actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 5, 5], (rows, 2))
+        going = ~batch.ended
+        batch.step(actions)
+        ended = ~going
+        for row in checked:
+            if going[row]:
+                drones = actions[row].tolist()
+                rewards = envs[row].step(dict(zip(("drone0", "drone1"), drones, strict=True)))[1]
                 assert list(rewards.values()) == batch.rewards[row].tolist()
-            assert plain(vars(batch.frame(row))) == without_history(envs[row].frame())
-    assert max(episodes) > 3
+    assert calls[0] >= 3 * drawn
+    assert len(different) > 50
 
 
 def test_what_is_not_sampled_is_as_the_batch_was_given_it() -> None:
     batch = SearchBatch(
         3,
         sampler=lambda rng: {"vector": rng.uniform(-1, 1, 2)},
-        person_initial_position=[[(1, 1)], [(2, 2)], [(3, 3)]],
-        disperse_constant=[1, 2, 3],
+        person_initial_position=(2, 2),
+        disperse_constant=4,
         drones_positions=[(5, 5)],
     )
     batch.reset([1, 2, 3])
-    parameters = batch.parameters
-    assert parameters[PERSON].tolist() == [[[1, 1]], [[2, 2]], [[3, 3]]]
-    assert parameters[CONSTANT].tolist() == [1, 2, 3]
-    assert parameters[DRONES].tolist() == [[[5, 5]]] * 3
-    assert len(np.unique(parameters["vector"])) == 6
-
-
-def test_what_reset_is_given_is_not_sampled_for_that_episode() -> None:
-    batch, other = (SearchBatch(3, sampler=everything_sampled, **SAMPLED) for _ in range(2))
-    for name, value in {CONSTANT: 7.5, PERSON: [[2, 3]], DRONES: [[1, 1], [4, 0]]}.items():
-        batch.reset([1, 2, 3], given={name: value})
-        other.reset([1, 2, 3])
-        expected = other.parameters
-        assert value not in expected[name].tolist()
-        expected[name] = np.array([value] * 3)
-        assert batch.parameters.keys() == expected.keys()
-        for parameter, values in batch.parameters.items():
-            assert values.tolist() == expected[parameter].tolist()
-        batch.reset()
-        other.reset()
-        assert plain(batch.parameters) == plain(other.parameters)
-
-
-def test_row_numbers_have_the_ranges_and_shapes_asked_for() -> None:
-    rng = RowGenerator(stream_keys(1)[:3])
-    assert len(rng) == 3
-    for size, shape in (((), (3,)), (4, (3, 4)), ((2, 5), (3, 2, 5)), (0, (3, 0))):
-        drawn = rng.random(size)
-        assert drawn.shape == shape and drawn.dtype == np.float64
-        assert rng.uniform(2, 3, size).shape == shape
-        assert rng.integers(2, 9, size).shape == shape
-    wide = RowGenerator(np.arange(4, dtype=np.uint64))
-    uniform = wide.uniform([-3.0, 10.0], [-1.0, 11.0], (5000, 2))
-    for column, (low, high) in enumerate([(-3, -1), (10, 11)]):
-        drawn = uniform[..., column]
-        assert low <= drawn.min() and drawn.max() < high
-        error = (high - low) / math.sqrt(12 * drawn.size)
-        assert abs(drawn.mean() - (low + high) / 2) < 5 * error
-    integers = wide.integers([-2, 5], [1, 15], (5000, 2))
-    assert integers.dtype == np.int64
-    for column, (low, high) in enumerate([(-2, 1), (5, 15)]):
-        values, counts = np.unique(integers[..., column], return_counts=True)
-        assert values.tolist() == list(range(low, high))
-        expected = integers[..., column].size / (high - low)
-        assert np.abs(counts - expected).max() < 5 * math.sqrt(expected)
-
-
-def test_row_numbers_go_on_and_do_not_depend_on_the_other_rows() -> None:
-    keys = stream_keys(7)[:3]
-    together = RowGenerator(keys)
-    drawn = [together.random(3), together.uniform(0, 2), together.integers(0, 100, (2, 2))]
-    for row in range(3):
-        single = RowGenerator(keys[row : row + 1])
-        again = [single.random(3), single.uniform(0, 2), single.integers(0, 100, (2, 2))]
-        assert [plain(one[0]) for one in again] == [plain(one[row]) for one in drawn]
-    assert RowGenerator(keys).random(3).tolist() == drawn[0].tolist()
-    assert not set(together.random(3).ravel()) & set(drawn[0].ravel())
-
-
-@pytest.mark.parametrize("size", [np.int64(3), np.uint8(3), (3,), [np.int32(3)], np.array([3])])
-def test_sizes_of_random_numbers_may_be_numpy_integers(size: Any) -> None:
-    keys = stream_keys(1)[:3]
-    assert RowGenerator(keys).random(size).tolist() == RowGenerator(keys).random(3).tolist()
-    assert RowGenerator(keys).integers(0, 9, size).shape == (3, 3)
-
-
-@pytest.mark.parametrize("size", [2.0, True, -1, "3", (2, None), [(1, 2), 3], None])
-def test_other_sizes_of_random_numbers_are_refused(size: Any) -> None:
-    rng = RowGenerator(stream_keys(1)[:3])
-    for draw in (rng.random, rng.uniform):
-        with pytest.raises((TypeError, ValueError), match="size must be an integer of at least 0"):
-            draw(size=size)
-    assert rng.random(2).tolist() == RowGenerator(stream_keys(1)[:3]).random(2).tolist()
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "error", "message"),
-    [
-        (15, 5, ValueError, "low must be below high, got 15 and 5"),
-        (3, 3, ValueError, "low must be below high"),
-        ([0, 9], [5, 9], ValueError, "low must be below high"),
-        (0, 2.5, TypeError, "high must be an integer or an array of integers, got 2.5"),
-        (0.5, 3, TypeError, "low must be an integer"),
-        (0, np.nan, TypeError, "high must be an integer"),
-        (0, 2**70, TypeError, "high must be an integer"),
-        (0, "x", TypeError, "high must be an integer"),
-        (0, [[1], [2, 3]], ValueError, "high must be an integer"),
-    ],
-)
-def test_bounds_of_integers_are_checked(low: Any, high: Any, error: Any, message: str) -> None:
-    rng = RowGenerator(stream_keys(1)[:3])
-    with pytest.raises(error, match=message):
-        rng.integers(low, high, 2)
-    assert rng.random(2).tolist() == RowGenerator(stream_keys(1)[:3]).random(2).tolist()
-
-
-@pytest.mark.parametrize(("low", "high"), [(0, 1), (5, 6), (5, 15), (1000, 1001), (-3, 4)])
-def test_integers_stay_below_their_bound_whatever_is_drawn(
-    low: int, high: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rng = RowGenerator(stream_keys(1)[:3])
-    for number, expected in ((0.0, low), (1 - 2.0**-53, high - 1)):
-        monkeypatch.setattr(rng, "random", lambda size=(), number=number: np.full(3, number))
-        assert rng.integers(low, high).tolist() == [expected] * 3
-
-
-class Configurable:
-    """A sampler that returns or raises a class attribute, which copies do not contain."""
-
-    result: Any = None
-
-    def __call__(self, rng: RowGenerator) -> Any:
-        if isinstance(self.result, Exception):
-            raise self.result
-        return self.result
+    scenarios = [batch.scenario_of(row) for row in range(3)]
+    assert {each.person_initial_position for each in scenarios} == {((2, 2),)}
+    assert {each.disperse_constant for each in scenarios} == {4.0}
+    assert len({each.vector for each in scenarios}) > 1
+    assert batch.positions.tolist() == [[[5, 5]]] * 3
+    batch.reset(drones_positions=[(1, 1)])
+    assert batch.positions.tolist() == [[[1, 1]]] * 3
 
 
 BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
     (None, TypeError, "sampler must return a mapping, got None"),
-    ([("vector", (0, 0))], TypeError, "sampler must return a mapping"),
     ({"speed": 1}, ValueError, "'speed'"),
     ({"timestep_limit": 5}, ValueError, "'timestep_limit'"),
-    ({"vector": np.zeros((7, 2))}, ValueError, "vector"),
+    ({"vector": np.zeros((7, 2))}, (TypeError, ValueError), "vector"),
     ({"vector": (0, NAN)}, ValueError, "vector"),
-    ({"vector": "ab"}, TypeError, "vector"),
     ({CONSTANT: -1.0}, ValueError, CONSTANT),
     ({PERSON: (7, 0)}, ValueError, PERSON),
-    ({PERSON: np.zeros((1, 3, 2), int)}, ValueError, PERSON),
+    ({PERSON: [(0, 0), (1, 1)]}, ValueError, "sampler must return 1 persons"),
     ({DRONES: [(0, 0), (0, 0)]}, ValueError, f"{DRONES} must hold different cells"),
-    ({DRONES: [(0, 0)]}, ValueError, DRONES),
     (KeyError("broken"), KeyError, "broken"),
 ]
 
 
 @pytest.mark.parametrize(("result", "error", "match"), BAD_SAMPLES)
 def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
-    result: Any, error: type[Exception], match: str, monkeypatch: pytest.MonkeyPatch
+    result: Any, error: Any, match: str
 ) -> None:
-    batch = SearchBatch(3, n_drones=2, timestep_limit=2, sampler=Configurable())
-    monkeypatch.setattr(Configurable, "result", {"vector": (0.5, 0.5)})
-    batch.reset([1, 2, 3])
-    batch.step(np.full((3, 2), 5))
-    batch.reset([4], np.array([1]))  # so that it is in mid-episode while the others end
-    batch.step(np.full((3, 2), 5))
-    assert batch.ended.tolist() == [True, False, True]
-    twin = copy.deepcopy(batch)
-    monkeypatch.setattr(Configurable, "result", result)
+    results: list[Any] = [{"vector": (0.5, 0.5)}]
+
+    def sampler(rng: np.random.Generator) -> Any:
+        if isinstance(results[-1], Exception):
+            raise results[-1]
+        return results[-1]
+
+    batch = SearchBatch(1024, n_drones=2, timestep_limit=2, sampler=sampler)
+    batch.reset(range(1024))
+    for _ in range(2):
+        batch.step(np.full((1024, 2), Action.IDLE))
+    results.append(result)
+    before = seen(batch)
     for begin in (
-        batch.reset,
-        lambda: batch.reset([9], np.array([1]), {"vector": (0.1, 0.1)}),
+        lambda: batch.reset(range(1024)),
         lambda: batch.restart(np.array([0])),
-        lambda: batch.step(np.full((3, 2), 5)),
+        lambda: batch.step(np.full((1024, 2), Action.IDLE)),
     ):
         with pytest.raises(error, match=match):
             begin()
-        assert seen(batch) == seen(twin)
-    monkeypatch.setattr(Configurable, "result", {"vector": (0.2, 0.5)})
-    for _ in range(4):
-        for each in (batch, twin):
-            each.step(np.full((3, 2), 5))
-        assert seen(batch) == seen(twin)
+        assert seen(batch) == before
+    results.append({"vector": (0.2, 0.5)})
+    batch.step(np.full((1024, 2), Action.IDLE))
+    assert {batch.scenario_of(row).vector for row in range(1024)} == {(0.2, 0.5)}
+
+
+def test_samplers_are_refused_together_with_what_they_draw() -> None:
+    def sampler(rng: np.random.Generator) -> dict[str, Any]:
+        return {}
+
+    with pytest.raises(ValueError, match="sampler cannot be given together with situations"):
+        SearchBatch(3, situations=CATALOGUE, sampler=sampler)
+    with pytest.raises(ValueError, match=r"write_matrices=False cannot be given .* sampler"):
+        SwarmVectorEnv(3, write_matrices=False, sampler=sampler)
+    batch = SearchBatch(3, sampler=sampler)
+    with pytest.raises(ValueError, match="situations cannot be given together with a sampler"):
+        batch.reset(situations=[[Person(each.drifts) for each in CATALOGUE[0]]])

@@ -82,27 +82,6 @@ def test_bad_values_are_rejected_wherever_a_scenario_is_made(name, value, error)
     assert usual == Scenario()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("vector", (0.5, np.nan)),
-        ("vector", (-np.inf, 0.0)),
-        ("disperse_constant", -1.0),
-        ("disperse_constant", np.inf),
-        ("person_initial_position", [[0.0, 7.0]]),
-        ("person_initial_position", [[0.5, 2.0]]),
-    ],
-)
-def test_errors_about_one_row_match_errors_about_a_scenario(name, value):
-    with pytest.raises(ValueError, match=name) as of_one:
-        Scenario(**{name: value})
-    good = Scenario(person_initial_position=[[1, 1]])
-    values = [getattr(good, name), value, getattr(good, name)]
-    with pytest.raises(ValueError, match=name) as of_rows:
-        SearchBatch(3, **{name: values})
-    assert str(of_rows.value) == str(of_one.value).replace(name, f"{name}[1]", 1)
-
-
 def test_is_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Scenario().grid_size = 8  # type: ignore[misc]

@@ -24,12 +24,13 @@ from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
 
+from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.tianshou import (
     DroneVenv,
     MaskedActor,
     MaskedCritic,
     SuccessStats,
-    TrainedPolicy,
+    logits,
 )
 
 pytestmark = pytest.mark.filterwarnings("default")  # from Tianshou
@@ -130,8 +131,6 @@ def test_some_sub_environments() -> None:
     observations, rewards, terminated, truncated, infos = envs.step([5, 5], [2, 3])
     assert len(observations) == len(rewards) == len(terminated) == len(truncated) == 2
     assert [{*info} for info in infos] == [{"is_success", "probability_of_success"}] * 2
-    with pytest.raises(ValueError, match=r"must be reset before they act again: \[0, 1, 4, 5, 6"):
-        envs.step(np.full(8, 5))
     observations, infos = envs.reset([0, 1, 4, 5, 6, 7])
     assert len(observations) == len(infos) == 6
     assert len(envs.step(np.full(8, 5))[0]) == 8
@@ -200,19 +199,8 @@ def test_trained_policies_choose_allowed_actions() -> None:
     observations, _ = env.reset(seed=0)
     allowed = observations["action_mask"] == 1
     for algorithm in (ppo_for(envs), dqn_for(envs, 0.0)):
-        policy = TrainedPolicy(algorithm.policy)
-        state = torch.get_rng_state()
-        policy.reset(seed=[1, 2])
-        actions = policy(observations)
-        assert actions.shape == (128,) and allowed[np.arange(128), actions].all()
-        policy.reset(seed=[1, 2])
-        assert (policy(observations) == actions).all()
-        sampled = isinstance(algorithm, PPO)
-        assert any((policy(observations) != actions).any() for _ in range(3)) == sampled
-        likeliest = TrainedPolicy(algorithm.policy, deterministic=True)
-        best = likeliest(observations)
-        assert allowed[np.arange(128), best].all()
-        assert all((likeliest(observations) == best).all() for _ in range(3))
-        assert (best != actions).any() == sampled
-        assert torch.equal(torch.get_rng_state(), state)
+        network = logits(algorithm.policy)
+        for deterministic in (False, True):
+            actions = TrainedPolicy(network, deterministic)(observations)
+            assert actions.shape == (128,) and allowed[np.arange(128), actions].all()
         assert algorithm.policy.training  # as it was

@@ -22,7 +22,6 @@ from batches import (
     NAN,
     PERSON,
     POD,
-    SITUATION_AXES,
     everything_sampled,
     moved,
     seen,
@@ -33,24 +32,16 @@ from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, rules
 from DroneSwarmSearch._internal.streams import (
-    RowGenerator,
     episode_keys,
     numbers,
     stream_keys,
 )
 from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.persons import Drift
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.vector import (
-    SearchBatch,
-    beliefs,
-    forecasts,
-    tabulated_forecasts,
-    threads,
-)
-from DroneSwarmSearch.wrappers.masks import action_masks
+from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.vector import SearchBatch, beliefs
 
 # A batch, and a single environment for each of its rows.
 
@@ -58,7 +49,7 @@ from DroneSwarmSearch.wrappers.masks import action_masks
 def of_row(parameters: Mapping[str, Any], row: int) -> dict[str, Any]:
     """The parameters of one row, as the single environment takes them."""
     own = dict(parameters)
-    for name, axes in (AXES | SITUATION_AXES).items():
+    for name, axes in AXES.items():
         if own.get(name) is not None:
             array = np.asarray(own[name])
             own[name] = (array[row % len(array)] if array.ndim > axes else array).tolist()
@@ -77,8 +68,7 @@ class Twins:
             parameters_of.pop("situation", None)
             if parameters_of.pop("situations", None) is not None:
                 parameters_of["persons"] = self.situations[0]
-        self.usual = [DroneSwarmSearch(**parameters_of) for parameters_of in self.parameters]
-        self.envs = list(self.usual)  # those of the episodes under way
+        self.envs = [DroneSwarmSearch(**parameters_of) for parameters_of in self.parameters]
         self.names = self.envs[0].possible_agents
         self.rewards = np.zeros((rows, len(self.names)))
         self.seeds: list[int | None] = [None] * rows
@@ -94,7 +84,8 @@ class Twins:
         given: Mapping[str, Any] | None = None,
     ) -> None:
         which = range(len(self.envs)) if rows is None else rows
-        self.batch.reset(seeds, None if rows is None else np.array(rows), given)
+        self.batch.reset(seeds, None if rows is None else np.array(rows), **(given or {}))
+        self.situations = (given or {}).get("situations", self.situations)
         for k, row in enumerate(which):
             self._begin(row, None if seeds is None else seeds[k], of_row(given or {}, row))
             self.rewards[row] = 0.0
@@ -105,20 +96,12 @@ class Twins:
         self.seeds[row] = self.seeds[row] if seed is None else seed
         self.episodes[row] = 0 if seed is not None else self.episodes[row] + 1
         options = {DRONES: self.drones[row], **given}
-        constant = options.pop(CONSTANT, None)
+        options.pop("situations", None)
         if self.situations is not None:
-            number = self.batch.parameters["situation"][row]
+            number = self.batch.situation[row]
             assert number == options.pop("situation", number)
             options["persons"] = self.situations[number]
-        self.envs[row] = env = self.usual[row]
-        env.reset(seed=seed, options=options)
-        if constant is not None:
-            # The single environment's `reset` does not take it: another one goes as far.
-            env = DroneSwarmSearch(**{**self.parameters[row], CONSTANT: constant})
-            options = {"vector": self.usual[row].vector, **options}
-            for episode in range(self.episodes[row] + 1):
-                env.reset(seed=None if episode else self.seeds[row], options=options)
-            self.envs[row] = env
+        self.envs[row].reset(seed=seed, options=options)
 
     def step(self, actions: Any) -> None:
         ended = self.batch.ended.tolist()
@@ -169,7 +152,6 @@ class Twins:
         assert batch.found.tolist() == [any(frame.found) for frame in frames]
         assert batch.searching.tolist() == [list(frame.searching) for frame in frames]
         assert batch.steps.tolist() == [frame.step for frame in frames]
-        # In turn, every row's own view of itself.
         row = self.compared % len(frames)
         assert fields_of(batch.frame(row)) == fields_of(frames[row])
         self.compared += 1
@@ -262,45 +244,20 @@ class Case:
 
     rows: int
     parameters: dict[str, Any]
-    on_the_fly: bool  # forecasts
     tile_rows: int
     few_drones: int  # up to this many are compared in pairs, see `rules.Collisions`
     plans: list[list[int]]
     seed: int
     steps: int
     resets: float  # the probability of a reset after a step
-    shared: bool  # whether background threads take part
 
 
-class Drawn:
-    """Random values of the parameters that may differ between rows."""
-
-    def __init__(self, rng: random.Random, rows: int, size: int, n: int, persons: int) -> None:
-        self.rng, self.rows, self.n, self.persons = rng, rows, n, persons
-        self.cells = [(x, y) for x in range(size) for y in range(size)]
-
-    def one(self, name: str) -> Any:
-        rng = self.rng
-        if name == "vector":
-            drifts = [0.0, -0.0, 0.3, -0.5, 1.0, -2.5]
-            return [rng.choice(drifts), rng.choice(drifts)]
-        if name == PERSON:
-            pool = [rng.choice(self.cells) for _ in range(2)]  # some persons start together
-            return [rng.choice(pool) for _ in range(self.persons)]
-        if name == CONSTANT:
-            return rng.choice([0, 1.0, 10, 1000.0])
-        return rng.sample(self.cells, self.n)
-
-    def value(self, name: str) -> Any:
-        """One for all rows, or an array with one for each."""
-        if self.rng.random() < 0.7:
-            return self.one(name)
-        return np.array([self.one(name) for _ in range(self.rows)])
-
-
-def drawn_for(rng: random.Random, rows: int, parameters: Mapping[str, Any]) -> Drawn:
-    persons = np.asarray(parameters[PERSON]).shape[-2]
-    return Drawn(rng, rows, parameters["grid_size"], parameters["n_drones"], persons)
+def random_drones(rng: random.Random, rows: int, size: int, n: int) -> Any:
+    """Start cells for all rows, or an array with those of each."""
+    cells = [(x, y) for x in range(size) for y in range(size)]
+    if rng.random() < 0.7:
+        return rng.sample(cells, n)
+    return np.array([rng.sample(cells, n) for _ in range(rows)])
 
 
 def random_case(rng: random.Random) -> Case:
@@ -308,30 +265,29 @@ def random_case(rng: random.Random) -> Case:
     n, persons = rng.randint(1, min(5, size**2)), rng.randint(1, 3)
     detections = [1.0, 1.0, 0.6, 0.2, 0.0]
     each = tuple(rng.choice(detections) for _ in range(persons))
-    drawn = Drawn(rng, rows, size, n, persons)
+    drifts = [0.0, -0.0, 0.3, -0.5, 1.0, -2.5]
+    pool = [(rng.randrange(size), rng.randrange(size)) for _ in range(2)]  # some start together
     parameters = {
         "grid_size": size,
         "n_drones": n,
-        "vector": drawn.value("vector"),
-        PERSON: drawn.value(PERSON),
-        CONSTANT: drawn.value(CONSTANT),
+        "vector": [rng.choice(drifts), rng.choice(drifts)],
+        PERSON: [rng.choice(pool) for _ in range(persons)],
+        CONSTANT: rng.choice([0, 1.0, 10, 1000.0]),
         "timestep_limit": rng.randint(1, 25),
         POD: rng.choice([each[0], each]),
         "bayesian_update": rng.random() < 0.5,
         "reward_scheme": rng.choice(SCHEMES),
-        DRONES: drawn.value(DRONES) if rng.random() < 0.6 else None,
+        DRONES: random_drones(rng, rows, size, n) if rng.random() < 0.6 else None,
     }
     return Case(
         rows,
         parameters,
-        on_the_fly=rng.random() < 0.4,
         tile_rows=rng.choice([1, 2, 3, 256]),
         few_drones=rng.choice([0, 32]),
         plans=[[rng.choice(INTENTS) for _ in range(rng.randint(1, 6))] for _ in range(n)],
         seed=rng.randrange(2**32),
         steps=rng.randint(4, 28),
         resets=rng.choice([0.0, 0.0, 0.15]),
-        shared=rng.random() < 0.3,
     )
 
 
@@ -342,27 +298,11 @@ def planned(plans: list[list[int]], frame: Frame, turn: int, rng: random.Random)
     return list(map(int, actions))
 
 
-HELPERS = threads._Workers()
-HELPERS.number = 2
-
-
-def use_threads(patch: pytest.MonkeyPatch) -> None:
-    """Use background threads for small arrays, too, on any machine."""
-    patch.setattr(threads, "_workers", HELPERS)
-    patch.setattr(beliefs, "_LEAST_SHARED_BYTES", 0)
-    patch.setattr(threads, "_LEAST_BYTES", 0)
-    patch.setattr(threads, "_PART_BYTES", 100)  # so that there are several parts
-
-
-def divide(patch: pytest.MonkeyPatch, case: Case) -> None:
-    """Compute in small parts, and with the forecasts and threads of a case."""
-    patch.setattr(beliefs, "_TILE_ROWS", case.tile_rows)
+def use_tiles(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """Divide the beliefs into the tiles of a case, however small."""
+    patch.setattr(beliefs, "_LEAST_ROWS", 1)
+    patch.setattr(beliefs, "_MOST_ROWS", case.tile_rows)
     patch.setattr(beliefs, "_BEGIN_ROWS", 2)
-    patch.setattr(forecasts, "_CHUNK_BYTES", 500)
-    if case.on_the_fly:
-        patch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
-    if case.shared:
-        use_threads(patch)
 
 
 def check_case(case: Case) -> Counter[str]:
@@ -370,7 +310,7 @@ def check_case(case: Case) -> Counter[str]:
     rng, events = random.Random(case.seed), Counter[str]()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rules, "_FEW_DRONES", case.few_drones)
-        divide(patch, case)
+        use_tiles(patch, case)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         successful: list[set[int]] = [set() for _ in range(case.rows)]
@@ -387,8 +327,10 @@ def check_case(case: Case) -> Counter[str]:
                     events.update(events_of(before[row], actions[row], after, successful[row]))
             if rng.random() < case.resets:
                 rows = sorted(rng.sample(range(case.rows), rng.randint(1, case.rows)))
-                drawn = drawn_for(rng, case.rows, case.parameters)
-                given = {name: drawn.value(name) for name in AXES if rng.random() < 0.3}
+                sizes = case.parameters["grid_size"], case.parameters["n_drones"]
+                given = (
+                    {DRONES: random_drones(rng, case.rows, *sizes)} if rng.random() < 0.4 else {}
+                )
                 twins.reset([rng.choice([None, rng.randrange(99)]) for _ in rows], rows, given)
                 for row in rows:
                     successful[row] = set()
@@ -410,23 +352,7 @@ def test_every_row_is_the_single_environment() -> None:
     assert [event for event in EVENTS if not events[event]] == []
 
 
-# Kinds of forecasts, tiles of beliefs, parameters of each row, long episodes.
-
-
-@pytest.fixture(params=["tabulated", "on-the-fly"])
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The forecasts that the batches of a test have."""
-    if request.param == "on-the-fly":
-        monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 0)
-    return str(request.param)
-
-
-def is_tabulated(batch: SearchBatch) -> bool:
-    """Whether a batch of one person, without posteriors, has tables."""
-    try:
-        return batch.table.size > 0
-    except ValueError:
-        return False
+# Tiles of beliefs, long episodes.
 
 
 def play(twins: Twins, steps: int, seed: int = 0) -> None:
@@ -436,9 +362,7 @@ def play(twins: Twins, steps: int, seed: int = 0) -> None:
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
-def test_episodes_of_many_blocks_are_those_of_the_single_environment(
-    kind: str, bayesian: bool
-) -> None:
+def test_episodes_of_many_blocks_are_those_of_the_single_environment(bayesian: bool) -> None:
     """Tables come in blocks of 32 steps; rows cross their edges at different times."""
     twins = Twins(
         3,
@@ -465,10 +389,9 @@ def test_episodes_of_many_blocks_are_those_of_the_single_environment(
 
 
 @pytest.mark.parametrize("tile_rows", [2, 3])
-def test_beliefs_may_lie_in_several_tiles(
-    kind: str, tile_rows: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(beliefs, "_TILE_ROWS", tile_rows)
+def test_beliefs_may_lie_in_several_tiles(tile_rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(beliefs, "_LEAST_ROWS", 1)
+    monkeypatch.setattr(beliefs, "_MOST_ROWS", tile_rows)
     twins = Twins(
         7,
         {
@@ -482,65 +405,6 @@ def test_beliefs_may_lie_in_several_tiles(
     )
     twins.reset(list(range(7)))
     play(twins, 36)
-
-
-def test_searches_that_contradict_a_belief_leave_it_as_it_was(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """No episode comes to that unless by rounding: it takes a sure search of the only cell."""
-    monkeypatch.setattr(beliefs, "_TILE_ROWS", 2)
-    parameters = {"grid_size": 4, "vector": (0, 0), CONSTANT: [0.0, 9.0, 0.0]}
-    starts = np.array([[(1, 1)], [(1, 1)], [(0, 0)]])
-    batch = SearchBatch(3, person_initial_position=starts, bayesian_update=True, **parameters)
-    batch.reset([1, 2, 3])
-    batch.step(np.full((3, 1), Action.IDLE))  # the person of row 1 may be in any of nine cells
-    known = batch._world
-    rows, cells = np.arange(3), np.array([5, 5, 0])
-    assert known._beliefs is not None
-    known._beliefs.begin(rows, known.forecasts)
-    known._beliefs.search(rows, cells, [1.0])
-    known.advance(rows[:0], None, lambda: None)
-    matrices, success = batch.matrices_of(rows), batch.probability_of_success
-    assert success is not None
-    for row, (person, cell) in enumerate(zip(starts[:, 0].tolist(), cells.tolist(), strict=True)):
-        drift = Drift(person, diffusion=dispersion_rate(parameters[CONSTANT][row]))
-        forecast = ProbabilityMatrix(4, drift)
-        learned = Belief(forecast, 1.0, forecast.joint(1)).after_search([cell])
-        assert (learned.kept == 0.0) == (row != 1)
-        assert success[row] == 1.0 - learned.kept
-        after = learned.after_drift(1).map()
-        assert matrices[row].tobytes() == after.astype(np.float32).tobytes()
-
-
-@pytest.mark.parametrize("bayesian", [False, True])
-@pytest.mark.parametrize("persons", [1, 2])
-def test_rows_may_have_parameters_of_their_own(kind: str, persons: int, bayesian: bool) -> None:
-    rows, size, n = 5, 6, 3
-    rng = np.random.default_rng(persons)
-    cells = np.array([rng.permutation(size**2)[:n] for _ in range(rows)])
-    own = {
-        "vector": rng.uniform(-1, 1, (rows, 2)),
-        PERSON: rng.integers(0, size, (rows, persons, 2)),
-        CONSTANT: rng.uniform(0, 50, rows),
-        DRONES: np.stack([cells % size, cells // size], axis=-1),
-    }
-    twins = Twins(
-        rows,
-        {
-            "grid_size": size,
-            "n_drones": n,
-            "timestep_limit": 15,
-            "bayesian_update": bayesian,
-            POD: 0.5,
-            **own,
-        },
-    )
-    twins.reset(list(range(rows)))
-    play(twins, 50)
-    parameters = twins.batch.parameters
-    assert parameters.keys() == own.keys()
-    for name, value in own.items():
-        np.testing.assert_array_equal(parameters[name], value)
 
 
 def test_arrays_have_the_documented_types() -> None:
@@ -575,7 +439,7 @@ def episode_numbers(seed: int, episode: int, count: int, persons: int) -> Any:
     return drift.reshape(count, persons, 2), detection[: count * persons].reshape(count, persons)
 
 
-def test_persons_walk_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
+def test_persons_walk_by_the_draws_of_their_seed_and_episode() -> None:
     size, steps, starts, seeds = 9, 40, [(4, 4), (0, 8)], [3, 3, 12345]
     parameters: dict[str, Any] = {"vector": (0.3, -0.2), CONSTANT: 7.0}
     batch = SearchBatch(
@@ -604,7 +468,7 @@ def test_persons_walk_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
         batch.step(np.zeros((len(seeds), 1), int))
 
 
-def test_searches_succeed_by_the_draws_of_their_seed_and_episode(kind: str) -> None:
+def test_searches_succeed_by_the_draws_of_their_seed_and_episode() -> None:
     """A drone keeps searching the cell of two persons who do not move."""
     steps, pods, rows = 40, (0.15, 0.05), 20
     batch = SearchBatch(
@@ -632,72 +496,24 @@ def test_searches_succeed_by_the_draws_of_their_seed_and_episode(kind: str) -> N
 # Resets.
 
 
-EVERYWHERE = {
-    "vector": (0.7, -0.4),
-    PERSON: [(4, 4), (1, 3)],
-    CONSTANT: 33.0,
-    DRONES: [(3, 3), (2, 1)],
-}
-IN_EACH_ROW = {
-    "vector": np.linspace(-0.5, 0.5, 8).reshape(4, 2),
-    PERSON: np.arange(16).reshape(4, 2, 2) % 5,
-    CONSTANT: np.array([0.0, 1.0, 20.0, 300.0]),
-    DRONES: np.array([[(i, 1), (i, 2)] for i in range(4)]),
-}
-
-
-@pytest.mark.parametrize("values", [EVERYWHERE, IN_EACH_ROW], ids=["everywhere", "in each row"])
-@pytest.mark.parametrize("names", [*[(name,) for name in AXES], tuple(AXES)], ids="+".join)
-def test_a_vector_given_stays_and_the_rest_is_for_the_episode(
-    kind: str, names: tuple[str, ...], values: dict[str, Any]
-) -> None:
-    twins = Twins(
-        4,
-        {
-            "grid_size": 5,
-            "n_drones": 2,
-            PERSON: [(0, 0), (2, 2)],
-            "timestep_limit": 8,
-            "bayesian_update": True,
-            POD: 0.5,
-        },
-    )
-    twins.reset([5, 6, 7, 8])
-    play(twins, 5)  # rows 0 and 2 are in mid-episode or have just ended
-    usual, others = twins.batch.parameters, seen(twins.batch)
-    twins.reset([None, 9], [1, 3], {name: values[name] for name in names})
-    for row in (0, 2):
-        assert seen(twins.batch)[row] == others[row]
-    for row in (1, 3):
-        expected = {**{name: value[row] for name, value in usual.items()}}
-        expected.update({name: of_row(values, row)[name] for name in names})
-        for name, value in twins.batch.parameters.items():
-            np.testing.assert_array_equal(value[row], expected[name])
-    play(twins, 9, seed=1)
-    twins.reset([1, 2, 3, 4])
-    for name, value in twins.batch.parameters.items():
-        for row in (1, 3):
-            stays = name == "vector" and "vector" in names
-            expected_row = of_row(values, row)[name] if stays else usual[name][row]
-            np.testing.assert_array_equal(value[row], expected_row)
-    play(twins, 3)
-
-
-def test_resets_with_many_vectors_switch_to_on_the_fly_forecasts(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    twins = Twins(6, {"timestep_limit": 40, "vector": (0.1, 0.2)})
-    twins.reset(list(range(6)))
-    play(twins, 7)
-    assert is_tabulated(twins.batch)
-    monkeypatch.setattr(tabulated_forecasts, "TABLE_BYTES", 66_000)  # three forecasts of 41 steps
-    twins.reset([3], [3], {"vector": (0.3, 0.2)})
-    assert is_tabulated(twins.batch)
-    play(twins, 5)
-    vectors = np.random.default_rng(1).uniform(-1, 1, (6, 2))
-    twins.reset([3, 4, 5], [3, 4, 5], {"vector": vectors})
-    assert not is_tabulated(twins.batch)
-    play(twins, 100)
+def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone() -> None:
+    sizes = {"grid_size": 6, "n_drones": 2, "timestep_limit": 40}
+    for bayesian in (False, True):
+        twins = Twins(6, {"situations": CATALOGUE[1:2], "bayesian_update": bayesian, **sizes})
+        twins.reset(list(range(6)))
+        play(twins, 5)
+        others = seen(twins.batch)
+        twins.batch.reset([3, 4], np.array([3, 4]), situations=CATALOGUE[::-1])
+        twins.situations = [*CATALOGUE[::-1], CATALOGUE[1]]
+        assert twins.batch.situation.tolist()[:3] == [3, 3, 3]
+        after = seen(twins.batch)
+        for row in (0, 1, 2, 5):
+            assert after[row][:-1] == others[row][:-1]
+        for row in (3, 4):
+            twins._begin(row, row, {})
+            twins.rewards[row] = 0.0
+        play(twins, 100)
+        assert twins.batch.situation.max() < 3
 
 
 def test_sequences_of_episodes_go_on_from_the_seeds_they_have() -> None:
@@ -783,14 +599,9 @@ def test_arrays_of_actions_are_only_read(read_only: bool) -> None:
 # Copies.
 
 
-def sampled_situations(rng: RowGenerator) -> dict[str, Any]:
-    return {"situation": rng.integers(0, 3)}
-
-
 COPIED: dict[str, dict[str, Any]] = {
     "plain": {},
     "bayesian": {"bayesian_update": True},
-    "vectors": {"vector": np.linspace(-1, 1, 10).reshape(5, 2)},
     "sampler": {"sampler": everything_sampled},
     "several persons": {PERSON: [(1, 1), (4, 4), (1, 1)], POD: (0.5, 1.0, 0.2)},
     "several persons, bayesian": {PERSON: [(1, 1), (4, 4)], "bayesian_update": True},
@@ -798,18 +609,7 @@ COPIED: dict[str, dict[str, Any]] = {
     "situations": {"situations": CATALOGUE},
     "situations, bayesian": {"situations": CATALOGUE[:2], "bayesian_update": True},
     "coverage": {"situations": CATALOGUE[:2], "mission": "coverage"},
-    "coverage, with a sampler": {
-        "situations": CATALOGUE,
-        "mission": "coverage",
-        "sampler": sampled_situations,
-    },
 }
-
-
-def changes_of(name: str) -> dict[str, Any]:
-    """What a reset of the copied batch changes."""
-    is_catalogue = {"persons", "situations"} & COPIED[name].keys()
-    return {"situation": 0} if is_catalogue else {"vector": (0.2, 0.1)}
 
 
 @pytest.mark.parametrize(
@@ -817,12 +617,11 @@ def changes_of(name: str) -> dict[str, Any]:
 )
 @pytest.mark.parametrize("name", COPIED)
 def test_copies_are_equal_and_independent(
-    kind: str, name: str, through: Callable[[SearchBatch], SearchBatch]
+    name: str, through: Callable[[SearchBatch], SearchBatch]
 ) -> None:
-    detection = {} if "situation" in changes_of(name) else {POD: 0.5}
     batch = SearchBatch(
         5,
-        **{"grid_size": 6, "n_drones": 2, "timestep_limit": 16, **detection, **COPIED[name]},
+        **{"grid_size": 6, "n_drones": 2, "timestep_limit": 16, **COPIED[name]},
     )
     batch.reset(range(5))
     rng = np.random.default_rng(1)
@@ -833,7 +632,7 @@ def test_copies_are_equal_and_independent(
         for chosen in actions[10:]:
             batch.step(chosen)
             log.append(seen(batch))
-        batch.reset(given=changes_of(name))
+        batch.reset(drones_positions=[(2, 2), (4, 1)])
         return [*log, seen(batch)]
 
     for chosen in actions[:10]:
@@ -849,7 +648,7 @@ def test_copies_are_equal_and_independent(
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
-def test_nothing_grows_with_the_steps(kind: str, bayesian: bool) -> None:
+def test_nothing_grows_with_the_steps(bayesian: bool) -> None:
     batch = SearchBatch(
         4, grid_size=5, n_drones=2, timestep_limit=20, bayesian_update=bayesian,
         probability_of_detection=0.3, person_initial_position=[(2, 2), (1, 3)],
@@ -879,7 +678,6 @@ def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> No
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert not is_tabulated(batch)
     assert most < 2**20
 
 
@@ -890,56 +688,24 @@ def test_the_scenario_is_that_of_the_present_episodes() -> None:
     shared = {"grid_size": 6, "n_drones": 2, "bayesian_update": True, "timestep_limit": 9}
     batch, env = SearchBatch(3, **shared), DroneSwarmSearch(**shared)
     assert batch.scenario == env.scenario
-    for changes in (
-        {"vector": (0.4, -0.3)},
-        {"person_initial_position": [(3, 2)]},
-        {"vector": (0.1, 0.2), "person_initial_position": (5, 0)},
-        {},
-    ):
-        batch.reset([1, 2, 3], given=changes)
-        env.reset(seed=1, options=changes)
-        assert batch.scenario == env.scenario == batch.scenario_of(2)
-        idle = np.full((3, 2), Action.IDLE)
-        batch.step(idle)
-        env.step(dict.fromkeys(env.agents, 5))
-        assert batch.scenario == env.scenario
-    batch.reset(given={"disperse_constant": 2.5})
-    assert batch.scenario.disperse_constant == 2.5
+    batch.reset([1, 2, 3])
+    env.reset(seed=1)
+    assert batch.scenario == env.scenario == batch.scenario_of(2)
 
 
-@pytest.mark.parametrize(
-    ("name", "values"),
-    [
-        ("vector", np.array([(0.1, 0.2), (0.1, 0.2), (0.1, 0.3)])),
-        ("person_initial_position", np.array([[(1, 1)], [(1, 1)], [(2, 1)]])),
-        ("disperse_constant", np.array([1.0, 1.0, 2.0])),
-    ],
-)
-def test_searches_that_differ_have_scenarios_of_their_own(name: str, values: Any) -> None:
-    batch = SearchBatch(3, grid_size=6, **{name: values})
-    later = SearchBatch(3, grid_size=6)
-    later.reset([1, 2, 3], given={name: values})
-    for each in (batch, later):
-        with pytest.raises(ValueError, match=rf"differ in {name}; scenario_of\(row\)"):
-            _ = each.scenario
-        for row in range(3):
-            env = DroneSwarmSearch(grid_size=6, **{name: values[row]})
-            assert each.scenario_of(row) == env.scenario
-            assert repr(each.scenario_of(np.int64(row))) == repr(env.scenario)
+def test_searches_that_differ_have_scenarios_of_their_own() -> None:
+    batch = SearchBatch(3, grid_size=6, situations=CATALOGUE, situation=[0, 0, 1])
+    batch.reset([1, 2, 3])
+    with pytest.raises(ValueError, match=r"different persons; scenario_of\(row\)"):
+        _ = batch.scenario
+    for row in range(3):
+        env = DroneSwarmSearch(grid_size=6, persons=CATALOGUE[row // 2])
+        assert batch.scenario_of(row) == batch.scenario_of(np.int64(row)) == env.scenario
     for row in (-1, 3):
         with pytest.raises(ValueError, match=f"row must be .* got {row}"):
             batch.scenario_of(row)
     with pytest.raises(TypeError, match="row must be"):
         batch.scenario_of(1.0)  # type: ignore[arg-type]
-
-
-def test_a_sampler_gives_every_search_its_own_scenario() -> None:
-    batch = SearchBatch(4, sampler=lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)})
-    batch.reset(range(4))
-    vectors = batch.parameters["vector"].tolist()
-    assert [list(batch.scenario_of(row).vector) for row in range(4)] == vectors
-    with pytest.raises(ValueError, match="differ in vector"):
-        _ = batch.scenario
 
 
 @pytest.mark.parametrize(

@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
-from batches import CONSTANT, DRONES, INF, NAN, PERSON, POD, everything_sampled, seen
-from helpers import plain, without_history
+from batches import DRONES, NAN, POD, seen
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
-from DroneSwarmSearch.vector import SearchBatch, beliefs
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, ResetNeeded
+from DroneSwarmSearch.vector import SearchBatch
 
 BAD_ACTIONS: list[tuple[Any, type[Exception], str]] = [
     ([[0.0], [1.0]], TypeError, "actions must be integers from 0 to 5, got float64"),
@@ -69,19 +67,6 @@ def test_integers_of_every_kind_are_actions(dtype: Any) -> None:
     assert seen(batches[0]) == seen(batches[1]) == seen(batches[2])
 
 
-def test_numpys_settings_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
-    batch = SearchBatch(2, bayesian_update=True)
-    batch.reset([1, 2])
-    while_drifting: list[int] = []
-    monkeypatch.setattr(beliefs, "drift", lambda *_: while_drifting.append(np.getbufsize()))
-    before = np.setbufsize(4096)
-    try:
-        batch.step([[Action.SEARCH], [Action.IDLE]])
-        assert (while_drifting, np.getbufsize()) == ([beliefs._BUFFER_SIZE], 4096)
-    finally:
-        np.setbufsize(before)
-
-
 @pytest.mark.parametrize("seeds", [[1], [1, 2, 3], []])
 def test_a_wrong_number_of_seeds_is_refused(seeds: list[int]) -> None:
     batch = SearchBatch(2)
@@ -98,7 +83,7 @@ def test_bad_seeds_are_refused_and_change_nothing(seed: Any, error: type[Excepti
     batch.step([[4], [5]])
     before = pickle.dumps(batch)
     with pytest.raises(error):
-        batch.reset([7, seed], given={"vector": (1, 1)})
+        batch.reset([7, seed])
     assert pickle.dumps(batch) == before
 
 
@@ -209,15 +194,12 @@ def test_other_calls_are_refused_by_name() -> None:
     batch = SearchBatch(2)
     with pytest.raises(ResetNeeded, match="restart"):
         batch.restart(np.array([0]))
-    batch.reset([1, 2], given={})
+    batch.reset([1, 2])
     for row in (2, -1):
         with pytest.raises(ValueError, match=f"row must be an integer from 0 to 1, got {row}"):
             batch.frame(row)
     with pytest.raises(TypeError, match="row must be an integer from 0 to 1"):
         batch.frame(0.0)  # type: ignore[arg-type]
-    for wrong in (5, 0, [("vector", (0, 0))], "vector"):
-        with pytest.raises(TypeError, match="given must be a mapping, got"):
-            batch.reset([1, 2], given=wrong)  # type: ignore[arg-type]
 
 
 def test_the_longest_episode_there_may_be_begins_like_others() -> None:
@@ -238,7 +220,6 @@ def test_the_longest_episode_there_may_be_begins_like_others() -> None:
         ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
         ("grid_size", lambda: SearchBatch(1, grid_size=150_000)),
         ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, bayesian_update=True)),
-        ("num_rows", lambda: SearchBatch(10**7, grid_size=10**4, sampler=everything_sampled)),
         ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
     ],
 )
@@ -255,7 +236,7 @@ def test_a_batch_that_does_not_fit_in_memory_is_refused_by_name(
 def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    batch = SearchBatch(8, grid_size=40, wants_table=True)
+    batch = SearchBatch(8, grid_size=40, situations=[[Person(Drift((0, 0)))]], wants_table=True)
     batch.reset(range(8))
     before = pickle.dumps(batch)
     monkeypatch.setattr(  # 4 MiB
@@ -264,55 +245,12 @@ def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(
     with pytest.raises(
         ValueError, match=r"timestep_limit must be smaller: .* 8 different forecasts"
     ):
-        batch.reset(range(8), given={"vector": np.linspace(0, 1, 16).reshape(8, 2)})
+        batch.reset(range(8), situations=[[Person(Drift((x, 0)))] for x in range(8)])
     assert pickle.dumps(batch) == before
 
 
-# For three rows of two drones and one person on 7 x 7 cells; the constructor and `reset`.
+# For three rows of two drones on 7 x 7 cells; the constructor and `reset`.
 BAD_VALUES: list[tuple[Any, ...]] = [
-    ("vector", np.zeros((2, 2)), ValueError, r"array of shape \(3, 2\); got one of shape \(2, 2\)"),
-    ("vector", np.zeros((3, 3)), ValueError, r"\(3, 3\)"),
-    ("vector", np.zeros((1, 3, 2)), ValueError, r"\(1, 3, 2\)"),
-    ("vector", [(0, 0), (0, NAN), (0, 0)], ValueError, "nan"),
-    ("vector", [(0, 0), (0, -INF), (0, 0)], ValueError, "-inf"),
-    ("vector", [(0, 0), (0,), (0, 0)], ValueError, r"\(0,\)"),
-    ("vector", [("a", "b")] * 3, TypeError, "'a'"),
-    ("vector", np.zeros((3, 2), bool), TypeError, "False"),
-    ("vector", np.zeros((3, 2), complex), TypeError, r"0\.j"),
-    ("vector", (NAN, 0), ValueError, "nan"),
-    ("vector", (0, 0, 0), ValueError, r"\(0, 0, 0\)"),
-    ("vector", 0.5, TypeError, "0.5"),
-    ("vector", "ab", TypeError, "ab"),
-    ("vector", None, TypeError, "None"),
-    (CONSTANT, [1, 2], ValueError, r"array of shape \(3,\); got one of shape \(2,\)"),
-    (CONSTANT, [[1], [2], [3]], ValueError, r"\(3, 1\)"),
-    (CONSTANT, [1, -2, 3], ValueError, "of at least 0, got -2"),
-    (CONSTANT, [1, NAN, 3], ValueError, "nan"),
-    (CONSTANT, [1, INF, 3], ValueError, "inf"),
-    (CONSTANT, ["1", "2", "3"], TypeError, "'1'"),
-    (CONSTANT, [True, True, True], TypeError, "True"),
-    (CONSTANT, -0.5, ValueError, "of at least 0, got -0.5"),
-    (CONSTANT, NAN, ValueError, "nan"),
-    (CONSTANT, "10", TypeError, "'10'"),
-    (CONSTANT, None, TypeError, "None"),
-    (PERSON, np.zeros((2, 1, 2), int), ValueError, r"\(2, 1, 2\)"),
-    (PERSON, np.zeros((3, 1, 3), int), ValueError, "cell"),
-    (PERSON, np.zeros((3, 0, 2), int), ValueError, "cell"),
-    (PERSON, np.zeros((1, 3, 1, 2), int), ValueError, "cell"),
-    (PERSON, [[(0, 0)], [(7, 0)], [(0, 0)]], ValueError, r"\[1\]\[0\] .* from 0 to 6, got \[7"),
-    (PERSON, [[(0, 0)], [(0, -1)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*-1"),
-    (PERSON, [[(0, 0)], [(0, 0.5)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*0\.5"),
-    (PERSON, [[(0, 0)], [(0, NAN)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*nan"),
-    (PERSON, [[(0, 0)], [(0, 1e300)], [(0, 0)]], ValueError, r"from 0 to 6, got \[.*1e\+300"),
-    (PERSON, (NAN, 0), ValueError, "nan"),
-    (PERSON, (7, 0), ValueError, "7"),
-    (PERSON, (1, 2, 3), ValueError, r"got shape \(3,\)"),
-    (PERSON, [("0", "0")], TypeError, "'0'"),
-    (PERSON, [], ValueError, "cell"),
-    (PERSON, [[]], ValueError, "cell"),
-    (PERSON, (True, 0), TypeError, "True"),
-    (PERSON, "00", TypeError, "00"),
-    (PERSON, None, TypeError, "None"),
     (DRONES, [(0, 0)], ValueError, "must hold 2 cells .* got 1: "),
     (DRONES, np.zeros((3, 2, 3), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
     (DRONES, np.zeros((2, 2, 2), int), ValueError, r"\(2, 2\), or \(3, 2, 2\)"),
@@ -350,7 +288,7 @@ def test_bad_values_given_to_reset_change_nothing(
     batch.step(np.full((3, 2), [4, 5]))
     before = pickle.dumps(batch)
     with pytest.raises(error, match=f"(?s){name}.*{match}"):
-        batch.reset([5, 6], np.array([0, 2]), {"vector": (0, 1), name: value})
+        batch.reset([5, 6], np.array([0, 2]), **{name: value})
     assert pickle.dumps(batch) == before
 
 
@@ -385,90 +323,6 @@ def test_a_batch_has_a_whole_number_of_rows(rows: Any, error: type[Exception]) -
         SearchBatch(rows)
 
 
-FORMS: dict[str, Callable[[np.ndarray], Any]] = {
-    "array": np.array,
-    "floats": lambda cells: np.array(cells, float),
-    "list": np.ndarray.tolist,
-    "tuple": lambda cells: tuple(cells.tolist()),
-    "list of arrays": list,
-}
-each_form = pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
-
-
-@each_form
-@pytest.mark.parametrize(("rows", "persons"), [(1, 1), (1, 3), (2, 2), (3, 3), (2, 1), (4, 2)])
-def test_the_shape_of_start_cells_says_whose_they_are(
-    form: Callable[[np.ndarray], Any], rows: int, persons: int
-) -> None:
-    """In every form, in the constructor, in `reset` and from a sampler."""
-    cells = np.random.default_rng(0).integers(0, 7, (rows, persons, 2))
-    for value, expected in (
-        (form(cells[0]), np.broadcast_to(cells[0], cells.shape)),
-        (form(cells), cells),
-    ):
-        made = SearchBatch(rows, person_initial_position=value)
-        assert made.parameters[PERSON].tolist() == expected.tolist()
-        usual = np.zeros((persons, 2), int)
-        given = SearchBatch(rows, person_initial_position=usual)
-        given.reset(range(rows), given={PERSON: value})
-        assert given.parameters[PERSON].tolist() == expected.tolist()
-        sampled = SearchBatch(
-            rows, person_initial_position=usual, sampler=lambda rng, value=value: {PERSON: value}
-        )
-        sampled.reset(range(rows))
-        assert sampled.parameters[PERSON].tolist() == expected.tolist()
-
-
-@each_form
-def test_a_cell_alone_is_one_persons_in_every_row(form: Callable[[np.ndarray], Any]) -> None:
-    batch = SearchBatch(3, person_initial_position=form(np.array([4, 5])))
-    assert batch.parameters[PERSON].tolist() == [[[4, 5]]] * 3
-
-
-@each_form
-@pytest.mark.parametrize(
-    "shape",
-    [(0,), (1,), (3,), (0, 2), (2, 3), (1, 2, 2), (5, 1, 2), (3, 0, 2), (3, 2, 1), (3, 1, 1, 2)],
-)
-def test_start_cells_of_other_shapes_are_refused(
-    form: Callable[[np.ndarray], Any], shape: tuple[int, ...]
-) -> None:
-    cells = form(np.ones(shape, int))
-    with pytest.raises((TypeError, ValueError), match=f"{PERSON} must be"):
-        SearchBatch(3, person_initial_position=cells)
-
-
-def test_cells_as_many_as_rows_are_not_taken_for_one_persons() -> None:
-    """Who means one for each row writes (rows, 1, 2)."""
-    cells = np.array([(0, 0), (1, 1), (2, 2)])
-    batch = SearchBatch(3)
-    batch.reset(range(3), given={PERSON: cells[:, None]})
-    assert batch.parameters[PERSON].tolist() == cells[:, None].tolist()
-    words = rf"{PERSON} must be .*of each search, of shape \(3, 1, 2\); got shape \(3, 2\)"
-    for value in (cells, cells.tolist()):
-        with pytest.raises(ValueError, match=words):
-            batch.reset(range(3), given={PERSON: value})
-
-
-@pytest.mark.parametrize("name", ["timestep_limit", "speed", "n_drones", ""])
-def test_reset_refuses_names_that_it_does_not_know(name: str) -> None:
-    batch = SearchBatch(2)
-    batch.reset([1, 2])
-    before = pickle.dumps(batch)
-    with pytest.raises(
-        ValueError, match=f"given must .*vector, {PERSON}, {CONSTANT}, {DRONES}\\), got {name!r}"
-    ):
-        batch.reset([1, 2], given={"vector": (1, 1), name: 1})
-    assert pickle.dumps(batch) == before
-
-
-def test_a_reset_cannot_change_the_number_of_persons() -> None:
-    batch = SearchBatch(3, person_initial_position=[(0, 0), (1, 1)])
-    for cells in ([(0, 0)], (0, 0), [(0, 0)] * 3, np.zeros((3, 1, 2), int)):
-        with pytest.raises(ValueError, match=rf"{PERSON} must be .*of shape \(2, 2\), or those"):
-            batch.reset([1, 2, 3], given={PERSON: cells})
-
-
 def test_nothing_steps_before_the_first_reset() -> None:
     batch = SearchBatch(2)
     before = pickle.dumps(batch)
@@ -478,30 +332,28 @@ def test_nothing_steps_before_the_first_reset() -> None:
     assert pickle.dumps(batch) == before
 
 
+# Output arrays.
+
+
 @pytest.mark.parametrize(
-    ("name", "value"),
+    ("receiver", "error", "came"),
     [
-        ("vector", (Fraction(1, 2), 0)),
-        ("vector", (10**30, 0)),
-        ("vector", np.array([0.5, 0.25], np.float32)),
-        (CONSTANT, Fraction(5, 2)),
-        (CONSTANT, 10**30),
-        (CONSTANT, np.float32(2.5)),
-        (PERSON, (3.0, 2)),
-        (PERSON, (np.int8(3), 2)),
-        (PERSON, (Fraction(3), 2)),
-        (PERSON, [np.array([3, 2]), (1, 1)]),
+        ([0.0], TypeError, r"got \[0.0\]"),
+        (np.zeros((2, 7, 7)), ValueError, r"got float64 of shape \(2, 7, 7\)"),
+        (np.zeros((3, 7, 7), np.float32), ValueError, r"got float32 of shape \(3, 7, 7\)"),
+        (np.zeros((2, 7, 14), np.float32)[..., ::2], ValueError, "got one with gaps or in"),
+        (np.frombuffer(bytes(392), np.float32).reshape(2, 7, 7), ValueError, "got a read-only"),
     ],
-    ids=repr,
 )
-def test_numbers_of_every_kind_that_the_single_environment_takes_are_taken(
-    name: str, value: Any
+def test_the_output_array_for_matrices_is_validated(
+    receiver: Any, error: type[Exception], came: str
 ) -> None:
-    env = DroneSwarmSearch(**{name: value})
-    env.reset(seed=3)
-    batch = SearchBatch(3, **{name: value})
-    batch.reset([3, 4, 5])
-    for _ in range(5):
-        env.step({"drone0": 5})
-        batch.step([[5], [5], [5]])
-        assert plain(vars(batch.frame(0))) == without_history(env.frame())
+    batch = SearchBatch(2)
+    batch.reset([1, 2])
+    before = pickle.dumps(batch)
+    actions = [[Action.SEARCH], [Action.RIGHT]]
+    wanted = r"matrices must be a writeable C-contiguous float32 array of shape \(2, 7, 7\), "
+    for write in (batch.write_matrices, lambda given: batch.step(actions, given)):
+        with pytest.raises(error, match=wanted + came):
+            write(receiver)
+        assert pickle.dumps(batch) == before

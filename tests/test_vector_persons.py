@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import CATALOGUE, CONSTANT, DRONES, PERSON, POD, seen
+from batches import CATALOGUE, CONSTANT, PERSON, POD, seen
 from helpers import plain, without_history
-from test_vector_engine import Case, Twins, divide, planned, play, random_case
+from test_vector_engine import Case, Twins, planned, play, random_case, use_tiles
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario
-from DroneSwarmSearch._internal.streams import RowGenerator, episode_keys, numbers, stream_keys
+from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import (
     DroneVectorEnv,
@@ -94,7 +94,7 @@ def check_search(case: Case) -> Counter[Ending]:
     """Compare a batch with its environments; returns how often each ending occurred."""
     rng, endings = random.Random(case.seed), Counter[Ending]()
     with pytest.MonkeyPatch.context() as patch:
-        divide(patch, case)
+        use_tiles(patch, case)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
         for turn in range(case.steps):
@@ -118,14 +118,14 @@ def check_search(case: Case) -> Counter[Ending]:
 
 def test_every_row_is_the_single_environment() -> None:
     endings: Counter[Ending] = Counter()
-    for number in range(28):
+    for number in range(60):
         endings += check_search(random_search(random.Random(number)))
     assert {ending: endings[ending] for ending in Ending if endings[ending] < 2} == {}
 
 
 @pytest.mark.slow
 def test_every_row_is_the_single_environment_in_thousands_of_cases() -> None:
-    for number in range(28, 3000):
+    for number in range(60, 3000):
         check_search(random_search(random.Random(number)))
 
 
@@ -138,7 +138,7 @@ def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams
     drawn = []
     for episode in range(episodes):
         batch.reset(range(rows) if episode == 0 else None)
-        drawn.append(batch.parameters["situation"])
+        drawn.append(batch.situation)
         keys = np.array([stream_keys(row)[2] for row in range(rows)])
         of_episode = episode_keys(keys, np.array([episode], np.uint64))
         first = numbers(of_episode, np.zeros(1, np.uint64))
@@ -151,7 +151,7 @@ def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams
 def test_scenarios_of_rows_reproduce_their_episodes() -> None:
     batch = SearchBatch(6, situations=CATALOGUE, bayesian_update=True, **SIZES)
     batch.reset(range(6))
-    assert len(set(batch.parameters["situation"].tolist())) > 1
+    assert len(set(batch.situation.tolist())) > 1
     envs = [DroneSwarmSearch(scenario=batch.scenario_of(row)) for row in range(6)]
     for seed, env in enumerate(envs):
         env.reset(seed=seed)
@@ -161,9 +161,9 @@ def test_scenarios_of_rows_reproduce_their_episodes() -> None:
             if env.agents:
                 env.step(dict.fromkeys(env.agents, Action.SEARCH))
                 assert plain(vars(batch.frame(row))) == without_history(env.frame())
-    with pytest.raises(ValueError, match=r"differ in situation; scenario_of\(row\)"):
+    with pytest.raises(ValueError, match=r"different persons; scenario_of\(row\)"):
         _ = batch.scenario
-    batch.reset(given={"situation": 1})
+    batch.reset(situation=1)
     assert batch.scenario == batch.scenario_of(3) == envs[0].scenario.replace(persons=CATALOGUE[1])
 
 
@@ -189,46 +189,13 @@ def test_a_given_situation_is_for_the_episode_alone() -> None:
     for given in ({"situation": 2}, {"situation": [0, 1, 2, 2, 1]}):
         twins.reset(list(range(5)), given=given)
         other.reset(range(5))
-        assert twins.batch.parameters["situation"].tolist() in ([2] * 5, given["situation"])
+        assert twins.batch.situation.tolist() in ([2] * 5, given["situation"])
         play(twins, 1)
         twins.reset()
         other.reset()
-        drawn = other.parameters["situation"]
-        assert twins.batch.parameters["situation"].tolist() == drawn.tolist()
+        drawn = other.situation
+        assert twins.batch.situation.tolist() == drawn.tolist()
         assert len(set(drawn.tolist())) > 1
-
-
-def test_samplers_choose_situations() -> None:
-    def sampler(rng: RowGenerator) -> dict[str, Any]:
-        first = rng.integers(0, 3)
-        return {"situation": (first + 1) % 3, DRONES: [[(0, 0), (5, 5)]] * len(rng)}
-
-    batch, plain_batch = (
-        SearchBatch(50, situations=CATALOGUE, sampler=each, **SIZES) for each in (sampler, None)
-    )
-    for each in (batch, plain_batch):
-        each.reset(range(50))
-    sampled = batch.parameters["situation"]
-    assert set(sampled.tolist()) == {0, 1, 2}
-    assert batch.positions[:, 1].tolist() == [[5, 5]] * 50
-    # The sampler's draws do not depend on the batch's own.
-    shifts = (sampled - plain_batch.parameters["situation"]) % 3
-    assert set(shifts.tolist()) == {0, 1, 2}
-    env = DroneSwarmSearch(scenario=batch.scenario_of(7))
-    env.reset(seed=7, options={DRONES: [(0, 0), (5, 5)]})
-    assert plain(vars(batch.frame(7))) == without_history(env.frame())
-    batch.reset(given={"situation": 0})
-    assert not batch.parameters["situation"].any()
-
-
-def test_parameters_can_be_given_to_the_next_reset() -> None:
-    batch = SearchBatch(4, situations=CATALOGUE, **SIZES)
-    batch.reset([1, 2, 3, 4])
-    before = seen(batch)
-    parameters = batch.parameters
-    assert list(parameters) == ["situation", DRONES]
-    batch.reset([1, 2, 3, 4], given=parameters)
-    assert seen(batch) == before
 
 
 BAD_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
@@ -240,7 +207,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     (
         {"situations": [CATALOGUE[0], CATALOGUE[0] * 2]},
         ValueError,
-        r"same number of persons, got 1 in situations\[0\] and 2 in situations\[1\]",
+        r"same number of persons, 1, got 2 in situations\[1\]",
     ),
     (
         {"situations": [CATALOGUE[0], [Person(Drift((6, 0)))]]},
@@ -253,11 +220,6 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
         "persons cannot be given together with situations",
     ),
     ({"situations": CATALOGUE, "vector": (1, 0)}, ValueError, "vector cannot be given together"),
-    (
-        {"situations": CATALOGUE, PERSON: np.zeros((3, 1, 2), int)},
-        ValueError,
-        f"{PERSON} cannot be given together with situations",
-    ),
     ({"situations": CATALOGUE, POD: 0.5}, ValueError, f"{POD} cannot be given together"),
     ({"persons": CATALOGUE[0], CONSTANT: 3}, ValueError, f"{CONSTANT} cannot be given together"),
     ({"persons": [3]}, TypeError, r"persons\[0\] must be a Person"),
@@ -285,35 +247,24 @@ def test_bad_arguments_are_refused_by_name(
 @pytest.mark.parametrize(
     ("given", "error", "match"),
     [
-        ({"vector": (0, 0)}, ValueError, "vector cannot be given together with persons"),
-        ({PERSON: (0, 0)}, ValueError, f"{PERSON} cannot be given together with persons"),
-        ({CONSTANT: 1.0}, ValueError, f"{CONSTANT} cannot be given together with persons"),
         ({"situation": 3}, ValueError, "situation must be an integer from 0 to 2, got 3"),
         ({"situation": "1"}, TypeError, "situation must be an integer from 0 to 2, got '1'"),
-        ({"persons": CATALOGUE[0]}, ValueError, r"\(situation, drones_positions\), got 'persons'"),
+        ({"situations": []}, ValueError, "situations must hold at least one situation"),
+        ({"situations": [CATALOGUE[0] * 2]}, ValueError, "number of persons, 1, got 2"),
+        ({"situations": CATALOGUE[:1], "situation": 1}, ValueError, "from 0 to 0, got 1"),
     ],
 )
-def test_bad_values_in_resets_and_samplers_change_nothing(
+def test_bad_values_in_resets_change_nothing(
     given: dict[str, Any], error: type[Exception], match: str
 ) -> None:
     batch = SearchBatch(3, situations=CATALOGUE, **SIZES)
     batch.reset([1, 2, 3])
     before = pickle.dumps(batch)
     with pytest.raises(error, match=match):
-        batch.reset([1, 2, 3], given=given)
+        batch.reset([1, 2, 3], **given)
     assert pickle.dumps(batch) == before
-    sampled = SearchBatch(3, situations=CATALOGUE, sampler=lambda rng: given, **SIZES)
-    with pytest.raises(error, match=match):
-        sampled.reset([1, 2, 3])
-    usual = SearchBatch(3, **SIZES)
     with pytest.raises(ValueError, match="situation must be given together with situations"):
-        usual.reset([1, 2, 3], given={"situation": 0})
-
-
-def test_tables_of_situations_that_do_not_fit_in_memory_are_refused() -> None:
-    prior = Person(Drift(np.ones((1000, 1000))))
-    with pytest.raises(ValueError, match=r"starts that are arrays would take at least .* GiB"):
-        SearchBatch(1, grid_size=1000, timestep_limit=10**9, persons=prior)
+        SearchBatch(3, **SIZES).reset([1, 2, 3], situation=0)
 
 
 def test_a_catalogue_has_a_table_of_matrices() -> None:

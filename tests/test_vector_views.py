@@ -20,15 +20,15 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import vector as wrappers
-from helpers import overwrite, plain, without_history
+from helpers import plain, without_history
 from layouts_by_hand import drone_by_hand, swarm_by_hand
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch.vector import Buffers, DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
 MODES = list(AutoresetMode)
@@ -506,39 +506,15 @@ def test_masks_and_final_masks_are_those_of_the_wrapper(view: type[SearchVectorE
         ended += 1
 
 
-@both_views
-@pytest.mark.parametrize("layout", ["dict", "flat"])
-def test_buffers_hold_masks_too(view: type[SearchVectorEnv], layout: str) -> None:
-    how = {"observation": layout, "action_mask": "observation", **SMALL}
-    env, copying, reusing = view(3, **how), view(3, **how), view(3, copy=False, **how)
-    buffers = copy.deepcopy(reusing._buffers)
-    masks = buffers.observations["action_mask"]
-    env.use_buffers(buffers)
-    env.reset(seed=2)
-    shown = [each.reset(seed=2)[0] for each in (copying, reusing)]
-    rng = np.random.default_rng(0)
-    for _ in range(15):
-        assert plain(buffers.observations) == plain(shown[0]) == plain(shown[1])
-        assert shown[1] is reusing._buffers.observations
-        actions = random_actions(rng, env)
-        env.step(actions)
-        shown = [each.step(actions)[0] for each in (copying, reusing)]
-    assert buffers.observations["action_mask"] is masks
-    buffers.observations["action_mask"] = masks.astype(bool)
-    with pytest.raises(ValueError, match=r"buffers.observations\['action_mask'\] must be of shape"):
-        env.use_buffers(buffers)
-    buffers.observations["observation"] = masks
-    with pytest.raises((TypeError, ValueError), match=r"buffers.observations\['"):
-        env.use_buffers(buffers)
-
-
 # The table of matrices.
 
 
 @both_views
 def test_indices_name_the_matrices_that_would_be_written(view: type[SearchVectorEnv]) -> None:
-    vectors = np.array([(0.3, -0.2), (0.0, 0.1), (0.3, -0.2), (-1.0, 0.0)])
-    parameters = {**SMALL, "vector": vectors, "timestep_limit": 70}
+    drifts = [(0.3, -0.2), (0.0, 0.1), (0.3, -0.2), (-1.0, 0.0)]
+    situations = [Person(Drift((1, 1), vector=drift, diffusion=0.2)) for drift in drifts]
+    shared = {"situations": situations, "situation": range(4), "timestep_limit": 70}
+    parameters = {**{key: SMALL[key] for key in ("grid_size", "n_drones")}, **shared}
     indexed = view(4, write_matrices=False, **parameters)
     writing = view(4, **parameters)
     assert not indexed.matrices.flags.writeable
@@ -559,66 +535,11 @@ def test_indices_name_the_matrices_that_would_be_written(view: type[SearchVector
         assert plain(indexed.matrices[entry]) == matrix
 
 
-@pytest.mark.parametrize("parameters", [{}, {"bayesian_update": True}, {"write_matrices": False}])
-@both_views
-def test_nothing_done_to_arrays_of_a_batch_changes_an_episode(
-    view: type[SearchVectorEnv], parameters: dict[str, Any]
-) -> None:
-    """The table, observations and all that a batch has; none of a batch made later either."""
-
-    def episodes(touch: Callable[[Any], object]) -> list[Any]:
-        env = view(4, **{**SMALL, "n_drones": 2, "timestep_limit": 40, **parameters})
-        rng, log = np.random.default_rng(3), []
-        observations, infos = env.reset(seed=1)
-        for _ in range(45):
-            log.append(plain([observations, infos, env.batch.person_cells]))
-            batch = env.batch
-            arrays = [
-                *observations.values(), *infos.values(), batch.rewards, batch.endings, batch.ended,
-                batch.steps, batch.cells, batch.positions, batch.missing, batch.person_cells,
-                batch.searching, batch.frame(1).matrix, batch.matrices_of(np.arange(2)),
-                *batch.parameters.values(), env.action_masks(),
-            ]  # fmt: skip
-            if "write_matrices" in parameters:
-                arrays += [env.matrices, batch.table_index]
-            for array in arrays:
-                touch(array)
-            actions = rng.choice([1, 3, 4, 4, 4, 5], env.action_space.shape)
-            observations, *results, infos = env.step(actions)
-            log.append(plain(results))
-            for array in results:
-                touch(array)
-        return log
-
-    expected = episodes(lambda array: None)
-    assert episodes(overwrite) == expected
-    assert episodes(lambda array: None) == expected
-
-
-@both_views
-def test_another_drift_leaves_the_table_held_before_as_it_was(view: type[SearchVectorEnv]) -> None:
-    indexed, writing = view(3, write_matrices=False, **SMALL), view(3, **SMALL)
-    indexed.reset(seed=1)
-    writing.reset(seed=1)
-    idle = np.full(indexed.action_space.shape, Action.IDLE)
-    before, wanted = indexed.step(idle)[0], writing.step(idle)[0]
-    held = indexed.matrices
-    only = np.repeat([False, True, False], indexed.num_envs // 3)
-    options = {"reset_mask": only, "vector": (-2.0, 0.5)}
-    after, also = indexed.reset(options=options)[0], writing.reset(options=options)[0]
-    for _ in range(5):
-        matrices = indexed.matrices[after["matrix_index"]]
-        assert plain(matrices) == plain(also["probability_matrix"])
-        after, also = indexed.step(idle)[0], writing.step(idle)[0]
-    assert plain(held[before["matrix_index"]]) == plain(wanted["probability_matrix"])
-
-
 @pytest.mark.parametrize(
     "parameters",
     [
         {"bayesian_update": True},
         {"person_initial_position": [(0, 0), (1, 1)]},
-        {"sampler": lambda rng: {"vector": rng.uniform(-0.5, 0.5, 2)}},
     ],
 )
 def test_indices_need_a_table(parameters: dict[str, Any]) -> None:
@@ -943,28 +864,22 @@ def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
 
 @both_views
 def test_the_options_of_a_reset_hold_as_long_as_they_should(view: type[SearchVectorEnv]) -> None:
-    """The drift stays, the rest is for one episode: as in the single environment."""
-    options = {
-        "vector": (-0.4, 0.9),
-        "person_initial_position": (0, 3),
-        "drones_positions": [(3, 3), (0, 1), (2, 2)],
-    }
-    env = view(2, autoreset_mode="Disabled", **SMALL)
-    singles = [DroneSwarmSearch(**SMALL) for _ in range(2)]
-    env.reset(seed=9, options=options)
-    for seed, single in enumerate(singles, 9):
-        single.reset(seed=seed, options=options)
-    for _ in range(2):
-        for swarm, single in enumerate(singles):
-            assert plain(vars(env.frame(swarm))) == without_history(single.frame())
+    """A catalogue stays, the rest is for one episode."""
+    persons = [Person(Drift((x, 2), diffusion=0.1)) for x in range(3)]
+    sizes = {"grid_size": 4, "n_drones": 3}
+    env = view(2, autoreset_mode="Disabled", situations=persons[:1], **sizes)
+    positions = [(3, 3), (0, 1), (2, 2)]
+    env.reset(
+        seed=9, options={"situations": persons, "situation": 2, "drones_positions": positions}
+    )
+    assert env.batch.situation.tolist() == [2, 2]
+    assert env.batch.positions.tolist() == [[list(cell) for cell in positions]] * 2
+    seen = set()
+    for _ in range(12):
         env.reset()
-        for single in singles:
-            single.reset()
-    constants = np.array([1.0, 500.0])
-    env.reset(options={"disperse_constant": constants})
-    assert env.batch.parameters["disperse_constant"].tolist() == constants.tolist()
-    env.reset()
-    assert env.batch.parameters["disperse_constant"].tolist() == [10.0, 10.0]
+        seen |= set(env.batch.situation.tolist())
+        assert env.batch.positions[:, 2].tolist() == [[2, 0]] * 2
+    assert seen == {0, 1, 2}
 
 
 # Gymnasium's wrappers and conventions.
@@ -1130,25 +1045,6 @@ def test_what_was_returned_never_changes(
     assert [as_data(result) for result in results] == as_it_was
 
 
-@both_views
-@all_layouts
-def test_what_is_returned_may_be_written_to(
-    view: type[SearchVectorEnv], layout: str, writes: bool
-) -> None:
-    """No returned array is the environment's own memory."""
-    env = view(3, observation=layout, write_matrices=writes, **SMALL)
-    other = view(3, observation=layout, write_matrices=writes, **SMALL)
-    rng = np.random.default_rng(0)
-    result: tuple[Any, ...] = env.reset(seed=1)
-    other.reset(seed=1)
-    for _ in range(25):
-        for array in arrays_in(result):
-            array[...] = 3
-        actions = random_actions(rng, env)
-        result = env.step(actions)
-        assert as_data(result) == as_data(other.step(actions))
-
-
 def arrays_in(result: Any) -> list[np.ndarray]:
     """All arrays in a result."""
     if isinstance(result, np.ndarray):
@@ -1172,95 +1068,10 @@ def test_without_copies_the_same_arrays_come_back(
     idle = np.full(env.action_space.shape, Action.IDLE)
     first, second = env.step(idle), env.step(idle)
     assert len(begun) == (2 if layout == "dict" else 1)
-    for mine, again in zip(arrays_in(first[:4]), arrays_in(second[:4]), strict=True):
+    for mine, again in zip(arrays_in(first[0]), arrays_in(second[0]), strict=True):
         assert mine is again
     for mine, again in zip(begun, arrays_in(first[0]), strict=True):
         assert mine is again
-
-
-def collected(env: SearchVectorEnv, dtype: type = np.float32) -> Callable[[int], Buffers]:
-    """Arrays for several steps, and what makes buffers of the part for one of them."""
-    space, steps = env.observation_space, 12
-
-    def many(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-        return np.full((steps, *shape), 9).astype(dtype)
-
-    if isinstance(space, spaces.Dict):
-        seen: Any = {key: many(part.shape, part.dtype) for key, part in space.items()}
-    else:
-        seen = many(space.shape, space.dtype)
-    rewards = many((env.num_envs,), dtype)
-    flags = [many((env.num_envs,), np.bool_) for _ in range(2)]
-
-    def at(step: int) -> Buffers:
-        part = seen[step] if not isinstance(seen, dict) else {k: v[step] for k, v in seen.items()}
-        return Buffers(part, rewards[step], *[array[step] for array in flags])
-
-    return at
-
-
-@both_views
-@all_layouts
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_steps_are_written_into_a_collectors_arrays(
-    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode, dtype: type
-) -> None:
-    """As PPO's collectors have them: one array for several steps, each step in its part."""
-    parameters = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
-    env, plainly = view(3, **parameters), view(3, **parameters)
-    at = collected(env, dtype)
-    rng = np.random.default_rng(0)
-    env.use_buffers(at(0))
-    assert as_data(env.reset(seed=1)) == as_data(plainly.reset(seed=1))
-    wanted = []
-    for step in range(12):
-        env.use_buffers(at(step))
-        actions = random_actions(rng, env)
-        seen, rewards, *flags, infos = env.step(actions)
-        theirs, their_rewards, *their_flags, their_infos = plainly.step(actions)
-        wanted.append(plain([theirs, their_rewards.astype(dtype), *their_flags]))
-        assert plain([seen, rewards, *flags]) == wanted[-1]
-        assert as_data((infos,)) == as_data((their_infos,))
-    assert [plain(list(vars(at(step)).values())) for step in range(12)] == wanted
-
-
-@both_views
-@pytest.mark.parametrize(("layout", "writes"), LAYOUTS)
-@pytest.mark.parametrize(
-    "laid_out",
-    [
-        np.asfortranarray,
-        lambda array: np.repeat(array, 2, axis=-1)[..., ::2],
-        lambda array: np.repeat(array, 2, axis=0)[::2],
-        lambda array: array[..., ::-1],
-    ],
-    ids=["Fortran's order", "every second number", "every second sub-environment", "backwards"],
-)
-def test_buffers_may_lie_in_memory_as_they_like(
-    view: type[SearchVectorEnv], layout: str, writes: bool, laid_out: Callable[[Any], Any]
-) -> None:
-    env = view(3, observation=layout, write_matrices=writes, **SMALL)
-    plainly = view(3, observation=layout, write_matrices=writes, **SMALL)
-    n = env.num_envs
-    # Margins on both sides show what is written outside of the array.
-    whole = {
-        key: laid_out(np.full((3 * n, *space.shape[1:]), 7, space.dtype))
-        for key, space in spaces_in(env.observation_space).items()
-    }
-    seen = {key: array[n : 2 * n] for key, array in whole.items()}
-    rewards, flags = np.zeros(n), np.zeros(n, np.bool_)
-    env.use_buffers(Buffers(seen if layout == "dict" else seen[""], rewards, flags, flags.copy()))
-    rng = np.random.default_rng(0)
-    env.reset(seed=1)
-    wanted = plainly.reset(seed=1)[0]
-    for _ in range(6):
-        assert plain(seen) == plain(wanted if layout == "dict" else {"": wanted})
-        for array in whole.values():
-            assert (array[:n] == 7).all() and (array[2 * n :] == 7).all()
-        actions = random_actions(rng, env)
-        env.step(actions)
-        wanted = plainly.step(actions)[0]
 
 
 def test_a_shared_reward_is_the_mean_over_the_swarm() -> None:
@@ -1276,96 +1087,9 @@ def test_a_shared_reward_is_the_mean_over_the_swarm() -> None:
         DroneVectorEnv(4, shared_reward=1)
 
 
-@both_views
-@pytest.mark.parametrize(
-    ("dtype", "arguments"),
-    [
-        (np.float16, {}),
-        (np.float16, {"reward_scale": 0.5}),
-        (np.float16, {"reward_scheme": RewardScheme.sparse(), "reward_scale": 2.0**17}),
-        (np.float32, {"reward_scheme": RewardScheme(find=1e99)}),
-        (np.float32, {"reward_scale": 1e36}),
-        (np.complex64, {}),
-        (np.int64, {}),
-    ],
-)
-def test_buffers_that_cannot_hold_the_rewards_are_refused(
-    view: type[SearchVectorEnv], dtype: type, arguments: dict[str, Any]
-) -> None:
-    env = view(3, **SMALL, **arguments)
-    with pytest.raises(ValueError, match=r"buffers\.rewards must .*got .*" + dtype.__name__):
-        env.use_buffers(collected(env, dtype)(0))
-    assert not env.reuses_arrays
-    with pytest.raises(TypeError, match="buffers must be Buffers, got None"):
-        env.use_buffers(None)  # type: ignore[arg-type]
-
-
-@both_views
-@pytest.mark.parametrize(
-    "arguments", [{"reward_scale": 2**-17}, {"reward_scheme": RewardScheme.sparse()}]
-)
-def test_small_rewards_may_be_kept_in_half_precision(
-    view: type[SearchVectorEnv], arguments: dict[str, Any]
-) -> None:
-    env, plainly = view(3, **SMALL, **arguments), view(3, **SMALL, **arguments)
-    env.use_buffers(collected(env, np.float16)(0))
-    rng = np.random.default_rng(0)
-    for each in (env, plainly):
-        each.reset(seed=1)
-    for _ in range(30):
-        actions = random_actions(rng, env)
-        rewards = plainly.step(actions)[1]
-        assert np.isfinite(rewards).all()
-        assert env.step(actions)[1].tolist() == rewards.astype(np.float16).tolist()
-
-
 def spaces_in(space: spaces.Space) -> dict[str, spaces.Box]:
     """The parts of a space by their keys; of an array's, the key is empty."""
     return dict(space.items()) if isinstance(space, spaces.Dict) else {"": space}
-
-
-FLAT = np.zeros((2, 2 * 3 + 1 + 16), np.float32)
-MATRICES = {"probability_matrix": np.zeros((2, 4, 4), np.float32)}
-
-
-@pytest.mark.parametrize(
-    ("layout", "wrong", "error", "words"),
-    [
-        ("flat", {"observations": FLAT[:1]}, ValueError, r"observations must be"),
-        ("flat", {"observations": FLAT.T}, ValueError, r"observations must be"),
-        ("flat", {"observations": FLAT.astype(float)}, ValueError, r"observations .* and float64"),
-        ("flat", {"observations": {"positions": FLAT}}, TypeError, r"observations must be"),
-        ("flat", {"observations": FLAT.tolist()}, TypeError, r"observations must be"),
-        ("dict", {"observations": FLAT}, TypeError, r"observations"),
-        ("dict", {"observations": {}}, (TypeError, ValueError), r"observations"),
-        (
-            "dict",
-            {"observations": {"positions": np.zeros((2, 3, 2), np.int64), **MATRICES}},
-            ValueError,
-            r"observations\['positions'\] must be .* dtype int32",
-        ),
-        ("flat", {"rewards": np.zeros(1)}, ValueError, r"rewards must be .* \(2,\)"),
-        ("flat", {"rewards": np.zeros((2, 1))}, ValueError, r"rewards must be"),
-        ("flat", {"rewards": np.zeros(2, np.int64)}, ValueError, r"rewards must be"),
-        ("flat", {"terminations": np.zeros(3, np.bool_)}, ValueError, r"terminations must be"),
-        ("flat", {"truncations": None}, TypeError, r"truncations must be"),
-    ],
-)
-def test_wrong_buffers_are_refused(
-    layout: str, wrong: dict[str, Any], error: type[Exception], words: str
-) -> None:
-    env = SwarmVectorEnv(2, observation=layout, **SMALL)
-    right = {
-        "observations": env.reset(seed=0)[0],
-        "rewards": np.zeros(2),
-        "terminations": np.zeros(2, np.bool_),
-        "truncations": np.zeros(2, np.bool_),
-    }
-    with pytest.raises(error, match=rf"buffers\.{words}"):
-        env.use_buffers(Buffers(**{**right, **wrong}))
-    assert env.step([[Action.IDLE] * 3] * 2)[0] is not right["observations"]
-    env.use_buffers(Buffers(**right))
-    assert env.step([[Action.IDLE] * 3] * 2)[0] is right["observations"]
 
 
 # Everything else.
@@ -1508,8 +1232,8 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
     assert list(shown)[1:] == [
         *["shared_reward"] * (view is DroneVectorEnv),
         *f"{own}separate_flags reward_scale copy render_mode".split(),
-        *(field.name for field in dataclasses.fields(Scenario)),
         *("scenario", "situations", "situation", "drones_positions", "sampler"),
+        *(field.name for field in dataclasses.fields(Scenario)),
     ]
     usual = {name: shown[name].default for name in list(shown)[1:]}
     for field in dataclasses.fields(Scenario):
@@ -1571,7 +1295,7 @@ def test_unknown_swarms_are_refused(
 
 @both_views
 def test_options_of_none_are_as_good_as_none(view: type[SearchVectorEnv]) -> None:
-    names = ("reset_mask", "vector", "person_initial_position", "drones_positions")
+    names = ("reset_mask", "situations", "situation", "drones_positions")
     plainly, env = view(2), view(2)
     given = env.reset(seed=1, options=dict.fromkeys(names))
     assert plain(given) == plain(plainly.reset(seed=1))

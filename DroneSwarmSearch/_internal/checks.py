@@ -1,8 +1,8 @@
 """Validation of user input: each function returns the value in its plain form, or raises.
 
-Error messages name the parameter, state what is allowed and show the value. `pairs`,
-`reals` and `cells` are the array forms of `pair`, `real` and `cell`: they accept the values of
-all rows of a batch at once, and report a bad one with the scalar form's message.
+Error messages name the parameter, state what is allowed and show the value. `integers` and
+`cells` are the array forms of `integer` and `cell`: they accept the values of all rows of a batch
+at once, and report a bad one with the scalar form's message.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.arrays import Ints
 
 __all__ = [
     "LARGEST_EXACT",
@@ -39,10 +39,8 @@ __all__ = [
     "numbers",
     "output_array",
     "pair",
-    "pairs",
     "positive",
     "real",
-    "reals",
     "row_numbers",
     "seeds",
 ]
@@ -139,22 +137,6 @@ def real(name: str, value: object, low: float | None = None, high: float | None 
     raise error(f"{name} must be a finite number{limits}, got {value!r:.100}")
 
 
-def reals(name: str, value: object, rows: int, low: float) -> Floats:
-    """`real` for the rows of a batch: one number for all of them, or one for each.
-
-    Returns:
-        float64, shape (rows,).
-    """
-    what = f"a finite number of at least {low:g}"
-    given = numbers(name, value, what)
-    if given.ndim == 0:
-        return np.full(rows, real(name, value, low))
-    _check_rows(name, given, (rows,), what)
-    for row in (~(np.isfinite(given) & (given >= low))).nonzero()[0]:
-        real(f"{name}[{row}]", given[row].item(), low)
-    return given.astype(np.float64)
-
-
 def positive(name: str, value: object) -> float:
     """A finite real number above 0."""
     number = finite(value)
@@ -199,22 +181,6 @@ def pair(name: str, value: object) -> tuple[float, float]:
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     x, y = (real(f"{name}[{axis}]", number) for axis, number in enumerate(numbers))
     return x, y
-
-
-def pairs(name: str, value: object, rows: int) -> Floats:
-    """`pair` for the rows of a batch: one pair for all of them, or one for each.
-
-    Returns:
-        float64, shape (rows, 2).
-    """
-    what = "two finite numbers (x, y)"
-    given = numbers(name, value, what)
-    if given.ndim < 2:
-        return np.tile(pair(name, value), (rows, 1))
-    _check_rows(name, given, (rows, 2), what)
-    for row in (~np.isfinite(given).all(axis=1)).nonzero()[0]:
-        pair(f"{name}[{row}]", given[row])
-    return given.astype(np.float64)
 
 
 def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:

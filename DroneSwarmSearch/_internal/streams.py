@@ -12,19 +12,15 @@ function. Seeds are expanded by NumPy's `SeedSequence`.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Words
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Words
 
 __all__ = [
     "DENOMINATOR",
     "EpisodeStream",
-    "RowGenerator",
     "Streams",
     "episode_keys",
     "mixed",
@@ -98,7 +94,7 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
     return mixed(keys + (episodes + _ONE) * GOLDEN)
 
 
-def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
+def numbers(keys: Words, places: Words) -> Floats:
     """The uniforms in [0, 1) at given places in the sequences of given episodes, float64.
 
     Args:
@@ -108,17 +104,17 @@ def numbers(keys: Words, places: Words) -> NDArray[np.float64]:
     return unit_numbers(keys + (places + _ONE) * GOLDEN)
 
 
-def unit_numbers(counters: Words) -> NDArray[np.float64]:
+def unit_numbers(counters: Words) -> Floats:
     """The uniforms in [0, 1) of given counters, float64.
 
     Args:
         counters: the key of an episode plus `GOLDEN` times the place, counted from 1.
     """
-    drawn: NDArray[np.float64] = np.multiply(numerators(counters), _UNIT)
+    drawn: Floats = np.multiply(numerators(counters), _UNIT)
     return drawn
 
 
-def numerators(counters: Words) -> NDArray[np.int64]:
+def numerators(counters: Words) -> Ints:
     """`unit_numbers` times `DENOMINATOR`, as integers: int64."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
@@ -215,65 +211,6 @@ class EpisodeStream:
         for place in range(begin + len(self._known), end, _CHUNK):
             counter = np.uint64((key + place * int(GOLDEN)) % 2**64)
             self._known += unit_numbers(_NEXT + counter).tolist()
-
-
-class RowGenerator:
-    """Random draws for selected rows of a batch, each from the row's own sequence.
-
-    A row's draws depend on its seed, its episode and the calls made, but not on the other
-    rows. The methods have the names of NumPy's `Generator`; results have a first axis for the
-    rows.
-
-    Args:
-        keys: the key of each row's sequence, see `episode_keys`; shape (n,).
-    """
-
-    def __init__(self, keys: Words) -> None:
-        self._keys = keys
-        self._drawn = 0
-
-    def __len__(self) -> int:
-        return len(self._keys)
-
-    def random(self, size: int | tuple[int, ...] = ()) -> NDArray[np.float64]:
-        """Uniforms in [0, 1), float64, shape ``(n, *size)``."""
-        entries = size if isinstance(size, (tuple, list, np.ndarray)) else (size,)
-        shape = tuple(checks.integer("size", entry, 0) for entry in entries)
-        count = math.prod(shape)
-        places = np.arange(self._drawn, self._drawn + count, dtype=np.uint64)
-        self._drawn += count
-        return numbers(self._keys[:, None], places).reshape(len(self), *shape)
-
-    def uniform(
-        self, low: ArrayLike = 0.0, high: ArrayLike = 1.0, size: int | tuple[int, ...] = ()
-    ) -> NDArray[np.float64]:
-        """Uniforms in [low, high), float64, shape ``(n, *size)``."""
-        low = np.asarray(low, np.float64)
-        drawn: NDArray[np.float64] = low + (np.asarray(high) - low) * self.random(size)
-        return drawn
-
-    def integers(
-        self, low: ArrayLike, high: ArrayLike, size: int | tuple[int, ...] = ()
-    ) -> NDArray[np.int64]:
-        """Integers from low to high - 1, int64, shape ``(n, *size)``.
-
-        Raises:
-            TypeError: `low` or `high` is not an integer or an array of integers.
-            ValueError: `low` is not below `high`.
-        """
-        lowest, end = _integers("low", low), _integers("high", high)
-        if (lowest >= end).any():
-            raise ValueError(f"low must be below high, got {low!r} and {high!r}")
-        above = np.floor((end - lowest) * self.random(size)).astype(np.int64)
-        drawn: NDArray[np.int64] = lowest + above
-        return drawn
-
-
-def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
-    given = checks.array(name, value, "an integer or an array of integers")
-    if given.dtype.kind not in "iu":
-        raise TypeError(f"{name} must be an integer or an array of integers, got {value!r}")
-    return given.astype(np.int64)
 
 
 class Streams(NamedTuple):

@@ -1,25 +1,20 @@
-"""BenchMARL (extra ``benchmarl``): a task on `torchrl.SearchEnv`, and experiments that resume.
+"""BenchMARL (extra ``benchmarl``): a task on `torchrl.SearchEnv`.
 
 For example::
 
     task = SearchTask.SEARCH.get_task({**TRAINING_TASK, "right_of_way": True})
-    experiment = ResumableExperiment(
-        task=task, algorithm_config=MappoConfig.get_from_yaml(), ...
-    )
+    experiment = Experiment(task=task, algorithm_config=MappoConfig.get_from_yaml(), ...)
     experiment.run()
-
-`torchrl.TrainedPolicy` lets `evaluate` use ``experiment.policy``.
+    policy = TrainedPolicy(torchrl.logits(experiment.policy, n_drones=2))  # for `evaluate`
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import torch
 from benchmarl.environments import Task, TaskClass
-from benchmarl.experiment import Callback, Experiment
 from tensordict import TensorDictBase
 from torchrl.data import Composite
 from torchrl.envs import EnvBase
@@ -32,9 +27,8 @@ from DroneSwarmSearch.adapters.torchrl import (
     SearchEnv,
     episode_metrics,
 )
-from DroneSwarmSearch.training import Run
 
-__all__ = ["ResumableExperiment", "RunCallback", "SearchClass", "SearchTask"]
+__all__ = ["SearchClass", "SearchTask"]
 
 
 class SearchClass(TaskClass):
@@ -120,67 +114,3 @@ class SearchTask(Task):
     @staticmethod
     def associated_class() -> type[SearchClass]:
         return SearchClass
-
-
-class ResumableExperiment(Experiment):
-    """An experiment that can be interrupted and resumed at any time.
-
-    Its checkpoints also hold the optimisers. The first one is written before the first batch. A
-    checkpoint whose writing is interrupted is deleted. The arguments are those of BenchMARL's
-    ``Experiment``; ``config.restore_file`` resumes.
-    """
-
-    def run(self) -> None:
-        """Run the experiment until completion."""
-        if not self.total_frames:
-            self._save_experiment()
-        super().run()
-
-    def state_dict(self) -> dict[str, Any]:
-        """The state for a checkpoint."""
-        state: dict[str, Any] = super().state_dict()
-        for group, optimisers in self.optimizers.items():
-            states = {name: each.state_dict() for name, each in optimisers.items()}
-            state[f"optimisers_{group}"] = states
-        return state
-
-    def load_state_dict(self, state_dict: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        super().load_state_dict(state_dict)
-        for group, optimisers in self.optimizers.items():
-            for name, each in optimisers.items():
-                each.load_state_dict(state_dict[f"optimisers_{group}"][name])
-
-    def _save_experiment(self) -> None:
-        try:
-            super()._save_experiment()
-        except BaseException:
-            name = f"checkpoint_{self.total_frames}.pt"
-            (self.folder_name / "checkpoints" / name).unlink(missing_ok=True)
-            raise
-
-
-class RunCallback(Callback):
-    """Adds a row to a run's learning curve after each batch.
-
-    The row holds the mean return, in unscaled points, and the success rate of the episodes that
-    ended; in the coverage mission, their mean probability of success. Steps are environment steps.
-
-    Args:
-        run: the run; its `checkpoint` is "*/checkpoints/checkpoint_*.pt".
-    """
-
-    def __init__(self, run: Run) -> None:
-        super().__init__()
-        self._run = run
-
-    def on_batch_collected(self, batch: TensorDictBase) -> None:
-        config = self.experiment.task.config
-        success = PROBABILITY if config.get("mission") == "coverage" else SUCCESS
-        metrics = episode_metrics(batch, config.get("reward_scale", 1.0), success)
-        steps = self.experiment.total_frames
-        self._run.log(steps, metrics.get("reward"), metrics.get("found"))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """BenchMARL pickles its callbacks, but a run cannot be pickled."""
-        return Callback, ()

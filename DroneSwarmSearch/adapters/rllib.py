@@ -37,23 +37,19 @@ from ray.rllib.core.rl_module.rl_module import RLModule
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.adapters._sampling import SamplingPolicy
+from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.wrappers import ActionMask, ScaledRewards
-from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+from DroneSwarmSearch.wrappers import ActionMask, LayoutObservation, ScaledRewards
 
-__all__ = ["DroneBatch", "MaskedPPOModule", "SwarmEnv", "TrainedPolicy", "log_success"]
+__all__ = ["DroneBatch", "MaskedPPOModule", "SwarmEnv", "log_success", "logits"]
 
 OBSERVATION, ACTION_MASK = "observation", "action_mask"
 """The keys of masked observations."""
 
 SEED_STRIDE = 10**9
 """The distance between the seeds of env runners, to which RLlib gives consecutive seeds."""
-
-_LEAST_LOGIT = -1e9
-"""The logit of masked actions; their probability is 0 in float32."""
 
 
 class DroneBatch(VectorWrapper):
@@ -187,8 +183,8 @@ def _masked(
     """The output of a forward method, with masked logits."""
     output = forward(_without_masks(batch), **keywords)
     forbidden = batch[Columns.OBS][ACTION_MASK] == 0
-    logits = output[Columns.ACTION_DIST_INPUTS]
-    return {**output, Columns.ACTION_DIST_INPUTS: logits.masked_fill(forbidden, _LEAST_LOGIT)}
+    masked = output[Columns.ACTION_DIST_INPUTS].masked_fill(forbidden, LEAST_LOGIT)
+    return {**output, Columns.ACTION_DIST_INPUTS: masked}
 
 
 def _without_masks(batch: dict[str, Any]) -> dict[str, Any]:
@@ -214,40 +210,22 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
         metrics_logger.log_value("probability_of_success", float(probability), reduce="mean")
 
 
-class TrainedPolicy(SamplingPolicy):
-    """A masked network from a checkpoint; its view is `View("drone", action_mask=True)`.
-
-    Pass `evaluate` the same `observation` and `right_of_way` as in training.
+def logits(
+    checkpoint: str | Path, module_id: str = DEFAULT_MODULE_ID
+) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
+    """The masked network in a checkpoint, for `TrainedPolicy`.
 
     Args:
         checkpoint: the folder that ``Algorithm.save_to_path`` has written.
         module_id: the name of the RLModule; by default, that of the single-agent path.
-        deterministic: whether to take the most likely actions. By default, actions are sampled,
-            as PPO does while it learns.
     """
+    learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
+    module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)
 
-    def __init__(
-        self,
-        checkpoint: str | Path,
-        module_id: str = DEFAULT_MODULE_ID,
-        deterministic: bool = False,
-    ) -> None:
-        super().__init__()
-        learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
-        self.module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)
-        self._deterministic = checks.boolean("deterministic", deterministic)
-
-    def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:
-        """Actions of M drones, int64, shape (M,).
-
-        Args:
-            observations: {"observation": (M, ...), "action_mask": (M, 6)}.
-        """
+    def masked_logits(observations: Mapping[str, Any]) -> NDArray[Any]:
         batch = {key: torch.from_numpy(array) for key, array in observations.items()}
-        output = self.module.forward_inference({Columns.OBS: batch})
-        logits = output[Columns.ACTION_DIST_INPUTS].numpy()
-        if not self._deterministic:
-            # The largest of logits with Gumbel noise is a sample from their softmax.
-            logits = logits + self._generator.gumbel(size=logits.shape)
-        actions: NDArray[np.int64] = logits.argmax(axis=1)
-        return actions
+        output = module.forward_inference({Columns.OBS: batch})
+        values: NDArray[Any] = output[Columns.ACTION_DIST_INPUTS].numpy()
+        return values
+
+    return masked_logits

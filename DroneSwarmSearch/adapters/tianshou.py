@@ -20,7 +20,7 @@ Tianshou's Q-learning policies take the masks from the observations. For actor-c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,15 +35,11 @@ from tianshou.utils.net.common import ModuleWithVectorOutput
 from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 from tianshou.utils.torch_utils import torch_train_mode
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
-from DroneSwarmSearch.adapters._sampling import SamplingPolicy
+from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 
-__all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "TrainedPolicy"]
-
-_LEAST_LOGIT = -1e9
-"""The logit of masked actions; their probability is 0 in float32."""
+__all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "logits"]
 
 
 class DroneVenv(BaseVectorEnv):
@@ -75,7 +71,6 @@ class DroneVenv(BaseVectorEnv):
         self.is_async = self.is_closed = False
         self._drones = env.batch.scenario_of(0).n_drones
         self._seed: int | None = None
-        self._stale = np.ones(env.num_envs, np.bool_)  # left out of a step: reset before the next
 
     def reset(
         self, env_id: int | Sequence[int] | Ints | None = None, **keywords: Any
@@ -101,7 +96,6 @@ class DroneVenv(BaseVectorEnv):
         mask[chosen] = True
         options = {**(keywords.pop("options", None) or {}), "reset_mask": mask}
         observations, infos = self.env.reset(options=options, **keywords)
-        self._stale[chosen] = False
         return _rows(observations, chosen), _listed(infos, chosen)
 
     def step(
@@ -119,20 +113,14 @@ class DroneVenv(BaseVectorEnv):
             sub-environments.
 
         Raises:
-            ValueError: `id` holds a part of a swarm, or a drone that must be reset first.
+            ValueError: `id` holds a part of a swarm.
         """
         self._assert_is_not_closed()
         chosen = self._numbers("id", id)
-        if self._stale[chosen].any():
-            raise ValueError(
-                "sub-environments that were left out of a step must be reset before they act "
-                f"again: {chosen[self._stale[chosen]].tolist()}"
-            )
         left_out = np.ones(self.env_num, np.bool_)
         left_out[chosen] = False
         if left_out.any():
             self.env.reset(options={"reset_mask": left_out})  # so that they can make the step
-            self._stale |= left_out
         actions = np.zeros(self.env_num, np.int64)
         actions[chosen] = action
         observations, rewards, *flags, infos = self.env.step(actions)
@@ -257,9 +245,9 @@ class MaskedActor(DiscreteActor):
         self, obs: Any, state: Any = None, info: dict[str, Any] | None = None
     ) -> tuple[torch.Tensor, Any]:
         """The masked logits, shape (M, actions), and the hidden state."""
-        logits, hidden = super().forward(obs.obs, state, info)
-        mask = torch.as_tensor(obs.mask, device=logits.device)
-        return logits.masked_fill(mask == 0, _LEAST_LOGIT), hidden
+        values, hidden = super().forward(obs.obs, state, info)
+        mask = torch.as_tensor(obs.mask, device=values.device)
+        return values.masked_fill(mask == 0, LEAST_LOGIT), hidden
 
 
 class MaskedCritic(DiscreteCritic):
@@ -272,33 +260,19 @@ class MaskedCritic(DiscreteCritic):
         return super().forward(obs.obs, state, info)
 
 
-class TrainedPolicy(SamplingPolicy):
-    """A trained policy for `evaluate(..., view=View("drone", action_mask=True))`.
-
-    Pass `evaluate` the same `observation` and `right_of_way` as in training. The samples follow
-    from the seeds of the episodes, and do not change PyTorch's random state.
+def logits(policy: Policy) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
+    """The network of a trained policy, for `TrainedPolicy`.
 
     Args:
-        policy: a policy of Tianshou, trained with masks in the observations.
-        deterministic: whether to take the most likely actions. By default, actor-critic policies
-            sample, as PPO does while it learns. Q-learning policies always take the best action.
+        policy: of Tianshou, trained with masks in the observations. The logits of Q-learning
+            policies are their values: pass `TrainedPolicy` deterministic=True.
     """
 
-    def __init__(self, policy: Policy, deterministic: bool = False) -> None:
-        super().__init__()
-        self.policy = policy
-        self._deterministic = checks.boolean("deterministic", deterministic)
+    def masked_logits(observations: Mapping[str, Any]) -> NDArray[Any]:
+        mask = observations["action_mask"]
+        shown = Batch(obs=observations["observation"], mask=mask)
+        with torch.no_grad(), torch_train_mode(policy, False):
+            output = policy(Batch(obs=shown, info=Batch()))
+        return np.where(mask, output.logits.numpy(), LEAST_LOGIT)
 
-    def __call__(self, observations: Mapping[str, Any]) -> NDArray[np.int64]:
-        """Actions of M drones, int64, shape (M,).
-
-        Args:
-            observations: {"observation": (M, ...), "action_mask": (M, 6)}.
-        """
-        shown = Batch(obs=observations["observation"], mask=observations["action_mask"])
-        with torch.no_grad(), torch_train_mode(self.policy, False), self._seeded_torch():
-            output = self.policy(Batch(obs=shown, info=Batch()))
-            actions = output.act
-            if "dist" in output.get_keys():  # an actor's, whatever its `deterministic_eval`
-                actions = output.dist.mode if self._deterministic else output.dist.sample()
-        return np.asarray(actions, np.int64)
+    return masked_logits

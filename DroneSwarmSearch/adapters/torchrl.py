@@ -9,16 +9,14 @@ environments::
     policy = masked_policy(TensorDictModule(network, [OBSERVATION], [LOGITS]))
     for batch in Collector(env, policy, frames_per_batch=4096, total_frames=200_000):
         ...
-        run.log(steps, **episode_metrics(batch, reward_scale=2.0**-17))
-    trained = TrainedPolicy(policy, n_drones=2)
-    view = View("drone", "flat", action_mask=True, right_of_way=True)
-    evaluate(trained, search, view=view)
+        print(episode_metrics(batch))
+    trained = TrainedPolicy(logits(policy, n_drones=2))
+    evaluate(trained, search, view=View("drone", "flat", action_mask=True, right_of_way=True))
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -34,9 +32,8 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.adapters._sampling import SamplingPolicy
+from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.arguments import shows_keywords_of
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 
 __all__ = [
@@ -53,9 +50,9 @@ __all__ = [
     "SUCCESS",
     "VALUE",
     "SearchEnv",
-    "TrainedPolicy",
     "WithState",
     "episode_metrics",
+    "logits",
     "masked_policy",
 ]
 
@@ -90,11 +87,7 @@ PPO_KEYS: dict[str, Key] = {
 }
 """The keys for ``ClipPPOLoss.set_keys``, with a policy made by `masked_policy`."""
 
-_FIXED = ("autoreset_mode", "write_matrices", "copy", "render_mode", "action_mask")
-"""The keywords of `DroneVectorEnv` that `SearchEnv` sets itself."""
 
-
-@shows_keywords_of(DroneVectorEnv, *_FIXED)
 class SearchEnv(EnvBase):
     """Many searches as one TorchRL environment; its batch size is (num_swarms,).
 
@@ -134,7 +127,7 @@ class SearchEnv(EnvBase):
 
     Raises:
         TypeError: an argument is of the wrong type, or there are unknown keywords.
-        ValueError: an argument is out of its limits, or rewards are too large for float32.
+        ValueError: an argument is out of its limits.
     """
 
     def __init__(
@@ -147,26 +140,15 @@ class SearchEnv(EnvBase):
         device: torch.device | str = "cpu",
         **keywords: Any,
     ) -> None:
-        known = inspect.signature(SearchEnv).parameters
-        for name in keywords:
-            if name not in known:
-                raise TypeError(
-                    f"SearchEnv got an unexpected keyword argument {name!r}; "
-                    f"it takes {', '.join(known)}"
-                )
         shows_state = checks.boolean("state", state)
         env = DroneVectorEnv(
             num_swarms,
             observation=observation,
             action_mask="observation",
             autoreset_mode="Disabled",
+            copy=True,  # TorchRL keeps the arrays
             **keywords,
         )
-        if env.largest_reward > float(np.finfo(np.float32).max):
-            raise ValueError(
-                "reward_scale must leave rewards that float32 can hold, got rewards up to "
-                f"{env.largest_reward:g}"
-            )
         super().__init__(device=device, batch_size=[env.batch.num_rows])
         self.vector_env = env
         scenario = env.batch.scenario_of(0)
@@ -341,7 +323,7 @@ class WithState(nn.Module):
 def episode_metrics(
     batch: TensorDictBase, reward_scale: float = 1.0, success: Key = SUCCESS
 ) -> dict[str, float]:
-    """The means over the episodes that end in a batch, for `training.Run.log`.
+    """The means over the episodes that end in a batch.
 
     Args:
         batch: from a collector, with the returns that the transform ``RewardSum`` writes.
@@ -362,47 +344,28 @@ def episode_metrics(
     }
 
 
-class TrainedPolicy(SamplingPolicy):
-    """A policy of TorchRL or BenchMARL for `evaluate`.
-
-    Its view is `View("drone", action_mask=True)`, with the same `observation` and `right_of_way`
-    as in training. The samples follow from the seeds of the episodes, and do not change PyTorch's
-    random state.
+def logits(
+    policy: TensorDictModuleBase, n_drones: int
+) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
+    """The network of a policy of TorchRL or BenchMARL, for `TrainedPolicy`.
 
     Args:
-        policy: a module that reads `OBSERVATION` and `ACTION_MASK`, and writes `ACTION`.
+        policy: reads `OBSERVATION` and `ACTION_MASK`, and writes `LOGITS`.
         n_drones: the number of drones in each swarm.
-        deterministic: whether to take the most likely actions. By default, actions are sampled,
-            as PPO does while it learns.
     """
 
-    def __init__(
-        self, policy: TensorDictModuleBase, n_drones: int, deterministic: bool = False
-    ) -> None:
-        super().__init__()
-        self._policy = policy
-        self._n = checks.integer("n_drones", n_drones, 1)
-        is_fixed = checks.boolean("deterministic", deterministic)
-        self._exploration = ExplorationType.DETERMINISTIC if is_fixed else ExplorationType.RANDOM
-
-    def __call__(self, shown: Mapping[str, Any]) -> NDArray[np.int64]:
-        """Actions of M drones, int64, shape (M,).
-
-        Args:
-            shown: {"observation": (M, ...), "action_mask": (M, 6)}, the drones of each swarm
-                together.
-        """
-        swarms = len(shown["action_mask"]) // self._n
-        drones = TensorDict(
-            {name: _tensors(values) for name, values in shown.items()},
-            batch_size=len(shown["action_mask"]),
-        ).reshape(swarms, self._n)
+    def masked_logits(shown: Mapping[str, Any]) -> NDArray[Any]:
+        count = len(shown["action_mask"])
+        drones = TensorDict(_tensors(shown), batch_size=count).reshape(-1, n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
-        batch = TensorDict({GROUP: drones}, batch_size=swarms)
-        with torch.no_grad(), set_exploration_type(self._exploration), self._seeded_torch():
-            actions: torch.Tensor = self._policy(batch)[ACTION]
-        chosen: NDArray[np.int64] = actions.flatten().numpy()
-        return chosen
+        batch = TensorDict({GROUP: drones}, batch_size=count // n_drones)
+        with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
+            values = policy(batch)[LOGITS]
+        masked = values.masked_fill(~drones["action_mask"], LEAST_LOGIT)
+        by_drone: NDArray[Any] = masked.flatten(0, 1).numpy()
+        return by_drone
+
+    return masked_logits
 
 
 def _tensors(values: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, sig
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import resolve_scenario
-from DroneSwarmSearch.training.interrupts import INTERRUPTED
 
 __all__ = ["BASELINES", "compare_with_baselines"]
 
@@ -38,9 +36,6 @@ def compare_with_baselines(
 ) -> list[Evaluation]:
     """Evaluate a policy and the baselines on the same episodes, and print a table.
 
-    If you press Ctrl-C and `folder` is given, the program exits with code 130 and reports
-    that the run can be resumed.
-
     Args:
         policy: a callable from observations to actions, see `evaluation.evaluate`.
         parameters: those of `DroneSwarmSearch`, and optionally "drones_positions".
@@ -60,24 +55,8 @@ def compare_with_baselines(
     """
     search = _search(parameters)
     shared: dict[str, Any] = {"episodes": episodes, "seed": SEED}
-    try:
-        trained = evaluate(
-            policy,
-            search,
-            view=view,
-            name=name,
-            **shared,
-        )
-        others = [evaluate(baseline, search, **shared) for baseline in baselines]
-    except KeyboardInterrupt:
-        if folder is None:
-            raise
-        print(
-            f"interrupted during the comparison with the baselines; the training in {folder} "
-            "is complete, and --resume repeats the comparison",
-            file=sys.stderr,
-        )
-        raise SystemExit(INTERRUPTED) from None
+    trained = evaluate(policy, search, view=view, name=name, **shared)
+    others = [evaluate(baseline, search, **shared) for baseline in baselines]
     rows = [[*_figures(trained), "", ""]]
     rows += [[*_figures(other), *_lead(trained, other)] for other in others]
     print_table(HEADERS, rows, words=1)

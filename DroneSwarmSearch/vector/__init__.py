@@ -4,10 +4,8 @@
 which works with plain arrays.
 """
 
-from DroneSwarmSearch.vector.arguments import Buffers
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.parameters import Sampler
+from DroneSwarmSearch.vector.engine import Sampler, SearchBatch
 from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
 
-__all__ = ["Buffers", "DroneVectorEnv", "Sampler", "SearchBatch", "SwarmVectorEnv"]
+__all__ = ["DroneVectorEnv", "Sampler", "SearchBatch", "SwarmVectorEnv"]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.vector.arguments import shows_keywords_of
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = ["DroneVectorEnv", "make_drones"]

@@ -4,8 +4,7 @@ A step goes through the four phases of the single environment, for all rows at o
 
 1. all drones move or search, given the state they were shown;
 2. the rules decide rewards and endings;
-3. the clock advances: the persons drift, and so do the beliefs, in background threads where
-   that saves time;
+3. the clock advances: the persons and the beliefs drift;
 4. the new state can be read: positions, matrices, or indices into the table of matrices.
 
 A row whose episode has ended begins its next one in place of the following step, or earlier
@@ -14,8 +13,7 @@ in `restart`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,44 +21,52 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.actions import checked_actions
-from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch._internal.streams import mixed
-from DroneSwarmSearch.drift.belief import mean_over_missing
+from DroneSwarmSearch._internal.signatures import shows_keywords_of
+from DroneSwarmSearch._internal.streams import GOLDEN, mixed, numbers, stream_keys
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import batch_state_planes
-from DroneSwarmSearch.rules import Action, Ending, RewardScheme
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.rules import Action, Ending
+from DroneSwarmSearch.scenario import REPLACED, Scenario, is_default, resolve_scenario
+from DroneSwarmSearch.vector.catalogue import Catalogue, scenarios_of
 from DroneSwarmSearch.vector.drones import BatchDrones
-from DroneSwarmSearch.vector.episodes import Episodes
-from DroneSwarmSearch.vector.forecasts import Forecasts, Mixtures, OnTheFlyForecasts
-from DroneSwarmSearch.vector.parameters import (
-    DRIFT_PARAMETERS,
-    BatchParameters,
-    RowValues,
-    Sampler,
-)
-from DroneSwarmSearch.vector.tabulated_forecasts import (
-    TabulatedForecasts,
-    check_table,
-    choose_forecasts,
-    distinct,
-    forecasts_of_situations,
-)
 from DroneSwarmSearch.vector.world import BatchState
 
-__all__ = ["SearchBatch"]
+__all__ = ["Sampler", "SearchBatch"]
 
-_IDLE = np.array(Action.IDLE, np.int16)  # 0-d: NumPy calculates faster than with an int
+Situations = Sequence[Sequence[Person] | Person]
 
-# glibc returns large freed blocks to the system, which costs up to a third of a step, until a
-# block of this size has been freed once. Without effect on other systems.
-_large = np.empty(2**24, np.uint8)
-del _large
+Sampler = Callable[[np.random.Generator], Mapping[str, Any]]
+"""Draws a search (domain randomisation): returns what differs from the batch's scenario.
+
+Any of `vector`, `person_initial_position`, `disperse_constant` and `probability_of_detection`, or
+`persons` in place of these; and `drones_positions`. For example, random drift and start::
+
+    def sampler(rng):
+        return {
+            "vector": rng.uniform(-0.5, 0.5, 2),
+            "person_initial_position": rng.integers(5, 15, 2),
+        }
+"""
+
+_SAMPLED = (*REPLACED, "persons", "drones_positions")
+
+_CATALOGUE_SIZE = 256
+"""The searches that a sampler draws at a time."""
+
+_USES = 4
+"""The episodes for each of them, on average, until others are drawn."""
+
+_DRONE_BYTES = 64
+"""A lower limit of the memory of each drone in each row."""
+
+_FIRST = np.zeros(1, np.uint64)
 
 
+@shows_keywords_of(Scenario)
 class SearchBatch:
     """Many independent searches with the rules, forecasts and random numbers of one.
 
@@ -68,40 +74,24 @@ class SearchBatch:
 
     Args:
         num_rows: the number of searches, E.
-        grid_size: cells along each side, N; this and the next ones as in `DroneSwarmSearch`.
-        n_drones: drones in each search, n.
-        vector: drift in cells per step, (x, y); or one for each row, shape (E, 2).
-        person_initial_position: a cell (x, y), or one for each person, shape (persons, 2),
-            for every row; or those of each row, shape (E, persons, 2).
-        disperse_constant: how quickly the persons may stray from the drift; or one for each row,
-            (E,).
-        timestep_limit: the steps in an episode.
-        probability_of_detection: one number, or one for each person.
-        bayesian_update: whether matrices are exact posteriors given the searches so far, or
-            drift forecasts alone.
-        reward_scheme: the figures of the reward table.
-        persons: the persons of every row if their start or drift is uncertain, see `Person`;
-            in place of `vector`, `person_initial_position`, `disperse_constant` and
-            `probability_of_detection`.
-        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
-            success as possible.
-        scenario: all parameters from `grid_size` on, in place of them.
-        situations: a catalogue in place of `persons`: a sequence of situations, each a
-            sequence of `Person`, the same number in each. Every episode draws one of them with
+        scenario: the parameters of the searches; or pass them as keywords instead.
+        situations: a catalogue in place of the scenario's persons: a sequence of situations, each
+            a sequence of `Person`, the same number in each. Every episode draws one of them with
             equal chances.
         situation: the number of a situation, from 0, for every episode, in place of the draw;
             or one for each row, (E,).
         drones_positions: a cell (x, y) for each drone at the start of every episode, shape
             (n_drones, 2) or (E, n_drones, 2). By default drones stand from left to right
             from (0, 0), row by row.
-        sampler: draws new parameters for every episode, see `Sampler`.
-        wants_table: keep the matrices of all forecasts and steps in one table, however large.
+        sampler: draws a catalogue of 256 searches, and a new one after every 1,024 episodes, see
+            `Sampler`.
+        wants_table: keep the matrices of all forecasts and steps in one table.
         finds_last: False simulates searches that never find a search's last missing person,
             although they may find the others.
         rows_name: the name of `num_rows` in error messages.
 
     Attributes:
-        ready: whether every row has begun an episode.
+        num_rows: the number of searches.
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -111,100 +101,72 @@ class SearchBatch:
     def __init__(
         self,
         num_rows: int,
-        *,
-        grid_size: int = Scenario.grid_size,
-        n_drones: int = Scenario.n_drones,
-        vector: ArrayLike = Scenario.vector,
-        person_initial_position: ArrayLike = Scenario.person_initial_position,
-        disperse_constant: ArrayLike = Scenario.disperse_constant,
-        timestep_limit: int = Scenario.timestep_limit,
-        probability_of_detection: float | Sequence[float] = Scenario.probability_of_detection,
-        bayesian_update: bool = Scenario.bayesian_update,
-        reward_scheme: RewardScheme = Scenario.reward_scheme,
-        persons: Sequence[Person] | Person | None = Scenario.persons,
-        mission: str = Scenario.mission,
         scenario: Scenario | None = None,
-        situations: Sequence[Sequence[Person] | Person] | None = None,
+        *,
+        situations: Situations | None = None,
         situation: ArrayLike | None = None,
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
         wants_table: bool = False,
         finds_last: bool = True,
         rows_name: str = "num_rows",
+        **parameters: Any,
     ) -> None:
+        self.num_rows = rows = checks.integer(rows_name, num_rows, 1)
+        checks.boolean("wants_table", wants_table)
+        checks.boolean("finds_last", finds_last)
         if sampler is not None and not callable(sampler):
             raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
-        self._wants_table = checks.boolean("wants_table", wants_table)
-        self._finds_last = checks.boolean("finds_last", finds_last)
+        if sampler is not None and situations is not None:
+            raise ValueError("sampler cannot be given together with situations")
+        self._scenario = scenario = resolve_scenario(scenario, **parameters)
+        scenarios = [scenario]
+        if situations is not None:
+            for name in (*REPLACED, "persons"):
+                if not is_default(name, value := getattr(scenario, name)):
+                    raise ValueError(
+                        f"{name} cannot be given together with situations, got {value!r}; "
+                        "each Person has its own"
+                    )
+            scenarios = scenarios_of(scenario, situations)
+        n = scenario.n_drones
+        checks.fits("the drones", _DRONE_BYTES * rows * n, **{rows_name: rows}, n_drones=n)
+        beliefs = max(sum(len(person.drifts) for person in each.situation) for each in scenarios)
+        needed = 8 * scenario.grid_size**2 * rows * beliefs * scenario.keeps_beliefs
+        size = scenario.grid_size
+        checks.fits("the persons' beliefs", needed, **{rows_name: rows}, grid_size=size)
+
         self._sampler = sampler
-        self._usual = BatchParameters.from_arguments(
-            num_rows,
-            rows_name,
-            drones_positions,
-            situations,
-            situation,
-            sampler is not None,
-            scenario,
-            grid_size=grid_size,
-            n_drones=n_drones,
-            vector=vector,
-            person_initial_position=person_initial_position,
-            disperse_constant=disperse_constant,
-            timestep_limit=timestep_limit,
-            probability_of_detection=probability_of_detection,
-            bayesian_update=bayesian_update,
-            reward_scheme=reward_scheme,
-            persons=persons,
-            mission=mission,
-        )
-        self._now = self._usual.copy()  # those of the current episodes
-        self._varies = sampler is not None  # whether they may differ from the usual ones
-        self._scenario = scenario = self._usual.scenario
-        if wants_table:
-            self._check_table(self._usual)
+        self._rng = np.random.default_rng()  # of the sampler
+        self._unused = 0  # episodes until the sampler draws other searches
+        self._has_catalogue = situations is not None
+        self._choices = len(scenarios)  # the searches that episodes draw from
+        self._situation = self._checked_situation(situation, self._choices, self._has_catalogue)
+        self._cells: Ints = np.tile(np.arange(n), (rows, 1))
+        if drones_positions is not None:
+            self._cells = scenario.drone_cells_of_rows(drones_positions, rows)
+        self._sampled_cells: Ints | None = None  # (searches, n_drones)
 
-        self._rows = np.arange(self._usual.num_rows)
-        self.ready = False
+        self._rows = np.arange(rows)
+        self._counters: Words = np.zeros((4, rows), np.uint64)  # stream keys plus episodes
+        self._seeded = np.zeros(rows, np.bool_)
         self._changing = False  # stays True after an interrupted step or reset
-        # The fourth stream draws the persons' starts.
-        streams = 3 if self._usual.situations is None else 4
-        self._episodes = Episodes(self._usual.num_rows, streams)
-        self._drones = BatchDrones(scenario, self._usual.num_rows)
-        self._world = self._new_world()
+        self._drones = BatchDrones(scenario, rows)
+        catalogue = Catalogue(scenarios, complete=wants_table)
+        self._world = BatchState(catalogue, rows, finds_last)
+        first = np.zeros_like(self._rows) if self._situation is None else self._situation
+        self._world.begin(self._rows, self._counters, first)
 
-    def _new_world(self) -> BatchState:
-        forecasts, situations = self._choose_forecasts(), self._usual.situations
-        world = BatchState(self._scenario, forecasts, situations, self.num_rows, self._finds_last)
-        if situations is None:
-            world.assign(self._rows, self._now.forecasts)
-        else:  # until an episode draws one
-            situation = self._usual.situation
-            world.choose(self._rows, np.zeros_like(self._rows) if situation is None else situation)
-        world.begin(self._rows)
-        return world
-
-    def _choose_forecasts(self) -> Forecasts:
-        size, steps = self._scenario.grid_size, self._scenario.timestep_limit
-        if self._usual.situations is not None:
-            mixtures = self._usual.situations.mixtures
-            persons = len(self._scenario.situation)
-            return forecasts_of_situations(
-                size, steps, mixtures, persons, self.num_rows, self._wants_table
+    def _checked_situation(
+        self, value: ArrayLike | None, choices: int, has_catalogue: bool
+    ) -> Ints | None:
+        if value is None:
+            return None
+        if not has_catalogue:
+            raise ValueError(
+                f"situation must be given together with situations, got {value!r} without them"
             )
-        now = self._now.forecasts
-        if self._sampler is not None:
-            mixtures = Mixtures.of_numbers(now.as_numbers().reshape(-1, 5))
-            return OnTheFlyForecasts(size, mixtures, len(now.start), self.num_rows)
-        usual = self._usual.forecasts
-        return choose_forecasts(size, steps, usual, now, wants_table=self._wants_table)
-
-    def _check_table(self, parameters: BatchParameters) -> None:
-        """Raise a ValueError if the table of matrices does not fit in memory."""
-        if parameters.situations is not None:
-            mixtures = parameters.situations.mixtures
-        else:
-            mixtures = Mixtures.of_numbers(distinct([parameters.forecasts]))
-        check_table(self._scenario, mixtures)
+        return checks.integers("situation", value, self.num_rows, 0, choices - 1)
 
     def _check_complete(self, what: str) -> None:
         if self._changing:
@@ -216,20 +178,22 @@ class SearchBatch:
         self,
         seeds: Sequence[int | None] | None = None,
         rows: Ints | None = None,
-        given: Mapping[str, Any] | None = None,
+        *,
+        situations: Situations | None = None,
+        situation: ArrayLike | None = None,
+        drones_positions: ArrayLike | None = None,
     ) -> None:
         """Begin episodes.
 
         Args:
             seeds: one for each of these rows. A row with None continues its sequence of
-                episodes, or starts one from system entropy.
+                episodes, or starts one from system entropy. The seed of row 0 also seeds the
+                sampler.
             rows: their numbers; all rows by default.
-            given: "vector", which also applies to later episodes unless a sampler draws it;
-                and "person_initial_position", "disperse_constant", "situation" and
-                "drones_positions" for this episode only. Each has one value for all rows, or
-                one for each row of the batch, and takes precedence over the sampler.
-                "situation" is for batches with persons or situations, which have none of the
-                first three.
+            situations: replace the catalogue, for these episodes and all later ones. Episodes
+                under way keep their persons. Not with a sampler.
+            situation: for these episodes only, as in the constructor.
+            drones_positions: for these episodes only, as in the constructor.
 
         Raises:
             ResetNeeded: a step or reset was interrupted, and `rows` are not all rows.
@@ -237,40 +201,43 @@ class SearchBatch:
             ValueError: a value is out of its limits.
         """
         rows = self._rows if rows is None else checks.row_numbers(rows, self.num_rows)
-        valid = {} if given is None else self._usual.validated(self.num_rows, given, "given")
-        wanted = self._usual.changed(valid) if valid else self._usual
-        if valid and self._wants_table:
-            self._check_table(wanted)
-        seeds = None if seeds is None else checks.seeds("seeds", seeds)
-        if seeds is not None and len(seeds) != len(rows):
-            raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
-        if self._changing:  # a step or reset was interrupted: replace what it left incomplete
-            if np.unique(rows).size < self.num_rows:
-                raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
-            self._episodes.forget_prepared()
-            self._world = self._new_world()
-        self._prepare(rows)
-        counters = self._episodes.reseeded(rows, seeds)
-        values = self._usual.drawn(self._sampler, mixed(counters[2]))
-        values = {name: value for name, value in values.items() if name not in valid}
-        if "situation" in valid:
-            values["situation"] = valid["situation"][rows]
+        if self._changing and len(rows) < self.num_rows:
+            raise ResetNeeded("reset: a step or reset was interrupted; reset all searches")
+        counters = self._counters[:, rows] + GOLDEN
+        if seeds is not None:
+            seeds = checks.seeds("seeds", seeds)
+            if len(seeds) != len(rows):
+                raise ValueError(f"seeds must be {len(rows)}, one for each row, got {len(seeds)}")
+        rng, due = self._rng, self._unused <= 0  # of the sampler
+        for index, row in enumerate(rows.tolist()):
+            seed = None if seeds is None else seeds[index]
+            if seed is not None or not self._seeded[row]:
+                counters[:, index] = stream_keys(seed) + GOLDEN
+            if seed is not None and row == 0:
+                rng, due = np.random.default_rng(seed), True
+        catalogue, choices = None, self._choices
+        if situations is not None:
+            if self._sampler is not None:
+                raise ValueError("situations cannot be given together with a sampler")
+            persons = len(self._world.missing)
+            scenarios = scenarios_of(self._scenario, situations, persons)
+            catalogue, choices = self._world.extended(scenarios, rows), len(scenarios)
+        has_catalogue = self._has_catalogue or situations is not None
+        chosen = self._checked_situation(situation, choices, has_catalogue)
+        self._checked_situation(self._situation, choices, has_catalogue)
+        cells = None
+        if drones_positions is not None:
+            cells = self._scenario.drone_cells_of_rows(drones_positions, self.num_rows)[rows]
+        sampled = self._sampled(rows, rng) if due else None
 
         # The input is valid: from here on the batch changes.
         self._changing = True
-        self._episodes.assign(rows, counters)
-        self._world.prepare(rows, counters, self._usual.situation)
-        self.ready = bool(self._episodes.seeded.all())
-        if valid:
-            self._varies = True
-            self._now.assign(rows, wanted)
-        if not valid.keys().isdisjoint(DRIFT_PARAMETERS):
-            drift = self._usual.forecasts.drift
-            drift[:, rows] = wanted.forecasts.drift[:, rows]
-            if isinstance(self._world.forecasts, TabulatedForecasts):
-                self._world.change_forecasts(self._choose_forecasts(), self._now.forecasts)
-        self._start(rows, values, wanted)
-        self._drones.clear(rows)
+        self._rng = rng
+        if catalogue is not None:
+            self._world.use(catalogue, rows)
+            self._choices, self._has_catalogue = choices, True
+        self._begin(rows, counters, sampled, None if chosen is None else chosen[rows], cells)
+        self._drones.forget(rows)
         self._changing = False
 
     def restart(self, rows: Ints) -> None:
@@ -283,55 +250,89 @@ class SearchBatch:
         """
         rows = checks.row_numbers(rows, self.num_rows)
         self._check_complete("restart")
-        if not (self.ready or self._episodes.seeded[rows].all()):
+        if not self._seeded[rows].all():
             raise ResetNeeded("restart: not all rows have begun; call reset() first")
-        values = self._next(rows)
+        sampled = self._sampled(rows, self._rng) if self._unused <= 0 else None
         self._changing = True
-        self._start(rows, values, self._usual)
+        self._begin(rows, self._counters[:, rows] + GOLDEN, sampled)
         self._changing = False
 
-    def _start(self, rows: Ints, values: RowValues, parameters: BatchParameters) -> None:
-        """Begin episodes outside of a step."""
-        drones = self._begin(rows, values, parameters)
-        self._world.begin(rows)
-        self._drones.ended[rows] = False
-        self._drones.chosen.reshape(-1)[drones] = _IDLE
+    def _sampled(
+        self, starting: Ints, rng: np.random.Generator
+    ) -> tuple[Catalogue, Ints | None] | None:
+        """New searches from the sampler, if there is one, and their drones' cells.
 
-    def _begin(self, rows: Ints, values: RowValues, parameters: BatchParameters) -> Ints:
-        """Set the parameters and drones of prepared rows; the persons begin separately.
+        Raises:
+            TypeError: the sampler returns something of the wrong type.
+            ValueError: it returns values out of their limits.
+        """
+        if self._sampler is None:
+            return None
+        scenarios, cells = [], []
+        for _ in range(_CATALOGUE_SIZE):
+            drawn = self._sampler(rng)
+            if not isinstance(drawn, Mapping):
+                raise TypeError(f"sampler must return a mapping, got {drawn!r}")
+            for name in drawn:
+                if name not in _SAMPLED:
+                    raise ValueError(
+                        f"sampler must return parameters among {', '.join(_SAMPLED)}, got {name!r}"
+                    )
+            changes = {**drawn}
+            if (positions := changes.pop("drones_positions", None)) is not None:
+                cells.append(self._scenario.drone_cells(positions))
+            scenarios.append(self._scenario.replace(**changes))
+            if len(scenarios[-1].situation) != len(self._world.missing):
+                raise ValueError(
+                    f"sampler must return {len(self._world.missing)} persons, got {drawn!r}"
+                )
+        if cells and len(cells) < len(scenarios):
+            raise ValueError("sampler must return drones_positions for every search, or for none")
+        catalogue = self._world.extended(scenarios, starting)
+        return catalogue, np.array(cells) if cells else None
+
+    def _begin(
+        self,
+        rows: Ints,
+        counters: Words,
+        sampled: tuple[Catalogue, Ints | None] | None,
+        situation: Ints | None = None,
+        cells: Ints | None = None,
+    ) -> None:
+        """Begin the episodes of some rows, in all but rewards and endings.
 
         Args:
             rows: their numbers.
-            values: the sampler's values for them.
-            parameters: the other parameters.
-
-        Returns:
-            The numbers of their drones.
+            counters: the counters of their random streams: uint64, (4, n).
+            sampled: see `_sampled`.
+            situation: the number of each row's search; by default, the usual one.
+            cells: each row's drones' start cells; by default, the usual ones.
         """
-        self._episodes.begin(rows)
-        if self._varies:
-            self._now.assign(rows, parameters)
-            self._now.assign_values(rows, values)
-            if self._usual.situations is None:
-                self._world.assign(rows, self._now.forecasts)
-            elif "situation" in values:
-                self._world.choose(rows, values["situation"])
-        return self._drones.begin(rows, self._now.drones)
+        if sampled is not None:
+            catalogue, self._sampled_cells = sampled
+            self._world.use(catalogue, rows)
+            self._choices, self._unused = _CATALOGUE_SIZE, _CATALOGUE_SIZE * _USES
+        self._unused -= len(rows)
+        self._counters[:, rows] = counters
+        self._seeded[rows] = True
+        keys = mixed(counters)
+        if situation is None:
+            if self._situation is not None:
+                situation = self._situation[rows]
+            elif self._choices == 1:
+                situation = np.zeros_like(rows)
+            else:
+                situation = (numbers(keys[2], _FIRST) * self._choices).astype(np.int64)
+        if cells is None:
+            by_search = self._sampled_cells
+            cells = self._cells[rows] if by_search is None else by_search[situation]
+        self._world.begin(rows, keys, situation)
+        self._drones.begin(rows, cells)
 
-    def _next(self, rows: Ints) -> RowValues:
-        """Prepare the next episodes of some rows; returns the sampler's values for them."""
-        self._prepare(rows)
-        if self._sampler is None:  # saves computing the keys
-            return {}
-        return self._usual.drawn(self._sampler, self._episodes.sampling_keys(rows))
-
-    def _prepare(self, rows: Ints) -> None:
-        """Set the random keys of the next episodes, unless these rows have them already."""
-        if self._episodes.prepared(rows):
-            return
-        before, self._changing = self._changing, True
-        self._world.prepare(*self._episodes.prepare_all(), self._usual.situation)
-        self._changing = before
+    @property
+    def ready(self) -> bool:
+        """Whether every row has begun an episode."""
+        return bool(self._seeded.all())
 
     # A step.
 
@@ -342,8 +343,7 @@ class SearchBatch:
 
         Args:
             actions: integers from 0 to 5, see `rules.Action`; shape (E, n_drones).
-            matrices: receives every row's matrix after the step, as from `write_matrices`
-                but faster for large batches, because background threads write it.
+            matrices: receives every row's matrix after the step, as from `write_matrices`.
             autoreset: False makes rows that have ended an error.
 
         Raises:
@@ -354,53 +354,49 @@ class SearchBatch:
                 the input the batch is unchanged.
         """
         self._check_complete("step")
+        drones, world = self._drones, self._world
         if not self.ready:
             raise ResetNeeded("step: no episode has begun; call reset() first")
-        chosen = checked_actions(actions, self._drones.cells.shape, self._drones.dtype)
+        chosen = checked_actions(actions, drones.cells.shape, np.int64)
         if matrices is not None:
             self._check_output(matrices)
-        beginning = self._drones.ended.nonzero()[0]
+        beginning = drones.ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(
                 f"step: the episodes of searches {beginning.tolist()} have ended; reset them "
                 "first, in a vector environment with options={'reset_mask': ...}"
             )
-        values = self._next(beginning) if beginning.size else {}
+        sampled = self._sampled(beginning, self._rng) if self._unused <= 0 else None
 
         # The input is valid: from here on the batch changes.
         self._changing = True
-        drones, world = self._drones, self._world
-        idle = beginning  # the drones of rows that begin
-        if beginning.size:
-            idle = self._begin(beginning, values, self._usual)
-            chosen.reshape(-1)[idle] = _IDLE
+        chosen[beginning] = Action.IDLE
 
         # 1. All drones move or search.
         targets, searches = drones.move(chosen)
-        rows = drones.row_of.take(searches)
-        cells = drones.cells.reshape(-1).take(searches).astype(np.int64)
+        rows, cells = drones.row_of.take(searches), drones.cells.take(searches)
 
         # 2. The rules decide outcomes, rewards and endings.
         probability = world.observed(rows, cells)
         finds = world.search(rows, cells, searches)
-        found = all_found = finds
-        if finds.size:
-            found, all_found = searches.take(finds), world.all_found(rows.take(finds))
+        all_found, covered = world.all_found(rows.take(finds)), world.covered(rows)
+        found = searches.take(finds)
+        drones.resolve(world.step, targets, searches, probability, found, all_found, covered)
+        drones.chosen = chosen
 
-        outcome = targets, searches, probability, found, all_found, world.covered(rows), idle
-        resolve = partial(drones.resolve, world.step, *outcome)
+        # 3. The clock advances; rows that had ended begin instead.
+        world.advance()
+        if beginning.size:
+            self._begin(beginning, self._counters[:, beginning] + GOLDEN, sampled)
+            drones.forget(beginning)
+        world.catalogue.reach(int(world.step.max()))
 
-        # 3. The clock advances; `resolve` runs while background threads write and drift.
-        world.advance(beginning, matrices, resolve)
-        drones.cells, drones.chosen = targets, chosen
+        # 4. The new state can be read.
+        if matrices is not None:
+            world.write_matrices(matrices)
         self._changing = False
 
     # Parameters.
-
-    @property
-    def num_rows(self) -> int:
-        """The number of searches, E."""
-        return self._now.num_rows
 
     @property
     def scenario(self) -> Scenario:
@@ -409,14 +405,18 @@ class SearchBatch:
         Before the first `reset`, those of the constructor.
 
         Raises:
-            ValueError: the searches have different parameters; see `scenario_of`.
+            ValueError: the searches have different persons; see `scenario_of`.
         """
-        return self._now.common_scenario(self._world.situation)
+        situation = self._world.situation
+        if (situation != situation[0]).any():
+            raise ValueError(
+                "there is no scenario of all searches, because they have different persons; "
+                "scenario_of(row) returns the scenario of one"
+            )
+        return self.scenario_of(0)
 
     def scenario_of(self, row: int) -> Scenario:
-        """The parameters of one search in its current episode.
-
-        With situations, its `persons` are those of the search's situation.
+        """The parameters of one search in its current episode, its persons included.
 
         Args:
             row: its number, from 0 to E - 1.
@@ -426,12 +426,12 @@ class SearchBatch:
             ValueError: there is no such search.
         """
         row = checks.integer("row", row, 0, self.num_rows - 1)
-        return self._now.scenario_of(row, int(self._world.situation[row]))
+        return self._world.catalogue.scenarios[int(self._world.situation[row])]
 
     @property
-    def parameters(self) -> RowValues:
-        """Every row's parameters in its current episode, in the form that `reset` accepts."""
-        return self._now.to_dict(self._world.situation)
+    def situation(self) -> Ints:
+        """The number of every row's situation in the catalogue: int64, (E,)."""
+        return self._world.situation.copy()
 
     # The last step.
 
@@ -453,7 +453,8 @@ class SearchBatch:
     @property
     def searching(self) -> Flags:
         """Which drones searched in the last step: bool, (E, n_drones)."""
-        return self._drones.searching
+        searching: Flags = self._drones.chosen == Action.SEARCH
+        return searching
 
     # The state.
 
@@ -470,7 +471,7 @@ class SearchBatch:
     @property
     def cells(self) -> Ints:
         """Every drone's cell, y * N + x: int64, (E, n_drones)."""
-        return self._drones.cells.astype(np.int64)
+        return self._drones.cells.copy()
 
     @property
     def missing(self) -> Flags:
@@ -521,8 +522,7 @@ class SearchBatch:
         missing, step = self._world.missing[:, row], int(self._world.step[row])
         shown, prior = self._world.shown_weights(row), None
         if shown is not None:
-            forecasts = [forecast.exact(step) for forecast in scenario.forecasts()]
-            prior = mean_over_missing(forecasts, missing.nonzero()[0].tolist()).astype(np.float32)
+            prior = self._world.prior(row)
             pairs = zip(shown.tolist(), hypotheses, strict=True)
             hypotheses = [tuple(weights[: len(own)]) for weights, own in pairs]
         finders, find_cells = self._world.finds[..., row]
@@ -612,17 +612,25 @@ class SearchBatch:
     def table(self) -> Singles:
         """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
 
-        A copy of the table that the batch uses. It is filled as episodes advance; entries
-        that `table_index` has returned do not change. A reset with given parameters makes a
-        new table.
+        Another catalogue makes a new table.
 
         Raises:
-            ValueError: the matrices depend on the searches, or do not fit into a table.
+            ValueError: there is no table without `wants_table`, or the matrices depend on the
+                searches.
         """
-        return self._world.tabulated().matrices
+        self._check_table()
+        return self._world.catalogue.table
 
     @property
     def table_index(self) -> Ints:
         """The entry of `table` that is the matrix of each row: int64, (E,)."""
-        entries: Ints = self._world.tabulated().entries[0].copy()
-        return entries
+        self._check_table()
+        return self._world.table_index
+
+    def _check_table(self) -> None:
+        if not self._world.catalogue.complete:
+            raise ValueError("there is no table of matrices without wants_table=True")
+        if self._scenario.bayesian_update or len(self._world.missing) > 1:
+            raise ValueError(
+                "with bayesian_update or several persons there is no table of matrices"
+            )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,16 +9,15 @@ from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 
 from DroneSwarmSearch._internal.arrays import Ints, Singles
-from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.threads import parts_of, run_in_parts, worth_sharing
-from DroneSwarmSearch.wrappers.layouts import (
+from DroneSwarmSearch.layouts import (
     JOINT_LAYOUTS,
     LAYOUTS,
     Layout,
     StackedLayout,
     remaining_time_fraction,
 )
-from DroneSwarmSearch.wrappers.masks import action_masks, mask_space
+from DroneSwarmSearch.layouts.masks import action_masks, mask_space
+from DroneSwarmSearch.vector.engine import SearchBatch
 
 __all__ = ["BatchObservations"]
 
@@ -137,13 +135,8 @@ class BatchObservations:
             self._write_matrix_entry(rows, matrices, out)
             return
         assert matrices is not None
-        given, shown = matrices, self._by_row(out, rows)
         left = remaining_time_fraction(self._of_rows(self._batch.steps, rows), self._limit)
-
-        def write(some: slice) -> None:
-            self._layout.write(positions[some], given[some], left[some], shown[some])
-
-        _write_in_parts(write, shown)
+        self._layout.write(positions, matrices, left, self._by_row(out, rows))
 
     def _write_matrix_entry(
         self, rows: Ints, matrices: Singles | None, out: dict[str, Values]
@@ -156,13 +149,8 @@ class BatchObservations:
         shown = out["probability_matrix"]
         if shown is matrices:
             return
-        by_drone = matrices[:, None]
         copies = shown.reshape(len(rows), self._each, self._size, self._size)
-
-        def copy(some: slice) -> None:
-            copies[some] = by_drone[some]
-
-        _write_in_parts(copy, copies)
+        copies[...] = matrices[:, None]
 
     def _by_row(self, values: Values, rows: Ints) -> Values:
         """The values of some swarms' sub-environments as the layout writes them."""
@@ -171,11 +159,3 @@ class BatchObservations:
     def _of_rows(self, values: Values, rows: Ints) -> Values:
         """The values of some swarms, given those of all."""
         return values if len(rows) == self._batch.num_rows else values[rows]
-
-
-def _write_in_parts(write: Callable[[slice], None], out: Values) -> None:
-    """Write some swarms' part of an array at a time, with several threads if it is large."""
-    if worth_sharing(out):
-        run_in_parts(write, parts_of(out))
-    else:
-        write(slice(None))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.vector.arguments import shows_keywords_of
+from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 __all__ = ["SwarmVectorEnv"]
@@ -59,7 +59,7 @@ class SwarmVectorEnv(SearchVectorEnv):
         top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
         write_matrices: False observes, in place of each matrix, its index in the table
             `matrices` that all swarms share. Only for one person, without `bayesian_update`,
-            without a `sampler` of the drift, and with observation="dict".
+            without a `sampler`, and with observation="dict".
         action_mask: where the masks of valid actions are, see `wrappers.action_masks`. With
             "observation", every observation is {"observation": the layout's, "action_mask":
             int8, (n_drones, 6)}. With "info", they are an info. With None, only the method
@@ -73,25 +73,12 @@ class SwarmVectorEnv(SearchVectorEnv):
             termination otherwise, for value bootstrapping.
         reward_scale: a factor above 0 for the rewards; a power of two is exact.
             `batch.rewards` are not scaled.
-        copy: return new arrays from every step; False overwrites the same ones.
+        copy: return new observations from every step; False overwrites the same ones.
         render_mode: None, "ansi" or "rgb_array": whether `render` returns text or pictures.
-        grid_size: cells along each side; from here on as in `DroneSwarmSearch`.
-        n_drones: drones in each swarm.
-        vector: drift in cells per step, (x, y); or one for each swarm.
-        person_initial_position: a cell, or one for each person; or those of each swarm,
-            shape (num_envs, persons, 2).
-        disperse_constant: how quickly the persons may stray from the drift; or one for each swarm.
-        timestep_limit: the steps in an episode.
-        probability_of_detection: one number, or one for each person.
-        bayesian_update: whether matrices are exact posteriors given the searches so far, or
-            drift forecasts alone.
-        reward_scheme: the figures of the reward table.
-        persons: the persons of every swarm if their start or drift is uncertain, see `Person`;
-            in place of `vector`, `person_initial_position`, `disperse_constant` and
-            `probability_of_detection`.
-        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
-            success as possible.
-        scenario: all parameters from `grid_size` on, in place of them.
+        scenario: the parameters of the searches; or pass them as keywords instead: `grid_size`,
+            `n_drones`, `vector`, `person_initial_position`, `disperse_constant`,
+            `timestep_limit`, `probability_of_detection`, `bayesian_update`, `reward_scheme`,
+            `persons` and `mission`, see `Scenario`.
         situations: a catalogue in place of `persons`: a sequence of situations, each a
             sequence of `Person`, the same number in each. Every episode draws one of them with
             equal chances.
@@ -99,7 +86,7 @@ class SwarmVectorEnv(SearchVectorEnv):
             or one for each swarm.
         drones_positions: the drones' cells at the start of every episode, shape (n_drones, 2)
             or (num_envs, n_drones, 2).
-        sampler: draws new parameters for every episode, see `Sampler`.
+        sampler: draws the searches, see `Sampler`.
 
     Attributes:
         num_envs: the number of sub-environments.

@@ -20,25 +20,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
+from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rules import Action, Ending, successes
-from DroneSwarmSearch.vector.arguments import (
-    MASKS_IN,
-    Buffers,
-    check_buffers,
-    parse_options,
-    parse_seeds,
-    shows_keywords_of,
-)
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations, Observations, Values
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["SearchVectorEnv"]
 
 Infos = dict[str, Any]
+
+MASKS_IN = (None, "observation", "info")
+"""Where action masks may be."""
+
+_CATALOGUE = ("situations", "situation", "drones_positions")
+"""The options of `reset` that `SearchBatch.reset` takes."""
 
 _BYTES_PER_NUMBER = 14
 """The memory of each number of an observation: itself, and its limits in the batched space."""
@@ -56,6 +55,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         right_of_way: whether the masks have right of way.
         autoreset_mode: when ended episodes are followed by the next ones.
         reward_scale: the factor of the rewards.
+        copies: whether every step returns new observations.
         largest_reward: an upper limit of the absolute value of a scaled reward.
     """
 
@@ -110,7 +110,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self._separate = checks.boolean("separate_flags", separate_flags)
         self.reward_scale = checks.positive("reward_scale", reward_scale)
-        copies = checks.boolean("copy", copy)
+        self.copies = checks.boolean("copy", copy)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
 
         self.batch = SearchBatch(
@@ -122,6 +122,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
         self.num_envs = rows * self._each
         if not self._writes:
+            if parameters.get("sampler") is not None:
+                raise ValueError("write_matrices=False cannot be given together with a sampler")
             try:
                 _ = self.batch.table
             except ValueError as error:
@@ -156,7 +158,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._all_rows = np.arange(rows)
         self._all_envs = np.ones(self.num_envs, np.bool_)
-        self._buffers = None if copies else self._new_buffers()
+        self._reused = None if self.copies else self._observations.empty(self.num_envs)
 
     _count_name: str
     """The constructor's name for the number of swarms."""
@@ -204,11 +206,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 drone's). Swarms with None continue their sequence of episodes, and so do
                 all swarms without a seed. The first swarm's seed also seeds `np_random`.
             options: may hold "reset_mask", bool, shape (num_envs,), the sub-environments to
-                reset (all or none of a swarm); "vector", which also applies to later
-                episodes; and "person_initial_position", "disperse_constant", "situation" and
-                "drones_positions" for this episode only. Each has one value for all swarms,
-                or one for each. "situation" is for environments with `persons` or
-                `situations`, which have none of the first three.
+                reset (all or none of a swarm); "situations", a new catalogue, also for later
+                episodes; and "situation" and "drones_positions" for this episode only, with
+                one value for all swarms, or one for each.
 
         Returns:
             The observations of all sub-environments, and the infos of those that were reset.
@@ -217,10 +217,13 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        rows, given = parse_options(options, self.num_envs, self._each)
-        seeds = parse_seeds(seed, self.num_envs, self._each)
+        known = {} if options is None else options
+        if options is not None:
+            known = checks.known_options(options, ("reset_mask", *_CATALOGUE), stacklevel=2)
+        rows = self._rows_of(known.get("reset_mask"))
+        seeds = self._seeds_of(seed)
         chosen = [seeds[row] for row in rows.tolist()] if seeds else None
-        self.batch.reset(chosen, rows, given or None)
+        self.batch.reset(chosen, rows, **{name: known.get(name) for name in _CATALOGUE})
         if seeds and seeds[0] is not None:
             super().reset(seed=seeds[0])  # seeds `np_random`
         observations = self._output()
@@ -269,16 +272,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 matrices[ended] = batch.matrices_of(ended)
         self._observations.write(self._all_rows, matrices, observations)
         rewards, terminated, truncated = self._rewards(), *self._flags()
-        if self._buffers is not None:
-            buffers = self._buffers
-            np.copyto(buffers.rewards, rewards, casting="same_kind")
-            np.copyto(buffers.terminations, terminated)
-            np.copyto(buffers.truncations, truncated)
-            rewards, terminated, truncated = (
-                buffers.rewards,
-                buffers.terminations,
-                buffers.truncations,
-            )
         return observations, rewards, terminated, truncated, {**self._masked_infos(), **final}
 
     def render(self) -> tuple[Any, ...] | None:
@@ -324,32 +317,51 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def matrices(self) -> Singles:
         """The table that `matrix_index` refers to: float32, (entries, N, N); read-only.
 
-        It is filled as episodes advance; entries that `matrix_index` has shown do not
-        change. A reset with given parameters makes a new table.
+        A reset with other situations makes a new table.
 
         Raises:
             ValueError: there is no such table, see `write_matrices`.
         """
         return self.batch.table
 
-    @property
-    def reuses_arrays(self) -> bool:
-        """Whether `step` overwrites the arrays that `reset` and `step` returned before."""
-        return self._buffers is not None
+    # Input.
 
-    def use_buffers(self, buffers: Buffers) -> None:
-        """Write what `reset` and `step` return into the caller's arrays from now on.
+    def _rows_of(self, mask: Any) -> Ints:
+        """The swarms to reset, given the option "reset_mask"."""
+        if mask is None:
+            return self._all_rows
+        what = f"options['reset_mask'] must be a bool array of shape ({self.num_envs},)"
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"{what}, got {mask!r}")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(f"{what}, got shape {mask.shape}")
+        by_swarm = mask.reshape(-1, self._each)
+        wanted: Flags = np.logical_or.reduce(by_swarm, axis=1)
+        if not wanted.any():
+            raise ValueError(f"{what} with at least one True, got none")
+        if (by_swarm != wanted[:, None]).any():
+            raise ValueError(f"{what}, equal for all drones of a swarm, got {mask!r}")
+        return wanted.nonzero()[0]
 
-        They return these arrays, so that each step overwrites the one before. For
-        collectors that own the memory, such as PufferLib's.
-
-        Raises:
-            TypeError: something is not an array, or the observations have another form.
-            ValueError: an array is read-only, has the wrong shape or dtype, or cannot hold
-                rewards as large as those of this search.
-        """
-        check_buffers(buffers, self._new_buffers(), self.largest_reward)
-        self._buffers = buffers
+    def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """A seed for each swarm, or an empty list without seeds."""
+        swarms = self.batch.num_rows
+        if seed is None:
+            return []
+        several = isinstance(seed, Sequence) and not isinstance(seed, str)
+        if not several and not (isinstance(seed, np.ndarray) and seed.ndim):
+            first = checks.integer("seed", seed, 0)
+            return list(range(first, first + swarms))
+        seeds = checks.seeds("seed", seed)
+        if len(seeds) == self.num_envs:
+            return seeds[:: self._each]
+        if len(seeds) != swarms:
+            each = f", or {self.num_envs}, one per drone" if self._each > 1 else ""
+            raise ValueError(
+                f"seed must be an integer, or {swarms} of them, one per swarm{each}; "
+                f"got {len(seeds)}"
+            )
+        return seeds
 
     # Output.
 
@@ -359,14 +371,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def _output(self) -> Observations:
         """The arrays for the observations of all sub-environments."""
-        if self._buffers is None:
-            return self._observations.empty(self.num_envs)
-        return self._buffers.observations
-
-    def _new_buffers(self) -> Buffers:
-        n = self.num_envs
-        flags = np.zeros(n, np.bool_)
-        return Buffers(self._observations.empty(n), np.zeros(n), flags, flags.copy())
+        return self._observations.empty(self.num_envs) if self._reused is None else self._reused
 
     def _scaled_rewards(self) -> NDArray[np.float64]:
         """Every drone's reward: (swarms, drones); possibly the batch's own array."""

@@ -37,10 +37,7 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
         (cases.MATRICES, cases.GATHER),
     ),
     "posterior": ((cases.POSTERIOR, cases.SINGLE_POSTERIOR),),
-    "forecasts": (
-        (cases.DRIFT_PER_ROW, cases.MATRICES),
-        (cases.DRIFT_PER_EPISODE, cases.MATRICES),
-    ),
+    "forecasts": ((cases.SAMPLER, cases.MATRICES),),
     "situations": (
         (cases.TWO_HYPOTHESES, cases.ONE_HYPOTHESIS),
         (cases.CATALOGUE, cases.TWO_HYPOTHESES),

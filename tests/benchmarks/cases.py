@@ -158,12 +158,7 @@ def batch_with_matrices(size: Size, num_envs: int, **changes: Any) -> Run:
     return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
 
 
-def drift_per_row(size: Size, num_envs: int) -> Run:
-    vectors = np.random.default_rng(1).uniform(-0.5, 0.5, (num_envs, 2))
-    return batch_with_matrices(size, num_envs, vector=vectors)
-
-
-def drift_per_episode(size: Size, num_envs: int) -> Run:
+def sampled_drifts(size: Size, num_envs: int) -> Run:
     def sampler(rng: Any) -> Mapping[str, Any]:
         return {"vector": rng.uniform(-0.5, 0.5, 2)}
 
@@ -265,8 +260,7 @@ GATHER = BenchmarkCase("gather alone", gather)
 POSTERIOR = BenchmarkCase(
     "batch, posterior", lambda size, n: batch_with_matrices(size, n, bayesian_update=True)
 )
-DRIFT_PER_ROW = BenchmarkCase("batch, a drift for each row", drift_per_row)
-DRIFT_PER_EPISODE = BenchmarkCase("batch, a drift for each episode", drift_per_episode)
+SAMPLER = BenchmarkCase("batch, a sampler of drifts", sampled_drifts)
 ONE_HYPOTHESIS = BenchmarkCase("batch, one hypothesis, posterior", situations(1, 1, True))
 TWO_HYPOTHESES = BenchmarkCase("batch, two hypotheses, posterior", situations(2, 1, True))
 CATALOGUE = BenchmarkCase("batch, 100 situations, posterior", situations(2, 100, True))

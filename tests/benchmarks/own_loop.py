@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from DroneSwarmSearch import Scenario
+from DroneSwarmSearch import RewardScheme
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -32,17 +32,12 @@ BASELINES = "random", "greedy-matrix", "greedy-posterior", "greedy-forecast"
 def random_searches(count: int) -> list[NamedSearch]:
     """Searches drawn by the training sampler."""
     envs = started(count)[0]
-    drawn, searches = envs.batch.parameters, []
+    searches = []
     for row in range(count):
-        scenario = Scenario(
-            grid_size=example.GRID_SIZE,
-            n_drones=example.DRONES,
-            vector=drawn["vector"][row],
-            person_initial_position=drawn["person_initial_position"][row],
-            disperse_constant=drawn["disperse_constant"][row],
-            timestep_limit=envs.batch.scenario_of(row).timestep_limit,
+        scenario = envs.batch.scenario_of(row).replace(
+            mission="rescue", reward_scheme=RewardScheme(), bayesian_update=False
         )
-        drones = tuple((int(x), int(y)) for x, y in drawn["drones_positions"][row])
+        drones = tuple((x, y) for x, y in envs.batch.positions[row].tolist())
         searches.append(NamedSearch(f"random-{row}", "A random search.", scenario, drones))
     return searches
 

@@ -1,0 +1,56 @@
+"""Trained networks as policies for `evaluate`, whichever library trained them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal import checks
+
+__all__ = ["LEAST_LOGIT", "TrainedPolicy"]
+
+LEAST_LOGIT = -1e9
+"""The logit of masked actions; their probability is 0 in float32."""
+
+
+class TrainedPolicy:
+    """A trained network as a policy for `evaluation.evaluate`.
+
+    Pass `evaluate` the view, the layout and the masks of the training.
+
+    Args:
+        logits: from the observations of M drones (or swarms), in the form of `evaluate`, to the
+            logits of their actions, shape (M, 6) (or (M, n_drones, 6)), very low for masked
+            actions. Each adapter has a function `logits` that makes one.
+        deterministic: whether to take the most likely actions. By default, actions are sampled,
+            as PPO does while it learns; the samples follow from the seeds of the episodes.
+
+    Raises:
+        TypeError: `deterministic` is not a bool.
+    """
+
+    def __init__(self, logits: Callable[[Any], NDArray[Any]], deterministic: bool = False) -> None:
+        self._logits = logits
+        self._deterministic = checks.boolean("deterministic", deterministic)
+        self.reset(seed=0)
+
+    def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
+        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
+
+        Args:
+            seed: one seed, or one for each episode.
+            rows: ignored.
+        """
+        self._generator = np.random.default_rng(seed)
+
+    def __call__(self, observations: Any) -> NDArray[np.int64]:
+        """Actions, int64, shape (M,) or (M, n_drones)."""
+        logits = self._logits(observations)
+        if not self._deterministic:
+            # The largest of logits with Gumbel noise is a sample from their softmax.
+            logits = logits + self._generator.gumbel(size=logits.shape)
+        actions: NDArray[np.int64] = logits.argmax(axis=-1)
+        return actions

@@ -1,0 +1,96 @@
+"""Short runs of the training examples, as users run them."""
+
+from __future__ import annotations
+
+import importlib.util
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from trainer_examples import EXAMPLES, python, rows
+
+pytestmark = pytest.mark.slow
+
+
+def example(name: str, package: str, script: str, policy: str, *arguments: object) -> Any:
+    """An example as a test parameter; .ci/trainer selects those whose names begin alike."""
+    missing = importlib.util.find_spec(package) is None
+    skip = pytest.mark.skipif(missing, reason=f"{package} is not installed")
+    return pytest.param(f"train_{script}.py", policy, arguments, id=name, marks=skip)
+
+
+RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
+
+
+@pytest.mark.parametrize(
+    ("script", "policy", "arguments"),
+    [
+        example("plain-own-loop", "torch", "own_loop", "ppo", "--steps", 30_000),
+        example("plain-policy", "torch", "ppo", "ppo", "--steps", 10_000),
+        example("sb3", "sb3_contrib", "sb3", "maskable-ppo", "--steps", 10_000),
+        example("torchrl-local", "torchrl", "torchrl", "torchrl-ppo", "--steps", 10_000),
+        example(
+            "torchrl-central",
+            *("torchrl", "torchrl", "torchrl-ppo", "--steps", 10_000, "--critic", "central"),
+        ),
+        example("benchmarl-ippo", "benchmarl", "benchmarl", "benchmarl-ippo", "--steps", 10_000),
+        example(
+            "benchmarl-mappo",
+            *("benchmarl", "benchmarl", "benchmarl-mappo"),
+            *("--steps", 10_000, "--algorithm", "mappo"),
+        ),
+        example("tianshou", "tianshou", "tianshou", "tianshou-ppo", "--steps", 4_000),
+        example("rllib-local", "lz4", "rllib", "rllib-ppo", "--steps", 4_000),
+        example("rllib-runners", "lz4", "rllib", "rllib-ppo", "--steps", 4_000, *RUNNERS),
+    ],
+)
+def test_it_trains_and_compares(
+    script: str, policy: str, arguments: tuple[object, ...], tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    output = python(EXAMPLES / script, "--out", folder, "--episodes", 20, *arguments)
+    assert "20 episodes, the same for all policies" in output
+    assert rows(folder / "evaluation.csv")[0]["policy"] == policy
+    assert float(rows(folder / "evaluation.csv")[0]["success"]) > 0
+    if "benchmarl" in policy:  # it has loggers and files of its own
+        [logged] = folder.rglob("collection_probability_of_success.csv")
+        assert len(logged.read_text("utf-8").splitlines()) == 2
+        return
+    [plot] = folder.glob("*.png")
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    steps = "time/total_timesteps" if script == "train_sb3.py" else "steps"
+    counts = [int(row[steps]) for row in rows(plot.with_suffix(".csv"))]
+    assert counts == sorted(set(counts)) and counts[-1] >= 4_000
+
+
+@pytest.mark.parametrize(
+    ("script", "checkpoint", "curves"),
+    [
+        pytest.param("own_loop", "checkpoint.pt", "curve.csv", id="plain-own-loop"),
+        pytest.param("sb3", "model*.zip", "progress_*.csv", id="sb3"),
+    ],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
+def test_after_ctrl_c_it_resumes(script: str, checkpoint: str, curves: str, tmp_path: Path) -> None:
+    pytest.importorskip("torch" if script == "own_loop" else "sb3_contrib")
+    folder = tmp_path / "run"
+    command = [str(EXAMPLES / f"train_{script}.py"), "--out", str(folder), "--episodes", "20"]
+    with subprocess.Popen(
+        [sys.executable, *command, "--steps", "10_000_000"], stderr=subprocess.PIPE, text=True
+    ) as process:
+        while process.poll() is None and not any(folder.glob(checkpoint)):
+            time.sleep(0.1)
+        time.sleep(1.0)  # a checkpoint of Stable-Baselines3 takes a moment
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode != 0 and "interrupt" in errors.lower()
+    refused = subprocess.run([sys.executable, *command], capture_output=True, text=True)
+    assert refused.returncode == 2 and "holds a training to resume" in refused.stderr
+    python(*command, "--resume", "--steps", 200_000)
+    steps = "steps" if script == "own_loop" else "time/total_timesteps"
+    counts = [int(row[steps]) for path in sorted(folder.glob(curves)) for row in rows(path)]
+    assert len(counts) > 1 and len(set(counts[:2])) == 2 and counts[-1] >= 200_000
