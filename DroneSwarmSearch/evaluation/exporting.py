@@ -97,8 +97,8 @@ def export(
     where = as_named(search)
     if bayesian_update is not None:
         where = where.with_posterior(bayesian_update)
-    specs = [PolicySpec.of(policy) for policy in _listed("policies", policies)]
-    numbers = [checks.integer("seeds", seed, 0) for seed in _listed("seeds", seeds)]
+    specs = [PolicySpec.of(policy) for policy in policies]
+    numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
     check_writable(Path(path))
 
     maps, episodes = _Maps(), []
@@ -119,16 +119,6 @@ def export(
     }
     write_text(Path(path), json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n")
     return data
-
-
-def _listed(name: str, values: Any) -> list[Any]:
-    """The values of an iterable, which must have some and must not be text."""
-    if isinstance(values, str) or not isinstance(values, Iterable):
-        raise TypeError(f"{name} must be a list, got {values!r}")
-    listed = list(values)
-    if not listed:
-        raise ValueError(f"{name} must hold at least one item, got {values!r}")
-    return listed
 
 
 def _description(search: NamedSearch) -> dict[str, Any]:

@@ -38,11 +38,6 @@ class PolicySpec:
     source: Mapping[str, str] | None
     policy: str | Callable[..., Any]
 
-    def __post_init__(self) -> None:
-        # A path may hold bytes that no text can.
-        text = self.name.encode(errors="backslashreplace").decode()
-        object.__setattr__(self, "name", text)
-
     @property
     def is_batch_policy(self) -> bool:
         """Whether it only takes the observations that `policies.BatchPolicy` takes."""
@@ -82,14 +77,15 @@ class PolicySpec:
             raise TypeError(f"name must be a string or None, got {name!r:.100}")
         if isinstance(policy, PolicySpec):
             return policy
-        if isinstance(policy, str) and name is None and (named := _NAMED.match(policy)):
-            return cls.of(policy[named.end() :], named[1])
-        if isinstance(policy, str) and policy.endswith(".npz"):
-            Network.load(_existing(policy))
-            return cls(name or policy, _source(policy, Path(policy)), policy)
-        if isinstance(policy, str) and ":" in policy:
-            return _loaded(policy, name)
         if isinstance(policy, str):
+            if name is None and (named := _NAMED.match(policy)):
+                return cls.of(policy[named.end() :], named[1])
+            if policy.endswith(".npz"):
+                Network.load(_existing(policy))
+                return cls(name or policy, _source(policy, policy), policy)
+            if ":" in policy:
+                found, file = _imported(policy)
+                return cls(name or policy, _source(policy, file), found)
             if policy not in policies.POLICIES:
                 raise ValueError(_unknown(policy))
             return cls(name or policy, {"policy": policy}, policy)
@@ -129,47 +125,39 @@ def _unknown(name: str) -> str:
     )
 
 
-def _source(text: str, path: Path) -> dict[str, str]:
-    return {"policy": text, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+def _source(text: str, file: str | None) -> dict[str, str]:
+    if file is None:
+        return {"policy": text}
+    return {"policy": text, "sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest()}
 
 
-def _loaded(text: str, name: str | None) -> PolicySpec:
-    """The spec of "module:attribute" or "file.py:attribute"."""
+def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
+    """The callable of "module:attribute" or "file.py:attribute", and the file."""
     where, _, attribute = text.rpartition(":")
-    module = _module_from_file(Path(where)) if where.endswith(".py") else _module(text, where)
-    found: Any = module
-    for part in attribute.split("."):
-        found = getattr(found, part, None)
+    if where.endswith(".py"):
+        module = _module_from_file(_existing(where))
+    else:
+        try:
+            module = importlib.import_module(where)
+        except (ModuleNotFoundError, TypeError, ValueError) as error:
+            if isinstance(error, ModuleNotFoundError) and error.name not in where.split("."):
+                raise  # the module exists, but one that it imports does not
+            raise ValueError(
+                f"policy must name a module, but there is no {where!r:.100} (in {text!r:.100})"
+            ) from error
+    found: Any = getattr(module, attribute, None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    file = getattr(module, "__file__", None)
-    source = _source(text, Path(file)) if file else {"policy": text}
-    return PolicySpec(name or text, source, found)
-
-
-def _module(text: str, name: str) -> ModuleType:
-    """Import a module."""
-    try:
-        return importlib.import_module(name)
-    except (ModuleNotFoundError, TypeError, ValueError) as error:
-        if isinstance(error, ModuleNotFoundError) and not f"{name}.".startswith(f"{error.name}."):
-            raise  # the module exists, but one that it imports does not
-        raise ValueError(
-            f"policy must name a module, but there is no {name!r:.100} (in {text!r:.100})"
-        ) from error
+    return found, getattr(module, "__file__", None)
 
 
 def _module_from_file(path: Path) -> ModuleType:
     """Execute a file as a module."""
-    _existing(path)
     name = f"_policy_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    folder = str(path.parent.resolve())
-    if sys.path[:1] != [folder]:
-        sys.path.insert(0, folder)  # as when Python runs the file
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
     try:
         spec.loader.exec_module(module)
     finally:
@@ -178,9 +166,9 @@ def _module_from_file(path: Path) -> ModuleType:
     return module
 
 
-def _existing(where: str | Path) -> Path:
+def _existing(where: str) -> Path:
     path = Path(where)
     if not path.is_file():
         wrong = "is a folder" if path.is_dir() else "does not exist"
-        raise ValueError(f"policy must name a file, but {str(path)!r:.100} {wrong}")
+        raise ValueError(f"policy must name a file, but {where!r:.100} {wrong}")
     return path

@@ -5,9 +5,8 @@ The policy only sees the episodes that have not ended. Its actions are validated
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 
-__all__ = ["PolicyLike", "Stage", "play", "reset_policy", "stage_of"]
+__all__ = ["PolicyLike", "play", "reset_policy"]
 
 PolicyLike = Callable[[Any], Any]
 
@@ -71,27 +70,32 @@ def play(
         unfound = SearchBatch(
             at_once, scenario=scenario, drones_positions=search.drones, finds_last=False
         )
-    stage = stage_of(unfound or batch, view)
-    return Episodes.joined(
-        [
-            _play(policy, batch, unfound, stage, seeds[first : first + at_once])
-            for first in range(0, len(seeds), at_once)
-        ]
-    )
+    stage, parts = _Stage(unfound or batch, view), []
+    for first in range(0, len(seeds), at_once):
+        mine = seeds[first : first + at_once]
+        reset_policy(policy, mine[0] if view.form == "parallel" else list(mine))
+        parts.append(_play(policy, batch, unfound, stage, mine))
+    return Episodes.joined(parts)
+
+
+def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
+    """Call the policy's `reset`, if it has one."""
+    reset = getattr(policy, "reset", None)
+    if reset is not None:
+        reset(seed=seed)
 
 
 def _play(
     policy: PolicyLike,
     batch: SearchBatch,
     unfound: SearchBatch | None,
-    stage: Stage,
+    stage: _Stage,
     seeds: Sequence[int],
 ) -> Episodes:
     """Play all episodes of a batch together."""
     batch.reset(seeds)
     if unfound is not None:
         unfound.reset(seeds)
-    reset_policy(policy, stage.seeds(seeds))
     record = _Recorder(batch.scenario, len(seeds))
     curves = None if unfound is None else _Curves(unfound)
     going_on = np.ones(len(seeds), np.bool_)
@@ -202,71 +206,37 @@ def _never_falling(success: Floats) -> Floats:
     return curves
 
 
-def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
-    """Call the policy's `reset`, if it has one.
+class _Stage:
+    """Shows the searches of a batch to a policy, and reads its actions."""
 
-    Raises:
-        TypeError: it does not take a seed.
-    """
-    reset = getattr(policy, "reset", None)
-    if reset is None:
-        return
-    try:
-        inspect.signature(reset).bind(seed=seed)
-    except TypeError:
-        raise TypeError(
-            f"the policy's reset must take seed=None and rows=None, got {reset!r}"
-        ) from None
-    reset(seed=seed)
-
-
-# Observations and actions of each view.
-
-
-class Stage(Protocol):
-    """Shows searches to a policy in one of the views, and reads its actions."""
-
-    def seeds(self, seeds: Sequence[int]) -> int | list[int]:
-        """The argument for the policy's `reset`."""
+    def __init__(self, batch: SearchBatch, view: View) -> None:
+        self._batch, self._view = batch, view
+        self._drones = batch.scenario.n_drones
+        if view.form == "parallel":
+            self._names = tuple(f"drone{i}" for i in range(self._drones))
+            self._neighbours, self._positions = grid_of(batch.scenario.grid_size)
+            self._reader = Reader(self._names)
+        else:
+            self._observations = BatchObservations(
+                batch, view.observation, view.form == "swarm", TOP_CELLS, True, view.masks
+            )
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
         """The policy's validated actions in some rows: int64, (n, n_drones)."""
+        is_single = self._view.form == "parallel"
+        returned = policy(self._one(rows) if is_single else self._several(rows))
+        try:
+            return self._read_one(returned) if is_single else self._read(returned, len(rows))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"the policy's {error}") from None
 
-
-def stage_of(batch: SearchBatch, view: View) -> Stage:
-    """The stage for a view; "parallel" has one search."""
-    return _ParallelStage(batch, view) if view.form == "parallel" else _VectorStage(batch, view)
-
-
-def _validated(read: Callable[[Any], Ints], returned: Any) -> Ints:
-    """The actions that a policy returned; errors name the policy."""
-    try:
-        return read(returned)
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"the policy's {error}") from None
-
-
-class _VectorStage:
-    """The views "swarm" and "drone"."""
-
-    def __init__(self, batch: SearchBatch, view: View) -> None:
-        self._is_swarm = view.form == "swarm"
-        self._observations = BatchObservations(
-            batch, view.observation, self._is_swarm, TOP_CELLS, True, view.masks
-        )
-        self._is_masked = view.action_mask
-        self._drones = batch.scenario.n_drones
-        self._shows_rows = self._is_swarm and view.observation == "dict"
-
-    def seeds(self, seeds: Sequence[int]) -> list[int]:
-        return list(seeds)
-
-    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
+    def _several(self, rows: Ints) -> Any:
+        """The observations of the views "swarm" and "drone"."""
         shown = self._observations.of_rows(rows)
-        if self._shows_rows:
-            entries = shown["observation"] if self._is_masked else shown
+        if self._view.form == "swarm" and self._view.observation == "dict":
+            entries = shown["observation"] if self._view.action_mask else shown
             entries["row"] = rows.copy()
-        return _validated(lambda returned: self._read(returned, len(rows)), policy(shown))
+        return shown
 
     def _read(self, actions: Any, n: int) -> Ints:
         if isinstance(actions, Mapping):
@@ -274,37 +244,24 @@ class _VectorStage:
                 f"actions must be an array of integers, got {actions!r:.200}; "
                 'a policy from dicts to dicts needs view="parallel"'
             )
-        shape = (n, self._drones) if self._is_swarm else (n * self._drones,)
+        shape = (n, self._drones) if self._view.form == "swarm" else (n * self._drones,)
         return checked_actions(actions, shape, np.int64).reshape(n, self._drones)
 
-
-class _ParallelStage:
-    """The view "parallel", of one episode at a time."""
-
-    def __init__(self, batch: SearchBatch, view: View) -> None:
-        self._batch = batch
-        self._masks = view.masks
-        self._names = tuple(f"drone{i}" for i in range(batch.scenario.n_drones))
-        self._neighbours, self._positions = grid_of(batch.scenario.grid_size)
-        self._reader = Reader(self._names)
-
-    def seeds(self, seeds: Sequence[int]) -> int:
-        return seeds[0]
-
-    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
+    def _one(self, rows: Ints) -> dict[str, Any]:
+        """The observations of the view "parallel", of one search."""
         matrix = self._batch.matrices_of(rows)[0]
         matrix.flags.writeable = False
         cells = self._batch.cells[0].tolist()
         shown: dict[str, Any]
         shown, _ = observe(self._names, cells, self._positions, matrix, False)
-        if self._masks is not None:
-            masks = swarm_masks(cells, self._neighbours, self._masks)
-            shown = {
-                name: {"observation": observation, "action_mask": mask}
-                for (name, observation), mask in zip(shown.items(), masks, strict=True)
-            }
-        return _validated(lambda returned: self._read(returned, cells), policy(shown))
+        if self._view.masks is None:
+            return shown
+        masks = swarm_masks(cells, self._neighbours, self._view.masks)
+        return {
+            name: {"observation": observation, "action_mask": mask}
+            for (name, observation), mask in zip(shown.items(), masks, strict=True)
+        }
 
-    def _read(self, actions: Any, cells: list[int]) -> Ints:
-        read, _ = self._reader(actions, self._neighbours, cells)
+    def _read_one(self, actions: Any) -> Ints:
+        read, _ = self._reader(actions, self._neighbours, self._batch.cells[0].tolist())
         return np.array([[*read]])

@@ -70,17 +70,8 @@ class View:
 
     def check_package_policy(self, name: str) -> None:
         """Raise a ValueError unless the package's policies can read this view."""
-        if self.form == "drone":
+        if self.form == "drone" or self.observation != "dict" or self.action_mask:
             raise ValueError(
-                f"view must be 'swarm' or 'parallel' for {name}, which steers whole swarms, "
-                "got 'drone'"
-            )
-        if self.observation != "dict":
-            raise ValueError(
-                f"observation must be 'dict' for {name}, which takes positions and a matrix, "
-                f"got {self.observation!r}"
-            )
-        if self.action_mask:
-            raise ValueError(
-                f"action_mask must be False for {name}, which takes no masks, got True"
+                f"view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
+                f"for {name}, got {self!r}"
             )
