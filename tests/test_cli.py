@@ -282,7 +282,10 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
         (["evaluate", "random", "pond", "--workers", "0"], "workers must be an integer of at"),
         (["evaluate", "random", "pond", "--view", "x"], "view must be one of 'swarm', 'drone'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
-        (["evaluate", "ppo", "pond", "--observation", "flat"], "with observation='dict' and without"),
+        (
+            ["evaluate", "ppo", "pond", "--observation", "flat"],
+            "with observation='dict' and without",
+        ),
         (
             ["evaluate", "DroneSwarmSearch.policies:GreedyPolicy", "pond", "--view", "drone"],
             "without masks, for DroneSwarmSearch.policies:GreedyPolicy",

@@ -204,8 +204,8 @@ class TestRun:
         ("arguments", "words"),
         [
             ({"policies": []}, "policies must be at least one"),
-            ({"policies": ["random", "random"]}, "all be different, got more than once: random"),
-            ({"searches": ["pond", "fog", "pond"]}, "all be different, got more than once: pond"),
+            ({"policies": ["random", "random"]}, "all different, got random, random"),
+            ({"searches": ["pond", "fog", "pond"]}, "all different, got pond, fog, pond"),
             ({"policies": ["randm"]}, "did you mean random"),
             ({"searches": ["pnd"]}, "did you mean pond"),
             ({"episodes": 0}, "episodes must be an integer of at least 1, got 0"),
@@ -213,11 +213,6 @@ class TestRun:
             ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
             ({"view": 3}, "view must be a View or one of .*, got 3"),
             ({"bounds": 1}, "bounds must be True or False, got 1"),
-            ({"policies": "random"}, "policies must be a list, got 'random'"),
-            ({"policies": 3}, "policies must be a list, got 3"),
-            ({"searches": 2.5}, "searches must be a list, got 2.5"),
-            ({"searches": "pond"}, "searches must be a list, got 'pond'"),
-            ({"added": "mine.py:act"}, "added must be a list, got 'mine.py:act'"),
         ],
     )
     def test_bad_input_is_refused(self, arguments: dict[str, Any], words: str) -> None:

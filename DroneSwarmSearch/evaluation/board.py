@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -151,28 +151,24 @@ def leaderboard(
         deterministic: whether the added policies are, see `evaluate`.
         episodes: of every policy on every search.
         seed: of the first episode.
-        workers: the number of processes; more than 1 needs joblib.
-        ray: run on Ray instead: "local", "auto" or the address of a cluster.
-        out: a folder for a manifest and every finished result, which the same call then reads.
+        workers: see `evaluate`.
+        ray: see `evaluate`.
+        out: see `evaluate`.
         bounds: whether to compute the upper bound of every search.
         progress: show a progress bar.
 
     Raises:
-        TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of range, a name is unknown or used twice, or `out` holds
-            the results of another run.
-        ImportError: joblib or Ray is needed and not installed.
-        StorageError: the folder cannot be written.
+        ValueError: a name is unknown or used twice.
+        Exception: see `evaluate`.
     """
-    for name, values in (("policies", policies), ("searches", searches), ("added", added)):
-        if values is not None and (isinstance(values, str) or not isinstance(values, Iterable)):
-            raise TypeError(f"{name} must be a list, got {values!r:.100}")
     shown = View.of(view)
     package = [PolicySpec.of(name) for name in (POLICIES if policies is None else policies)]
     own = [PolicySpec.of(each) for each in added]
     named = [as_named(each) for each in (SUITE if searches is None else searches)]
-    _check_different("policies", [each.name for each in (*own, *package)])
-    _check_different("searches", [each.name for each in named])
+    for what, several in (("policies", [*own, *package]), ("searches", named)):
+        if len({each.name for each in several}) < max(len(several), 1):
+            names = ", ".join(each.name for each in several) or "none"
+            raise ValueError(f"{what} must be at least one, all different, got {names}")
     cases = []
     for each in named:
         cases += [Case.of(spec, each, shown, deterministic) for spec in own]
@@ -186,11 +182,3 @@ def leaderboard(
         bounded=named if checks.boolean("bounds", bounds) else [],
     )
     return Leaderboard(tuple(evaluations))
-
-
-def _check_different(what: str, names: Sequence[str]) -> None:
-    if not names:
-        raise ValueError(f"{what} must be at least one, got none")
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"{what} must all be different, got more than once: {', '.join(twice)}")

@@ -191,8 +191,8 @@ def _searches(names: Sequence[str], mission: str | None = None) -> list[NamedSea
     every = [name for each in names for name in (SUITE if each == "all" else [each])]
     found = [_search(name) for name in dict.fromkeys(every)]
     if len({each.name for each in found}) < len(found):
-        all_names = ", ".join(each.name for each in found)
-        raise ValueError(f"searches must have different names, got {all_names}")
+        names = ", ".join(each.name for each in found)
+        raise ValueError(f"searches must have different names, got {names}")
     if mission is not None:
         found = [replace(each, scenario=each.scenario.replace(mission=mission)) for each in found]
     return found
