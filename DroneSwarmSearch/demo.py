@@ -21,7 +21,6 @@ from DroneSwarmSearch.rendering import terminal
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
-    Flight,
     Player,
     Recording,
     Score,
@@ -273,7 +272,8 @@ class _Performances:
         title = f"{self._search.name}, {episode.label}, "
         if self._options.manual:
             rivals = self._rivals if self._options.hide_person else list
-            self._recording = Flight(episode.frame, episode.step, title, rivals)
+            start = iter([episode.frame])
+            self._recording = Recording(start, title, fly=episode.step, rivals=rivals)
         else:
             self._recording = Recording(episode.frames(), title)
         self._seed = seed

@@ -13,7 +13,6 @@ import pytest
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.player import (
     SPEEDS,
-    Flight,
     Player,
     Recording,
     Score,
@@ -265,7 +264,7 @@ class TestFlying:
                 y += (action == Action.DOWN) - (action == Action.UP)
                 return frame(len(flight.frames), ((x, y), other))
 
-            flight = Flight(frame(), fly)
+            flight = Recording(iter([frame()]), fly=fly)
             return flight
 
         return watching(begin)

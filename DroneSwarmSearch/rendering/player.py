@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from DroneSwarmSearch.frame import Frame
@@ -17,7 +17,6 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = [
     "SCORE_HEADERS",
-    "Flight",
     "KeyHelp",
     "Moment",
     "Player",
@@ -100,29 +99,40 @@ def score_row(score: Score) -> tuple[str, str, str, str]:
 
 
 class Recording:
-    """The frames of a policy's episode so far, which a thread plays.
+    """The frames of an episode so far. A policy's episode is played by a thread.
 
     Some policies plan for seconds; meanwhile, the window stays alive.
 
     Args:
         frames: the frames of the episode, from that of the reset.
         title: what is shown, in a few words.
+        fly: plays one step with an action for drone 0, and returns its frame, where the keys
+            fly that drone; `frames` is then that of the reset.
+        rivals: the results of others in the same search, called at the end of a flight.
 
     Attributes:
         frames: those recorded so far.
         seen: the number of the latest frame that was shown.
         title: what is shown.
+        is_flight: whether the keys fly drone 0.
         scores: the results to show at the end; empty if there are no others.
     """
 
-    flies = False
-    """Whether the next step needs an action for drone 0."""
-
-    def __init__(self, frames: Iterator[Frame], title: str = "") -> None:
+    def __init__(
+        self,
+        frames: Iterator[Frame],
+        title: str = "",
+        *,
+        fly: Callable[[Action], Frame] | None = None,
+        rivals: Callable[[], Sequence[Score]] = list,
+    ) -> None:
         self.frames = [next(frames)]
         self.seen = 0
         self.title = title
+        self.is_flight = fly is not None
         self.scores: Sequence[Score] = ()
+        self._fly = fly
+        self._rivals = rivals
         self._stopped = False
         self._error: BaseException | None = None
         threading.Thread(target=self._record, args=(frames,), daemon=True).start()
@@ -146,6 +156,18 @@ class Recording:
         """Whether the last frame of the episode has been shown."""
         return self.frames[self.seen].ending is not None
 
+    @property
+    def flies(self) -> bool:
+        """Whether the next step needs an action for drone 0."""
+        return self.is_flight and not self.has_ended
+
+    def fly(self, action: Action) -> None:
+        """Play one step."""
+        assert self._fly is not None
+        self.frames.append(self._fly(action))
+        if self.has_ended and (rivals := self._rivals()):
+            self.scores = [Score(YOU, self.frames[-1]), *rivals]
+
     def show(self, number: int) -> None:
         """Note that a frame is shown.
 
@@ -161,40 +183,7 @@ class Recording:
         self._stopped = True
 
 
-class Flight(Recording):
-    """An episode in which the keys fly drone 0.
-
-    Args:
-        first: the frame of the reset.
-        fly: plays one step with an action for drone 0, and returns its frame.
-        title: what is shown, in a few words.
-        rivals: the results of others in the same search, called at the end.
-    """
-
-    def __init__(
-        self,
-        first: Frame,
-        fly: Callable[[Action], Frame],
-        title: str = "",
-        rivals: Callable[[], Sequence[Score]] = list,
-    ) -> None:
-        super().__init__(iter([first]), title)
-        self._fly = fly
-        self._rivals = rivals
-
-    @property
-    def flies(self) -> bool:  # type: ignore[override]
-        return not self.has_ended
-
-    def fly(self, action: Action) -> None:
-        """Play one step."""
-        self.frames.append(self._fly(action))
-        if self.has_ended and (rivals := self._rivals()):
-            self.scores = [Score(YOU, self.frames[-1]), *rivals]
-
-
-@dataclass(frozen=True)
-class Moment:
+class Moment(NamedTuple):
     """What a picture shows: the way from one frame to the next.
 
     Attributes:
@@ -227,13 +216,7 @@ class Player:
         quits: whether the user has asked to quit.
     """
 
-    def __init__(
-        self,
-        begin: Callable[[int], Recording],
-        *,
-        seed: int,
-        fps: float,
-    ) -> None:
+    def __init__(self, begin: Callable[[int], Recording], *, seed: int, fps: float) -> None:
         self._begin = begin
         self._fps = fps
         self.view = "matrix"
@@ -246,7 +229,6 @@ class Player:
     def _start(self, seed: int) -> None:
         self.seed = seed
         self.recording = self._begin(seed)
-        self._was_flown = self.recording.flies
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
         self._hint_left = 0.0
@@ -285,14 +267,9 @@ class Player:
                 parts.append("the end: Enter closes the window")
             elif self.is_paused:
                 parts.append("paused")
-            elif self._waits_for_policy:
+            elif not self.recording.has_ended and self._position == len(self.recording.frames) - 1:
                 parts.append("the policy is planning ...")
         return "   ".join(parts)
-
-    @property
-    def _waits_for_policy(self) -> bool:
-        caught_up = self._position == len(self.recording.frames) - 1
-        return caught_up and not self.recording.has_ended
 
     @property
     def hint(self) -> str:
@@ -304,7 +281,7 @@ class Player:
         """The keys that do something now, the most important ones first."""
         if self.recording.flies:
             return (*_FLYING, *_ON_BOTH, _FLY_AGAIN, *_AT_LAST)
-        again = _FLY_AGAIN if self._was_flown else _REPLAY
+        again = _FLY_AGAIN if self.recording.is_flight else _REPLAY
         return (*_WATCHING, again, *_ON_BOTH, *_AT_LAST)
 
     # Keys and time.
@@ -326,7 +303,7 @@ class Player:
             self.shows_keys = not self.shows_keys
         elif key == "n":
             self._begin_again(self.seed + 1)
-        elif key == "r" and self._was_flown:
+        elif key == "r" and self.recording.is_flight:
             self._begin_again(self.seed)
         elif self.recording.flies:
             if key in FLIGHT_KEYS:
@@ -339,7 +316,6 @@ class Player:
         self._start(seed)
 
     def _fly(self, action: Action) -> None:
-        assert isinstance(self.recording, Flight)
         frames = self.recording.frames
         reason = refusal(frames[-1], action)
         if reason:
@@ -351,7 +327,9 @@ class Player:
 
     def _scrub(self, key: str) -> None:
         if key == "r" or (key == "space" and self.is_at_end):
-            if not self._was_flown:  # whoever still presses the search key would miss the result
+            if (
+                not self.recording.is_flight
+            ):  # whoever still presses the search key would miss the result
                 self._position, self._goal = 0.0, math.inf
         elif key == "space":
             self._goal = math.ceil(self._position) if self._goal == math.inf else math.inf
@@ -374,7 +352,7 @@ class Player:
     def advance(self, seconds: float) -> None:
         """Let time pass."""
         self._hint_left -= seconds
-        by_hand = self._was_flown and not self.recording.end_was_seen
+        by_hand = self.recording.is_flight and not self.recording.end_was_seen
         goal = min(math.inf if by_hand else self._goal, len(self.recording.frames) - 1)
         if by_hand or self.is_paused:
             rate = STEP_RATE * max(1.0, goal - self._position)

@@ -7,14 +7,9 @@ from collections.abc import Sequence
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.painter import SIDES, Painter
 from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE, Look
-from DroneSwarmSearch.rendering.player import (
-    SCORE_HEADERS,
-    KeyHelp,
-    Player,
-    score_row,
-)
+from DroneSwarmSearch.rendering.player import SCORE_HEADERS, KeyHelp, Player, score_row
 from DroneSwarmSearch.rendering.sprites import text_line, write
-from DroneSwarmSearch.rendering.window import Window, fitted
+from DroneSwarmSearch.rendering.window import Window
 
 __all__ = ["PlayerWindow"]
 
@@ -71,7 +66,6 @@ class PlayerWindow(Window):
         """
         self.open()
         pygame.key.set_repeat(REPEAT_AFTER, REPEAT_EVERY)
-        clock = pygame.time.Clock()
         held: set[str] = set()
         shown: object = None
         view, size = "matrix", self.surface.get_size()
@@ -102,8 +96,7 @@ class PlayerWindow(Window):
             if state != shown:
                 self._draw(player)
                 shown = state
-            seconds = clock.tick(PICTURES_PER_SECOND) / 1000
-            player.advance(min(seconds, LONGEST_PAUSE))
+            player.advance(min(self.wait(PICTURES_PER_SECOND), LONGEST_PAUSE))
 
     # Drawing.
 
@@ -126,9 +119,7 @@ class PlayerWindow(Window):
             scores = [SCORE_HEADERS, *map(score_row, player.recording.scores)]
             card = _card("Your result", scores)
             canvas.blit(card, card.get_rect(bottomright=area.bottomright))
-        self.surface.fill(PAPER)
-        self.surface.blit(*fitted(canvas, self.surface.get_rect()))
-        pygame.display.flip()
+        self.draw(canvas)
 
 
 def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:

@@ -7,9 +7,9 @@ import weakref
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.palette import PALETTES
+from DroneSwarmSearch.rendering.palette import CLASSIC, PAPER
 
-__all__ = ["Window", "fitted"]
+__all__ = ["Window"]
 
 DESKTOP_SHARE = 0.92
 """A window too large for the desktop takes this share of it; the rest is for title bars."""
@@ -37,6 +37,7 @@ class Window:
     def __init__(self, size: tuple[int, int], *, title: str) -> None:
         self._size = size
         self._title = title
+        self._clock = pygame.time.Clock()
 
     @property
     def is_open(self) -> bool:
@@ -78,8 +79,22 @@ class Window:
                 " SDL_VIDEODRIVER=dummy to run without a screen"
             ) from error
         pygame.display.set_caption(self._title)
-        pygame.display.set_icon(sprites.drone(ICON, PALETTES["classic"].drone(0)))
+        pygame.display.set_icon(sprites.drone(ICON, CLASSIC.drone(0)))
         Window._owner = weakref.ref(self)
+
+    def draw(self, picture: pygame.Surface) -> None:
+        """Show a picture in the open window, scaled to fit it."""
+        area = self.surface.get_rect()
+        place = picture.get_rect().fit(area)
+        if abs(place.width - picture.get_width()) > 1 or not area.contains(picture.get_rect()):
+            picture = pygame.transform.smoothscale(picture, place.size)
+        self.surface.fill(PAPER)
+        self.surface.blit(picture, picture.get_rect(center=area.center))
+        pygame.display.flip()
+
+    def wait(self, fps: float) -> float:
+        """Wait until a frame period has passed since the last call; returns the seconds passed."""
+        return self._clock.tick(fps) / 1000
 
     def close(self) -> None:
         """Close the window if it is open; may be called any number of times."""
@@ -100,11 +115,3 @@ class Window:
             return width, height
         share = DESKTOP_SHARE * min(desktop_width / width, desktop_height / height)
         return round(width * share), round(height * share)
-
-
-def fitted(picture: pygame.Surface, area: pygame.Rect) -> tuple[pygame.Surface, pygame.Rect]:
-    """A picture scaled to fit an area, in its own proportions, and its place in the middle."""
-    place = picture.get_rect().fit(area)
-    if abs(place.width - picture.get_width()) > 1 or not area.contains(picture.get_rect()):
-        picture = pygame.transform.smoothscale(picture, place.size)
-    return picture, picture.get_rect(center=area.center)
