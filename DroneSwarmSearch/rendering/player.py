@@ -26,13 +26,11 @@ __all__ = [
     "score_row",
 ]
 
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+SLOWEST, FASTEST = 0.25, 8.0
 """Factors on the steps per second."""
 
 STEP_RATE = 8.0
 """Steps per second at which single steps and moves by hand are drawn."""
-
-HINT_SECONDS = 2.5
 
 YOU = "you (drone 0)"
 
@@ -169,12 +167,14 @@ class Recording:
             self.scores = [Score(YOU, self.frames[-1]), *rivals]
 
     def show(self, number: int) -> None:
-        """Note that a frame is shown.
+        """Note that a frame is shown. At the end, reveal the persons in all frames.
 
         Raises:
             Exception: the policy or the environment has failed after this frame.
         """
         self.seen = max(self.seen, number)
+        if self.end_was_seen and self.frames[0].hide_persons:
+            self.frames = [replace(frame, hide_persons=False) for frame in self.frames]
         if self._error is not None and number == len(self.frames) - 1:
             raise self._error
 
@@ -212,6 +212,7 @@ class Player:
         seed: its seed.
         view: "matrix", what the drones see, or "both", the prior and the posterior.
         speed: factor on the steps per second.
+        hint: why the last key did nothing; empty if it did something.
         shows_keys: whether the list of keys is shown.
         quits: whether the user has asked to quit.
     """
@@ -223,7 +224,7 @@ class Player:
         self.speed = 1.0
         self.shows_keys = False
         self.quits = False
-        self._hint, self._hint_left = "", 0.0
+        self.hint = ""
         self._start(seed)
 
     def _start(self, seed: int) -> None:
@@ -231,7 +232,6 @@ class Player:
         self.recording = self._begin(seed)
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
-        self._hint_left = 0.0
 
     # What is shown.
 
@@ -241,8 +241,6 @@ class Player:
         number = math.ceil(self._position)
         frames = self.recording.frames
         frame = frames[number]
-        if frame.hide_persons and self.recording.end_was_seen:
-            frame = replace(frame, hide_persons=False)
         if number == 0:
             return Moment(frame, None, 1.0, self.view)
         return Moment(frame, frames[number - 1], self._position - number + 1, self.view)
@@ -272,11 +270,6 @@ class Player:
         return "   ".join(parts)
 
     @property
-    def hint(self) -> str:
-        """Why the last key did nothing; empty after some seconds."""
-        return self._hint if self._hint_left > 0.0 else ""
-
-    @property
     def keys(self) -> tuple[KeyHelp, ...]:
         """The keys that do something now, the most important ones first."""
         if self.recording.flies:
@@ -295,6 +288,7 @@ class Player:
         """
         if repeated and key not in REPEATING:
             return
+        self.hint = ""
         if key in ("escape", "q") or (key == "return" and self.is_at_end):
             self.quits = True
         elif key in ("p", "tab"):
@@ -317,19 +311,16 @@ class Player:
 
     def _fly(self, action: Action) -> None:
         frames = self.recording.frames
-        reason = refusal(frames[-1], action)
-        if reason:
-            self._hint, self._hint_left = reason, HINT_SECONDS
+        self.hint = refusal(frames[-1], action)
+        if self.hint:
             return
-        self._hint_left = 0.0
         self._position = len(frames) - 1.0  # the last move is complete
         self.recording.fly(action)
 
     def _scrub(self, key: str) -> None:
         if key == "r" or (key == "space" and self.is_at_end):
-            if (
-                not self.recording.is_flight
-            ):  # whoever still presses the search key would miss the result
+            # After a flight, those who still press the search key should see the result.
+            if not self.recording.is_flight:
                 self._position, self._goal = 0.0, math.inf
         elif key == "space":
             self._goal = math.ceil(self._position) if self._goal == math.inf else math.inf
@@ -345,13 +336,12 @@ class Player:
         elif key == "end":
             self._position = self._goal = len(self.recording.frames) - 1
         elif key in ("up", "+", "="):
-            self.speed = min((each for each in SPEEDS if each > self.speed), default=SPEEDS[-1])
+            self.speed = min(2 * self.speed, FASTEST)
         elif key in ("down", "-"):
-            self.speed = max((each for each in SPEEDS if each < self.speed), default=SPEEDS[0])
+            self.speed = max(self.speed / 2, SLOWEST)
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""
-        self._hint_left -= seconds
         by_hand = self.recording.is_flight and not self.recording.end_was_seen
         goal = min(math.inf if by_hand else self._goal, len(self.recording.frames) - 1)
         if by_hand or self.is_paused:
