@@ -31,8 +31,6 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = ["main"]
 
-TITLE = "Drone swarm search"
-
 TEXT_WIDTH = 100
 """Characters in a line of sentences."""
 
@@ -233,7 +231,7 @@ def _play_in_window(
     """
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
-    window = PlayerWindow(search.scenario.grid_size, _look(options), title=TITLE)
+    window = PlayerWindow(search.scenario.grid_size, _look(options))
     try:
         window.open()
     except RuntimeError as error:

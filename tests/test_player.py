@@ -57,7 +57,7 @@ def watching(begin: Callable[[int], Recording] = lambda seed: Whole()) -> Player
 def step_of(player: Player) -> float:
     """The moment shown, in steps."""
     moment = player.moment
-    return moment.frame.step - 1 + moment.progress if moment.previous else moment.frame.step
+    return moment.frame.step + moment.progress
 
 
 def advance_for_long(player: Player) -> None:
@@ -75,7 +75,7 @@ class TestWatching:
         assert step_of(player) == 0
         player.advance(0.3)
         moment = player.moment
-        assert (moment.frame.step, moment.previous and moment.previous.step) == (2, 1)
+        assert (moment.frame.step, moment.towards and moment.towards.step) == (1, 2)
         assert moment.progress == pytest.approx(0.5)
         assert not player.is_at_end
         for _ in range(3):

@@ -44,7 +44,7 @@ class Display:
     def _window(self) -> Window:
         from DroneSwarmSearch.rendering.window import Window
 
-        return Window(self._painter.size, title="Drone swarm search")
+        return Window(self._painter.size)
 
     def __getstate__(self) -> dict[str, Any]:
         not_copied = ("_painter", "_window")

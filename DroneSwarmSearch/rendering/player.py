@@ -184,17 +184,17 @@ class Recording:
 
 
 class Moment(NamedTuple):
-    """What a picture shows: the way from one frame to the next.
+    """What a picture shows.
 
     Attributes:
-        frame: the frame that the drones are flying to, or have reached.
-        previous: the frame before it; None before the first step.
+        frame: the last frame that was reached.
+        towards: the next one, if the drones are on their way to it.
         progress: the part of the way, from 0 to 1.
         view: "matrix", what the drones see, or "both", the prior and the posterior.
     """
 
     frame: Frame
-    previous: Frame | None
+    towards: Frame | None
     progress: float
     view: str
 
@@ -238,12 +238,9 @@ class Player:
     @property
     def moment(self) -> Moment:
         """What to draw."""
-        number = math.ceil(self._position)
-        frames = self.recording.frames
-        frame = frames[number]
-        if number == 0:
-            return Moment(frame, None, 1.0, self.view)
-        return Moment(frame, frames[number - 1], self._position - number + 1, self.view)
+        frames, number = self.recording.frames, math.floor(self._position)
+        progress = self._position - number
+        return Moment(frames[number], frames[number + 1] if progress else None, progress, self.view)
 
     @property
     def is_at_end(self) -> bool:
@@ -350,7 +347,7 @@ class Player:
             rate = self._fps * self.speed
         if self._position < goal:
             self._position = min(goal, self._position + seconds * rate)
-        self.recording.show(math.ceil(self._position))
+        self.recording.show(math.floor(self._position))
 
 
 def refusal(frame: Frame, action: Action) -> str:

@@ -40,12 +40,11 @@ class PlayerWindow(Window):
     Args:
         grid_size: cells along each side of the searches.
         look: how their cells are drawn.
-        title: the window's title.
     """
 
-    def __init__(self, grid_size: int, look: Look, *, title: str) -> None:
+    def __init__(self, grid_size: int, look: Look) -> None:
         self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
-        super().__init__(self._usual_size("matrix"), title=title)
+        super().__init__(self._usual_size("matrix"))
 
     def __enter__(self) -> PlayerWindow:
         return self
@@ -103,7 +102,7 @@ class PlayerWindow(Window):
     def _draw(self, player: Player) -> None:
         moment = player.moment
         painter = self._painters[moment.view]
-        picture = painter.paint(moment.frame, previous=moment.previous, progress=moment.progress)
+        picture = painter.paint(moment.frame, towards=moment.towards, progress=moment.progress)
         area = picture.get_rect()
         canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)
         canvas.blit(picture, area)

@@ -73,12 +73,14 @@ def write_video(
     per_step = max(1, round(SMOOTH / fps))
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
-        previous: Frame | None = None
-        for frame in frames:
-            for part in range(1, per_step) if previous is not None else ():
-                yield painter.pixels(frame, previous=previous, progress=part / per_step)
-            yield painter.pixels(frame)
-            previous = frame
+        left = iter(frames)
+        frame = next(left)
+        yield painter.pixels(frame)
+        for following in left:
+            for part in range(1, per_step):
+                yield painter.pixels(frame, towards=following, progress=part / per_step)
+            yield painter.pixels(following)
+            frame = following
 
     write_pictures(path, pictures(), fps=fps * per_step, hold=hold, gif_width=gif_width)
 
