@@ -21,7 +21,6 @@ from DroneSwarmSearch.rendering import terminal
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
-    Flight,
     Player,
     Recording,
     Score,
@@ -31,8 +30,6 @@ from DroneSwarmSearch.rendering.video import write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = ["main"]
-
-TITLE = "Drone swarm search"
 
 TEXT_WIDTH = 100
 """Characters in a line of sentences."""
@@ -234,7 +231,7 @@ def _play_in_window(
     """
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
-    window = PlayerWindow(search.scenario.grid_size, _look(options), title=TITLE)
+    window = PlayerWindow(search.scenario.grid_size, _look(options))
     try:
         window.open()
     except RuntimeError as error:
@@ -273,7 +270,8 @@ class _Performances:
         title = f"{self._search.name}, {episode.label}, "
         if self._options.manual:
             rivals = self._rivals if self._options.hide_person else list
-            self._recording = Flight(episode.frame, episode.step, title, rivals)
+            start = iter([episode.frame])
+            self._recording = Recording(start, title, fly=episode.step, rivals=rivals)
         else:
             self._recording = Recording(episode.frames(), title)
         self._seed = seed

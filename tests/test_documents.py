@@ -259,6 +259,8 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     arguments = list(command.arguments)
     if command.needs_ray:
         skip_without("ray")
+    elif "--record" in arguments:
+        arguments += ["--fps", "25"]  # a picture for each step
     elif command.script == "examples/random_searches.py":
         arguments += ["--seed", "1"]  # a small search
     for option, most in MOST.items():

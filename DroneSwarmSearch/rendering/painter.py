@@ -49,6 +49,9 @@ class Painter:
         grid_size: cells along each side.
         look: how the cells are drawn.
         view: a key of `SIDES`.
+
+    Attributes:
+        size: width and height of the pictures in pixels; both even, as video codecs require.
     """
 
     def __init__(self, grid_size: int, look: Look = CLASSIC, *, view: str = "matrix") -> None:
@@ -62,43 +65,31 @@ class Painter:
         self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), self._panel.size)
         height = max(self._panel_area.bottom + BOTTOM, HEAD + height)
         width = self._panel_area.right + RIGHT
-        self._size = width + width % 2, height + height % 2
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the pictures in pixels; both even, as video codecs require."""
-        return self._size
+        self.size = width + width % 2, height + height % 2
 
     def paint(
-        self, frame: Frame, *, previous: Frame | None = None, progress: float = 1.0
+        self, frame: Frame, *, towards: Frame | None = None, progress: float = 0.0
     ) -> pygame.Surface:
-        """A new surface of `size` with the picture of a frame, or of a moment before it.
+        """A new surface of `size` with the picture of a frame, or of a moment after it.
 
         Args:
             frame: the frame.
-            previous: the frame one step earlier.
-            progress: how much of the step from `previous` has passed, 0 to 1. Below 1, drones
-                and persons are on their way, and everything else is as in `previous`.
-
-        Raises:
-            ValueError: a frame is of another grid size.
+            towards: the frame one step later, to which drones and persons are on their way.
+            progress: how much of that step has passed, 0 to 1.
         """
-        moving = previous if previous is not None and progress < 1.0 else None
-        scene = frame if moving is None else moving
         canvas = pygame.Surface(self.size, 0, 32)
         canvas.fill(PAPER)
-        self._draw_head(canvas, scene)
-        for area, shown in zip(self._map_areas, self._maps(scene), strict=True):
-            target = frame if moving is not None else None
-            self._map.draw(canvas.subsurface(area), shown, towards=target, progress=progress)
-        self._panel.draw(canvas.subsurface(self._panel_area), scene)
+        self._draw_head(canvas, frame)
+        for area, shown in zip(self._map_areas, self._maps(frame), strict=True):
+            self._map.draw(canvas.subsurface(area), shown, towards=towards, progress=progress)
+        self._panel.draw(canvas.subsurface(self._panel_area), frame)
         return canvas
 
     def pixels(
-        self, frame: Frame, *, previous: Frame | None = None, progress: float = 1.0
+        self, frame: Frame, *, towards: Frame | None = None, progress: float = 0.0
     ) -> NDArray[np.uint8]:
         """`paint` as a new uint8 array of shape (height, width, 3)."""
-        return to_array(self.paint(frame, previous=previous, progress=progress))
+        return to_array(self.paint(frame, towards=towards, progress=progress))
 
     def _maps(self, frame: Frame) -> list[Frame]:
         """What each map shows."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from DroneSwarmSearch.frame import Frame
@@ -17,7 +17,6 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = [
     "SCORE_HEADERS",
-    "Flight",
     "KeyHelp",
     "Moment",
     "Player",
@@ -27,13 +26,11 @@ __all__ = [
     "score_row",
 ]
 
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+SLOWEST, FASTEST = 0.25, 8.0
 """Factors on the steps per second."""
 
 STEP_RATE = 8.0
 """Steps per second at which single steps and moves by hand are drawn."""
-
-HINT_SECONDS = 2.5
 
 YOU = "you (drone 0)"
 
@@ -100,29 +97,40 @@ def score_row(score: Score) -> tuple[str, str, str, str]:
 
 
 class Recording:
-    """The frames of a policy's episode so far, which a thread plays.
+    """The frames of an episode so far. A policy's episode is played by a thread.
 
     Some policies plan for seconds; meanwhile, the window stays alive.
 
     Args:
         frames: the frames of the episode, from that of the reset.
         title: what is shown, in a few words.
+        fly: plays one step with an action for drone 0, and returns its frame, where the keys
+            fly that drone; `frames` is then that of the reset.
+        rivals: the results of others in the same search, called at the end of a flight.
 
     Attributes:
         frames: those recorded so far.
         seen: the number of the latest frame that was shown.
         title: what is shown.
+        is_flight: whether the keys fly drone 0.
         scores: the results to show at the end; empty if there are no others.
     """
 
-    flies = False
-    """Whether the next step needs an action for drone 0."""
-
-    def __init__(self, frames: Iterator[Frame], title: str = "") -> None:
+    def __init__(
+        self,
+        frames: Iterator[Frame],
+        title: str = "",
+        *,
+        fly: Callable[[Action], Frame] | None = None,
+        rivals: Callable[[], Sequence[Score]] = list,
+    ) -> None:
         self.frames = [next(frames)]
         self.seen = 0
         self.title = title
+        self.is_flight = fly is not None
         self.scores: Sequence[Score] = ()
+        self._fly = fly
+        self._rivals = rivals
         self._stopped = False
         self._error: BaseException | None = None
         threading.Thread(target=self._record, args=(frames,), daemon=True).start()
@@ -146,13 +154,27 @@ class Recording:
         """Whether the last frame of the episode has been shown."""
         return self.frames[self.seen].ending is not None
 
+    @property
+    def flies(self) -> bool:
+        """Whether the next step needs an action for drone 0."""
+        return self.is_flight and not self.has_ended
+
+    def fly(self, action: Action) -> None:
+        """Play one step."""
+        assert self._fly is not None
+        self.frames.append(self._fly(action))
+        if self.has_ended and (rivals := self._rivals()):
+            self.scores = [Score(YOU, self.frames[-1]), *rivals]
+
     def show(self, number: int) -> None:
-        """Note that a frame is shown.
+        """Note that a frame is shown. At the end, reveal the persons in all frames.
 
         Raises:
             Exception: the policy or the environment has failed after this frame.
         """
         self.seen = max(self.seen, number)
+        if self.end_was_seen and self.frames[0].hide_persons:
+            self.frames = [replace(frame, hide_persons=False) for frame in self.frames]
         if self._error is not None and number == len(self.frames) - 1:
             raise self._error
 
@@ -161,51 +183,18 @@ class Recording:
         self._stopped = True
 
 
-class Flight(Recording):
-    """An episode in which the keys fly drone 0.
-
-    Args:
-        first: the frame of the reset.
-        fly: plays one step with an action for drone 0, and returns its frame.
-        title: what is shown, in a few words.
-        rivals: the results of others in the same search, called at the end.
-    """
-
-    def __init__(
-        self,
-        first: Frame,
-        fly: Callable[[Action], Frame],
-        title: str = "",
-        rivals: Callable[[], Sequence[Score]] = list,
-    ) -> None:
-        super().__init__(iter([first]), title)
-        self._fly = fly
-        self._rivals = rivals
-
-    @property
-    def flies(self) -> bool:  # type: ignore[override]
-        return not self.has_ended
-
-    def fly(self, action: Action) -> None:
-        """Play one step."""
-        self.frames.append(self._fly(action))
-        if self.has_ended and (rivals := self._rivals()):
-            self.scores = [Score(YOU, self.frames[-1]), *rivals]
-
-
-@dataclass(frozen=True)
-class Moment:
-    """What a picture shows: the way from one frame to the next.
+class Moment(NamedTuple):
+    """What a picture shows.
 
     Attributes:
-        frame: the frame that the drones are flying to, or have reached.
-        previous: the frame before it; None before the first step.
+        frame: the last frame that was reached.
+        towards: the next one, if the drones are on their way to it.
         progress: the part of the way, from 0 to 1.
         view: "matrix", what the drones see, or "both", the prior and the posterior.
     """
 
     frame: Frame
-    previous: Frame | None
+    towards: Frame | None
     progress: float
     view: str
 
@@ -223,47 +212,35 @@ class Player:
         seed: its seed.
         view: "matrix", what the drones see, or "both", the prior and the posterior.
         speed: factor on the steps per second.
+        hint: why the last key did nothing; empty if it did something.
         shows_keys: whether the list of keys is shown.
         quits: whether the user has asked to quit.
     """
 
-    def __init__(
-        self,
-        begin: Callable[[int], Recording],
-        *,
-        seed: int,
-        fps: float,
-    ) -> None:
+    def __init__(self, begin: Callable[[int], Recording], *, seed: int, fps: float) -> None:
         self._begin = begin
         self._fps = fps
         self.view = "matrix"
         self.speed = 1.0
         self.shows_keys = False
         self.quits = False
-        self._hint, self._hint_left = "", 0.0
+        self.hint = ""
         self._start(seed)
 
     def _start(self, seed: int) -> None:
         self.seed = seed
         self.recording = self._begin(seed)
-        self._was_flown = self.recording.flies
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
-        self._hint_left = 0.0
 
     # What is shown.
 
     @property
     def moment(self) -> Moment:
         """What to draw."""
-        number = math.ceil(self._position)
-        frames = self.recording.frames
-        frame = frames[number]
-        if frame.hide_persons and self.recording.end_was_seen:
-            frame = replace(frame, hide_persons=False)
-        if number == 0:
-            return Moment(frame, None, 1.0, self.view)
-        return Moment(frame, frames[number - 1], self._position - number + 1, self.view)
+        frames, number = self.recording.frames, math.floor(self._position)
+        progress = self._position - number
+        return Moment(frames[number], frames[number + 1] if progress else None, progress, self.view)
 
     @property
     def is_at_end(self) -> bool:
@@ -285,26 +262,16 @@ class Player:
                 parts.append("the end: Enter closes the window")
             elif self.is_paused:
                 parts.append("paused")
-            elif self._waits_for_policy:
+            elif not self.recording.has_ended and self._position == len(self.recording.frames) - 1:
                 parts.append("the policy is planning ...")
         return "   ".join(parts)
-
-    @property
-    def _waits_for_policy(self) -> bool:
-        caught_up = self._position == len(self.recording.frames) - 1
-        return caught_up and not self.recording.has_ended
-
-    @property
-    def hint(self) -> str:
-        """Why the last key did nothing; empty after some seconds."""
-        return self._hint if self._hint_left > 0.0 else ""
 
     @property
     def keys(self) -> tuple[KeyHelp, ...]:
         """The keys that do something now, the most important ones first."""
         if self.recording.flies:
             return (*_FLYING, *_ON_BOTH, _FLY_AGAIN, *_AT_LAST)
-        again = _FLY_AGAIN if self._was_flown else _REPLAY
+        again = _FLY_AGAIN if self.recording.is_flight else _REPLAY
         return (*_WATCHING, again, *_ON_BOTH, *_AT_LAST)
 
     # Keys and time.
@@ -318,6 +285,7 @@ class Player:
         """
         if repeated and key not in REPEATING:
             return
+        self.hint = ""
         if key in ("escape", "q") or (key == "return" and self.is_at_end):
             self.quits = True
         elif key in ("p", "tab"):
@@ -326,7 +294,7 @@ class Player:
             self.shows_keys = not self.shows_keys
         elif key == "n":
             self._begin_again(self.seed + 1)
-        elif key == "r" and self._was_flown:
+        elif key == "r" and self.recording.is_flight:
             self._begin_again(self.seed)
         elif self.recording.flies:
             if key in FLIGHT_KEYS:
@@ -339,19 +307,17 @@ class Player:
         self._start(seed)
 
     def _fly(self, action: Action) -> None:
-        assert isinstance(self.recording, Flight)
         frames = self.recording.frames
-        reason = refusal(frames[-1], action)
-        if reason:
-            self._hint, self._hint_left = reason, HINT_SECONDS
+        self.hint = refusal(frames[-1], action)
+        if self.hint:
             return
-        self._hint_left = 0.0
         self._position = len(frames) - 1.0  # the last move is complete
         self.recording.fly(action)
 
     def _scrub(self, key: str) -> None:
         if key == "r" or (key == "space" and self.is_at_end):
-            if not self._was_flown:  # whoever still presses the search key would miss the result
+            # After a flight, those who still press the search key should see the result.
+            if not self.recording.is_flight:
                 self._position, self._goal = 0.0, math.inf
         elif key == "space":
             self._goal = math.ceil(self._position) if self._goal == math.inf else math.inf
@@ -367,14 +333,13 @@ class Player:
         elif key == "end":
             self._position = self._goal = len(self.recording.frames) - 1
         elif key in ("up", "+", "="):
-            self.speed = min((each for each in SPEEDS if each > self.speed), default=SPEEDS[-1])
+            self.speed = min(2 * self.speed, FASTEST)
         elif key in ("down", "-"):
-            self.speed = max((each for each in SPEEDS if each < self.speed), default=SPEEDS[0])
+            self.speed = max(self.speed / 2, SLOWEST)
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""
-        self._hint_left -= seconds
-        by_hand = self._was_flown and not self.recording.end_was_seen
+        by_hand = self.recording.is_flight and not self.recording.end_was_seen
         goal = min(math.inf if by_hand else self._goal, len(self.recording.frames) - 1)
         if by_hand or self.is_paused:
             rate = STEP_RATE * max(1.0, goal - self._position)
@@ -382,7 +347,7 @@ class Player:
             rate = self._fps * self.speed
         if self._position < goal:
             self._position = min(goal, self._position + seconds * rate)
-        self.recording.show(math.ceil(self._position))
+        self.recording.show(math.floor(self._position))
 
 
 def refusal(frame: Frame, action: Action) -> str:

@@ -7,14 +7,9 @@ from collections.abc import Sequence
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.painter import SIDES, Painter
 from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE, Look
-from DroneSwarmSearch.rendering.player import (
-    SCORE_HEADERS,
-    KeyHelp,
-    Player,
-    score_row,
-)
+from DroneSwarmSearch.rendering.player import SCORE_HEADERS, KeyHelp, Player, score_row
 from DroneSwarmSearch.rendering.sprites import text_line, write
-from DroneSwarmSearch.rendering.window import Window, fitted
+from DroneSwarmSearch.rendering.window import Window
 
 __all__ = ["PlayerWindow"]
 
@@ -45,12 +40,11 @@ class PlayerWindow(Window):
     Args:
         grid_size: cells along each side of the searches.
         look: how their cells are drawn.
-        title: the window's title.
     """
 
-    def __init__(self, grid_size: int, look: Look, *, title: str) -> None:
+    def __init__(self, grid_size: int, look: Look) -> None:
         self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
-        super().__init__(self._usual_size("matrix"), title=title)
+        super().__init__(self._usual_size("matrix"))
 
     def __enter__(self) -> PlayerWindow:
         return self
@@ -71,7 +65,6 @@ class PlayerWindow(Window):
         """
         self.open()
         pygame.key.set_repeat(REPEAT_AFTER, REPEAT_EVERY)
-        clock = pygame.time.Clock()
         held: set[str] = set()
         shown: object = None
         view, size = "matrix", self.surface.get_size()
@@ -102,15 +95,14 @@ class PlayerWindow(Window):
             if state != shown:
                 self._draw(player)
                 shown = state
-            seconds = clock.tick(PICTURES_PER_SECOND) / 1000
-            player.advance(min(seconds, LONGEST_PAUSE))
+            player.advance(min(self.wait(PICTURES_PER_SECOND), LONGEST_PAUSE))
 
     # Drawing.
 
     def _draw(self, player: Player) -> None:
         moment = player.moment
         painter = self._painters[moment.view]
-        picture = painter.paint(moment.frame, previous=moment.previous, progress=moment.progress)
+        picture = painter.paint(moment.frame, towards=moment.towards, progress=moment.progress)
         area = picture.get_rect()
         canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)
         canvas.blit(picture, area)
@@ -126,9 +118,7 @@ class PlayerWindow(Window):
             scores = [SCORE_HEADERS, *map(score_row, player.recording.scores)]
             card = _card("Your result", scores)
             canvas.blit(card, card.get_rect(bottomright=area.bottomright))
-        self.surface.fill(PAPER)
-        self.surface.blit(*fitted(canvas, self.surface.get_rect()))
-        pygame.display.flip()
+        self.draw(canvas)
 
 
 def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:

@@ -175,7 +175,7 @@ class SearchMap:
         self._draw_cells(frame.matrix)
         if self._look.grid:
             self._draw_lines()
-        end = frame if towards is None or progress == 0.0 else towards
+        end = towards or frame
         drones = _on_the_way(frame.drones, end.drones, progress)
         persons = _on_the_way(frame.persons, end.persons, progress)
         self._draw_trails(frame, drones)

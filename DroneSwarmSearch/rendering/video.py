@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -27,7 +29,14 @@ FPS_LEAST, FPS_MOST = 0.1, 50.0
 SMOOTH = 25.0
 """Pictures per second of smooth motion."""
 
-LOSSLESS = ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"]
+LOSSLESS = {
+    "codec": "libx264rgb",
+    "pix_fmt_out": "rgb24",
+    "quality": None,
+    "macro_block_size": 1,
+    "ffmpeg_log_level": "error",
+    "output_params": ["-qp", "0", "-preset", "ultrafast"],
+}
 
 MP4 = "scale=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"  # which needs even sides
 
@@ -64,12 +73,14 @@ def write_video(
     per_step = max(1, round(SMOOTH / fps))
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
-        previous: Frame | None = None
-        for frame in frames:
-            for part in range(1, per_step) if previous is not None else ():
-                yield painter.pixels(frame, previous=previous, progress=part / per_step)
-            yield painter.pixels(frame)
-            previous = frame
+        left = iter(frames)
+        frame = next(left)
+        yield painter.pixels(frame)
+        for following in left:
+            for part in range(1, per_step):
+                yield painter.pixels(frame, towards=following, progress=part / per_step)
+            yield painter.pixels(following)
+            frame = following
 
     write_pictures(path, pictures(), fps=fps * per_step, hold=hold, gif_width=gif_width)
 
@@ -109,43 +120,23 @@ def write_pictures(
             'pip install "DroneSwarmSearchEnvironment[video]"',
             name=error.name,
         ) from error
-    ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error"]
-    stay = f"tpad=stop_mode=clone:stop_duration={hold}"
-    with replacing(path) as spare:
-        if path.suffix.lower() == ".mp4":
-            _encode(ffmpeg, pictures, fps, ["-vf", f"{MP4},{stay}", f"{spare}"])
-            return
-        # The palette depends on all pictures, so they go to disk first.
-        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-            video = str(Path(folder, "pictures.mkv"))
-            _encode(ffmpeg, pictures, fps, [*LOSSLESS, video])
-            gif = f"{GIF.format(width=gif_width)},{stay}"
-            options = ["-i", video, "-i", video, "-filter_complex", gif, f"{spare}"]
-            _check(subprocess.run([*ffmpeg, *options], stderr=subprocess.PIPE, check=False))
-
-
-def _encode(
-    ffmpeg: list[str], pictures: Iterable[NDArray[np.uint8]], fps: float, output: list[str]
-) -> None:
-    """Pipe pictures to ffmpeg."""
-    pictures = iter(pictures)
-    first = next(pictures)
+    left = iter(pictures)
+    first = next(left)
     height, width, _ = first.shape
-    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps}"]
-    command = [*ffmpeg, *raw, "-i", "-", *output]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        try:
-            process.stdin.write(first.tobytes())
-            for picture in pictures:
-                process.stdin.write(picture.tobytes())
-        except BrokenPipeError:
-            pass  # ffmpeg has failed
-        _, errors = process.communicate()
-    _check(subprocess.CompletedProcess(command, process.returncode, stderr=errors))
-
-
-def _check(process: subprocess.CompletedProcess[bytes]) -> None:
-    if process.returncode:
-        reason = process.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        raise OSError(f"ffmpeg ended with code {process.returncode}: {reason}")
+    stay = f"tpad=stop_mode=clone:stop_duration={hold}"
+    with replacing(path) as spare, tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        # The palette of a GIF depends on all pictures, so they go to disk first.
+        video = str(Path(folder, "pictures.mkv"))
+        writer = imageio_ffmpeg.write_frames(video, (width, height), fps=fps, **LOSSLESS)
+        with contextlib.closing(writer):
+            writer.send(None)
+            for picture in itertools.chain([first], left):
+                writer.send(picture)
+        options = ["-vf", f"{MP4},{stay}"]
+        if path.suffix.lower() == ".gif":
+            options = ["-i", video, "-filter_complex", f"{GIF.format(width=gif_width)},{stay}"]
+        start = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error", "-i", video]
+        done = subprocess.run([*start, *options, f"{spare}"], stderr=subprocess.PIPE, check=False)
+        if done.returncode:
+            reason = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+            raise OSError(f"ffmpeg ended with code {done.returncode}: {reason}")

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import os
-import weakref
 
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.palette import PALETTES
+from DroneSwarmSearch.rendering.palette import CLASSIC, PAPER
 
-__all__ = ["Window", "fitted"]
+__all__ = ["Window"]
 
 DESKTOP_SHARE = 0.92
 """A window too large for the desktop takes this share of it; the rest is for title bars."""
 
-ICON = 32
+TITLE, ICON = "Drone swarm search", 32
 
 HIDDEN_DRIVERS = ("dummy", "offscreen")
 DRIVER_VARIABLES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
@@ -23,26 +22,20 @@ DRIVER_VARIABLES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 class Window:
     """A window for pictures, which the user can resize.
 
-    pygame has one display per process, so windows share it: the last one to open owns the
-    display, with its size and title, and closing another one leaves it open.
+    pygame has one display per process, so all windows are the same one.
 
     Args:
         size: width and height in pixels when the window opens; less if the desktop is smaller.
-        title: the window's title.
     """
 
-    _owner: weakref.ref[Window] | None = None
-    """The window that owns the display."""
-
-    def __init__(self, size: tuple[int, int], *, title: str) -> None:
+    def __init__(self, size: tuple[int, int]) -> None:
         self._size = size
-        self._title = title
+        self._clock = pygame.time.Clock()
 
     @property
     def is_open(self) -> bool:
-        """Whether this window owns the display."""
-        is_owner = Window._owner is not None and Window._owner() is self
-        return is_owner and pygame.display.get_init() and bool(pygame.display.get_surface())
+        """Whether there is a window."""
+        return pygame.display.get_init() and bool(pygame.display.get_surface())
 
     @property
     def surface(self) -> pygame.Surface:
@@ -77,9 +70,22 @@ class Window:
                 ' pictures or "ansi" for text, or set the environment variable'
                 " SDL_VIDEODRIVER=dummy to run without a screen"
             ) from error
-        pygame.display.set_caption(self._title)
-        pygame.display.set_icon(sprites.drone(ICON, PALETTES["classic"].drone(0)))
-        Window._owner = weakref.ref(self)
+        pygame.display.set_caption(TITLE)
+        pygame.display.set_icon(sprites.drone(ICON, CLASSIC.drone(0)))
+
+    def draw(self, picture: pygame.Surface) -> None:
+        """Show a picture in the open window, scaled to fit it."""
+        area = self.surface.get_rect()
+        place = picture.get_rect().fit(area)
+        if abs(place.width - picture.get_width()) > 1 or not area.contains(picture.get_rect()):
+            picture = pygame.transform.smoothscale(picture, place.size)
+        self.surface.fill(PAPER)
+        self.surface.blit(picture, picture.get_rect(center=area.center))
+        pygame.display.flip()
+
+    def wait(self, fps: float) -> float:
+        """Wait until a frame period has passed since the last call; returns the seconds passed."""
+        return self._clock.tick(fps) / 1000
 
     def close(self) -> None:
         """Close the window if it is open; may be called any number of times."""
@@ -100,11 +106,3 @@ class Window:
             return width, height
         share = DESKTOP_SHARE * min(desktop_width / width, desktop_height / height)
         return round(width * share), round(height * share)
-
-
-def fitted(picture: pygame.Surface, area: pygame.Rect) -> tuple[pygame.Surface, pygame.Rect]:
-    """A picture scaled to fit an area, in its own proportions, and its place in the middle."""
-    place = picture.get_rect().fit(area)
-    if abs(place.width - picture.get_width()) > 1 or not area.contains(picture.get_rect()):
-        picture = pygame.transform.smoothscale(picture, place.size)
-    return picture, picture.get_rect(center=area.center)
