@@ -169,4 +169,5 @@ class ForecastTables(Forecasts):
         higher, either = self._right.take(index, mode="clip"), self._left.take(index, mode="clip")
         either += higher
         along_x, along_y = moves(draws, higher, either)
-        return states + along_x + np.multiply(along_y, size, dtype=np.int64)
+        after: Ints = states + along_x + np.multiply(along_y, size, dtype=np.int64)
+        return after

@@ -322,16 +322,21 @@ class Forecasts:
             numbers: the number of each person's model, of any shape.
             draws: uniform draws of this shape.
         """
-        ends, blocks = self._starts
+        ends, blocks, _ = self._starts
         width, above = blocks.shape[1], draws[..., None]
         block = np.less_equal(ends.take(numbers, 0), above).sum(-1)
         rows = blocks.take(block + numbers * width, 0)
         states: Ints = block * width + np.less_equal(rows, above).sum(-1)
         return states
 
+    @property
+    def certain_starts(self) -> Ints | None:
+        """The state at step 0 of each model, if all of them are certain: int64, (count,)."""
+        return self._starts[2]
+
     @cached_property
-    def _starts(self) -> tuple[Floats, Floats]:
-        """The cumulative distributions of the states at step 0.
+    def _starts(self) -> tuple[Floats, Floats, Ints | None]:
+        """The cumulative distributions of the states at step 0, and `certain_starts`.
 
         Each model's is a square array, so that two short counts find a state.
         """
@@ -341,7 +346,9 @@ class Forecasts:
         sums = np.full((self.count, width**2), 2.0)
         sums[:, : joint.shape[1]] = [cumulative(each) for each in joint]
         blocks = sums.reshape(-1, width)
-        return blocks[:, -1].reshape(-1, width).copy(), blocks
+        is_certain = (np.count_nonzero(joint, axis=1) == 1).all()
+        certain: Ints | None = joint.argmax(axis=1) if is_certain else None
+        return blocks[:, -1].reshape(-1, width).copy(), blocks, certain
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         """Each person's state one step later.
