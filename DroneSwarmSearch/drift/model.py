@@ -54,9 +54,24 @@ class DriftModel(ABC):
         """The matrix at a step in double precision: float64, shape (N, N), indexed [y, x]."""
         return self.map(self.joint(step)).copy()
 
-    def at(self, step: int) -> Singles:
-        """The matrix at a step: float32, shape (N, N), indexed [y, x], sums to 1; a new array."""
+    def matrix(self, step: int) -> Singles:
+        """`at`, for reading only."""
         return self.exact(step).astype(np.float32)
+
+    def at(self, step: int) -> Singles:
+        """The matrix at a step.
+
+        Args:
+            step: completed steps, at least 0.
+
+        Returns:
+            float32, shape (N, N), indexed [y, x], sums to 1; a new array.
+
+        Raises:
+            TypeError: the step is not an integer.
+            ValueError: the step is negative.
+        """
+        return self.matrix(step).copy()
 
     # States and cells.
 
@@ -293,7 +308,7 @@ class Forecasts:
     def _computed(self, entries: Ints) -> Singles:
         matrices: Singles = np.empty((len(entries), self._size, self._size), np.float32)
         for matrix, (model, step) in zip(matrices, self._each(entries), strict=True):
-            matrix[...] = model.at(step)
+            matrix[...] = model.matrix(step)
         return matrices
 
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:

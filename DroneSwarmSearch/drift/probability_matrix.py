@@ -118,19 +118,7 @@ class ProbabilityMatrix(DriftModel):
 
     # The forecast.
 
-    def at(self, step: int) -> Singles:
-        """The matrix at a step.
-
-        Args:
-            step: completed steps, at least 0.
-
-        Returns:
-            float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; a new array.
-
-        Raises:
-            TypeError: the step is not an integer.
-            ValueError: the step is negative.
-        """
+    def matrix(self, step: int) -> Singles:
         block = self._block_of(step)
         index = step - block.first
         matrix = block.matrices[index]
@@ -140,7 +128,7 @@ class ProbabilityMatrix(DriftModel):
             else:
                 matrix = over_hypotheses(block.joint[index]).astype(np.float32)
             block.matrices[index] = matrix
-        return matrix.copy()
+        return matrix
 
     def joint(self, step: int) -> Floats:
         """The probability of each hypothesis and cell at a step: float64, shape (M, N, N)."""
