@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.actions import checked_actions
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, numbers, stream_keys
+from DroneSwarmSearch.actions import checked_actions
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.observations import batch_state_planes
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import REPLACED, Scenario, is_default, resolve_scenario
