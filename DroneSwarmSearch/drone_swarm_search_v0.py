@@ -18,9 +18,9 @@ from typing import Any
 
 from pettingzoo import AECEnv
 
-from DroneSwarmSearch._internal.turn_based import TurnBased
 from DroneSwarmSearch.env import env, parallel_env
 from DroneSwarmSearch.observations import Observation
+from DroneSwarmSearch.turn_based import TurnBased
 
 __all__ = ["env", "parallel_env", "raw_env"]
 

@@ -65,7 +65,7 @@ class Drones:
         is_last = world.step == self._timestep_limit - 1
         crashed = targets is not self.cells and len({OFF_GRID, *targets}) <= len(targets)
         if crashed or is_last or _SEARCH in chosen:
-            rewards, ending = self._resolve_events(chosen, targets, world, is_last)
+            rewards, ending = self._resolve_events(chosen, targets, world, crashed, is_last)
             if OFF_GRID in targets:  # a drone that tries to leave the grid stays
                 pairs = zip(self.cells, targets, strict=True)
                 targets = [cell if target == OFF_GRID else target for cell, target in pairs]
@@ -77,7 +77,7 @@ class Drones:
         return rewards, ending
 
     def _resolve_events(
-        self, chosen: bytes, targets: list[int], world: WorldState, is_last: bool
+        self, chosen: bytes, targets: list[int], world: WorldState, crashed: bool, is_last: bool
     ) -> tuple[dict[str, float], Ending | None]:
         """`resolve` a step with searches, with crashes, or at the time limit."""
         finders: set[int] = set()
@@ -88,12 +88,13 @@ class Drones:
             searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
             observed = world.observed(searches)
             finders = world.search(searches)
-        shared = rules.same_cell(targets)
-        rewards = {
-            name: rules.reward(
+        shared = rules.same_cell(targets) if crashed else set()
+        rewards = self._uneventful.copy()
+        for drone in range(len(targets)) if crashed or is_last else observed:
+            rewards[self._names[drone]] = rules.reward(
                 self._scheme,
-                target in shared,
-                target == OFF_GRID,
+                targets[drone] in shared,
+                targets[drone] == OFF_GRID,
                 drone in finders,
                 is_last and world.is_rescue,
                 drone in self.finders,
@@ -103,8 +104,6 @@ class Drones:
                 self._timestep_limit,
                 self.returns[drone],
             )
-            for drone, (name, target) in enumerate(zip(self._names, targets, strict=True))
-        }
         self.finders |= finders
         return rewards, rules.ending(
             not world.missing, world.is_covered, bool(shared), OFF_GRID in targets, is_last

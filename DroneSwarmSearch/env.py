@@ -18,20 +18,20 @@ from pettingzoo import AECEnv
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.actions import Reader
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch._internal.mappings import Infos, Rewards, Start
 from DroneSwarmSearch._internal.streams import Streams
-from DroneSwarmSearch._internal.turn_based import TurnBased
+from DroneSwarmSearch.actions import Reader
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drones import Drones
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.mappings import Infos, Rewards, Start
 from DroneSwarmSearch.observations import Observation, SearchSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, resolve_scenario
+from DroneSwarmSearch.turn_based import TurnBased
 from DroneSwarmSearch.world import WorldState
 
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]

@@ -10,8 +10,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch._internal.actions import check_agent
-from DroneSwarmSearch._internal.mappings import Facts, Infos, SuccessInfos
+from DroneSwarmSearch.actions import check_agent
+from DroneSwarmSearch.mappings import Facts, Infos, SuccessInfos
 from DroneSwarmSearch.rules import Action, is_success
 from DroneSwarmSearch.scenario import Cell, Scenario
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.rules import RewardScheme
 
@@ -104,7 +104,7 @@ class Scenario:
         persons = None
         if self.persons is not None:
             persons = checked_persons("persons", self.persons, size)
-            beliefs = sum(len(person.drifts) for person in persons)
+            beliefs = sum(len(person.weights) for person in persons)
             for name in REPLACED:
                 if not is_default(name, getattr(self, name)):
                     raise ValueError(
@@ -230,9 +230,9 @@ class Scenario:
         x, y = (sum(weight * vector[axis] for weight, vector in drifts) for axis in (0, 1))
         return x, y
 
-    def forecasts(self) -> tuple[ProbabilityMatrix, ...]:
-        """The forecast of each person."""
-        return tuple(ProbabilityMatrix(self.grid_size, person) for person in self.situation)
+    def forecasts(self) -> tuple[DriftModel, ...]:
+        """The drift model of each person."""
+        return tuple(person.model(self.grid_size) for person in self.situation)
 
     @property
     def detections(self) -> tuple[float, ...]:

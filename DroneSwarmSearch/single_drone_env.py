@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.mappings import Infos
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.vector_env import MASKS_IN
 from DroneSwarmSearch.wrappers import (

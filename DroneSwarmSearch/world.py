@@ -94,9 +94,16 @@ class WorldState:
         return self._shown_matrix()
 
     def _shown_matrix(self) -> Singles:
-        matrix = self.matrix()
+        self._matrix = self._current_matrix()
+        matrix = self._matrix.copy()
         matrix.setflags(write=False)
         return matrix
+
+    def _current_matrix(self) -> Singles:
+        if self._beliefs is not None and self._shows_beliefs:
+            maps = [belief.map() for belief in self._beliefs]
+            return mean_over_missing(maps, self.missing).astype(np.float32)
+        return self._mean_forecast() if self._shared is None else self._shared.matrix(self.step)
 
     # The persons.
 
@@ -176,17 +183,14 @@ class WorldState:
         if self._pays_expectation:
             added = [belief.added_success([*searches]) for belief in self._begun_beliefs()]
             return dict(zip(searches.values(), mean_over_missing(added, ()).tolist(), strict=True))
-        item = self.matrix().item
+        item = self._matrix.item
         return {drone: item(cell) for cell, drone in searches.items()}
 
     # The matrix.
 
     def matrix(self) -> Singles:
         """The matrix of the current step: float32, shape (N, N), indexed [y, x]; a new array."""
-        if self._beliefs is not None and self._shows_beliefs:
-            maps = [belief.map() for belief in self._beliefs]
-            return mean_over_missing(maps, self.missing).astype(np.float32)
-        return self._mean_forecast() if self._shared is None else self._shared.at(self.step)
+        return self._matrix.copy()
 
     def prior(self) -> Singles | None:
         """The forecast of the current step, where `matrix` is the posterior; a new array."""

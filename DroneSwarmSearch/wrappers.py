@@ -23,9 +23,8 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.grid import grid_of
-from DroneSwarmSearch._internal.mappings import Infos, Rewards
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.layouts import Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.crops import CropsLayout
 from DroneSwarmSearch.layouts.dictionary import DictLayout
@@ -34,6 +33,7 @@ from DroneSwarmSearch.layouts.layout import own_first, scaled_positions
 from DroneSwarmSearch.layouts.masks import action_masks, mask_space, swarm_masks
 from DroneSwarmSearch.layouts.planes import PlanesLayout
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+from DroneSwarmSearch.mappings import Infos, Rewards
 from DroneSwarmSearch.rules import Ending
 
 __all__ = [

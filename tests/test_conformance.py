@@ -31,8 +31,8 @@ from DroneSwarmSearch import (
     RewardScheme,
     drone_swarm_search_v0,
 )
-from DroneSwarmSearch._internal.mappings import Infos, Rewards
-from DroneSwarmSearch._internal.turn_based import TurnBased
+from DroneSwarmSearch.mappings import Infos, Rewards
+from DroneSwarmSearch.turn_based import TurnBased
 
 with warnings.catch_warnings():
     # PettingZoo's tests import one of its environments in a deprecated way.

@@ -37,7 +37,7 @@ from DroneSwarmSearch._internal.streams import (
     stream_keys,
 )
 from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.persons import Drift
+from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.layouts.masks import action_masks
@@ -679,6 +679,26 @@ def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> No
     finally:
         tracemalloc.stop()
     assert most < 2**20
+
+
+def test_searches_that_contradict_a_belief_leave_it_as_it_was() -> None:
+    """The person is certainly in the searched cell, and may not be found."""
+    drones = [(0, 0), (2, 3)]
+    batch = SearchBatch(
+        3, situations=[[Person(Drift((2, 3)))], [Person([Drift((2, 3)), Drift((5, 5))])]],
+        situation=[0, 1, 0], n_drones=2, bayesian_update=True, finds_last=False,
+        drones_positions=drones,
+    )  # fmt: skip
+    batch.reset([1, 2, 3])
+    before = batch.matrices_of([0, 1, 2])
+    batch.step([[Action.IDLE, Action.SEARCH], [Action.IDLE, Action.SEARCH], [Action.IDLE] * 2])
+    after = batch.matrices_of([0, 1, 2])
+    assert after[0].tobytes() == before[0].tobytes() == after[2].tobytes()
+    assert after[1][5, 5] == 1.0 == before[1].sum() > before[1][5, 5]
+    assert batch.probability_of_success.tolist() == [1.0, 0.5, 0.0]
+    batch.step([[Action.IDLE, Action.SEARCH]] * 3)
+    assert batch.matrices_of([0])[0].tobytes() == before[0].tobytes()
+    assert batch.probability_of_success.tolist() == [1.0, 0.5, 1.0]
 
 
 # What a policy is made from.

@@ -22,8 +22,8 @@ from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
 import DroneSwarmSearch.wrappers as all_wrappers
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch._internal.mappings import Infos, Rewards
 from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.mappings import Infos, Rewards
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,

@@ -1,22 +1,30 @@
 """The interface of a drift model: where a person may be, and how the person moves.
 
-A *state* is what a person's next move depends on, such as a hypothesis and a cell. *Mass*, the
-probability of each state, and *value*, what is expected of a person in it, are float64 arrays
-of shape (..., *state_shape), with any leading axes. Environments, beliefs, policies and planning
-handle states only through the methods below, so that a new model needs nothing outside this folder.
+A *state* is what a person's next move depends on: a cell, and one of M hypotheses about the
+person. States are numbered (hypothesis * N + y) * N + x. *Mass*, the probability of each state,
+and *value*, what is expected of a person in it, are float64 arrays of shape (..., M, N, N), with
+any leading axes. Environments, batches, beliefs, policies and planning know no more of a model
+than the methods below, so that a new model needs nothing outside this folder.
+
+`DriftModel` is one person's model; `Forecasts` is its array form, for the rows of a batch.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 
-__all__ = ["DriftModel"]
+__all__ = ["DriftModel", "Forecasts"]
+
+_BLOCK_STEPS = 32
+_BLOCK_BYTES = 2**22
 
 
 class DriftModel(ABC):
@@ -24,13 +32,11 @@ class DriftModel(ABC):
 
     Attributes:
         grid_size: cells along each side of the grid, N.
-        state_shape: the shape of mass.
         key: equal for models with equal forecasts.
         weights: the probability of each hypothesis about the person at step 0: float64, (M,).
     """
 
     grid_size: int
-    state_shape: tuple[int, ...]
     key: Hashable
     weights: Floats
 
@@ -48,31 +54,56 @@ class DriftModel(ABC):
         """The matrix at a step in double precision: float64, shape (N, N), indexed [y, x]."""
         return self.map(self.joint(step)).copy()
 
-    def at(self, step: int) -> Singles:
-        """The matrix at a step: float32, shape (N, N), indexed [y, x], sums to 1; a new array."""
+    def matrix(self, step: int) -> Singles:
+        """`at`, for reading only."""
         return self.exact(step).astype(np.float32)
+
+    def at(self, step: int) -> Singles:
+        """The matrix at a step.
+
+        Args:
+            step: completed steps, at least 0.
+
+        Returns:
+            float32, shape (N, N), indexed [y, x], sums to 1; a new array.
+
+        Raises:
+            TypeError: the step is not an integer.
+            ValueError: the step is negative.
+        """
+        return self.matrix(step).copy()
 
     # States and cells.
 
-    @abstractmethod
+    @property
+    def state_shape(self) -> tuple[int, int, int]:
+        """The shape of mass, (M, N, N)."""
+        return len(self.weights), self.grid_size, self.grid_size
+
     def map(self, mass: Floats) -> Floats:
         """The mass in each cell, shape (..., N, N); may be a view."""
+        total: Floats = mass[..., 0, :, :]
+        for hypothesis in range(1, mass.shape[-3]):
+            total = total + mass[..., hypothesis, :, :]
+        return total
 
-    @abstractmethod
     def lift(self, values: Floats) -> Floats:
         """Values of cells, shape (..., N, N), in a form that broadcasts with mass."""
+        lifted: Floats = values[..., None, :, :]
+        return lifted
 
-    @abstractmethod
-    def states(self, cell: int) -> Any:
+    def states(self, cell: int) -> slice:
         """The index of a cell's states in flat mass, ``mass.reshape(-1)``."""
+        return slice(cell, None, self.grid_size**2)
 
-    @abstractmethod
     def cells(self, states: Any) -> Any:
-        """The cells, y * N + x, of states given by their places in flat mass."""
+        """The cells, y * N + x, of states."""
+        return states % self.grid_size**2
 
-    @abstractmethod
     def hypotheses(self, mass: Floats) -> tuple[float, ...]:
         """The probability of each hypothesis about the person, given the mass."""
+        shares: list[float] = mass.sum(axis=(1, 2)).tolist()
+        return tuple(shares)
 
     # The steps of a distribution.
 
@@ -88,13 +119,24 @@ class DriftModel(ABC):
         """`forward` of a single belief, in arithmetic that does not depend on the batch."""
         return self.forward(mass, step)
 
+    def matrices(self, step: int) -> tuple[Floats, Floats] | None:
+        """The transition matrices of a step along x and y, from [i] to [j]: (M, N, N) each.
+
+        They make planning faster. None if x and y do not move independently, or by more than a
+        cell at a time.
+        """
+        return None
+
     # The steps of a person.
 
-    @abstractmethod
     def start(self, draws: Any) -> Any:
         """The state at step 0 of one person or of several, one for each uniform draw in [0, 1)."""
+        return self._start_cumulative.searchsorted(draws, side="right")
 
-    @abstractmethod
+    @cached_property
+    def _start_cumulative(self) -> Floats:
+        return cumulative(self.joint(0))
+
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
     ) -> list[int]:
@@ -109,6 +151,12 @@ class DriftModel(ABC):
         Returns:
             The state after each step.
         """
+        path = []
+        for u, v in zip(draws_x, draws_y, strict=True):
+            (state,) = self.moved(np.array([state]), step, np.array([u]), np.array([v])).tolist()
+            path.append(state)
+            step += 1
+        return path
 
     @abstractmethod
     def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
@@ -134,3 +182,200 @@ class DriftModel(ABC):
             For each way, the place of the person in `states`, the state one step later, and
             how likely this is.
         """
+
+    # The array form.
+
+    @classmethod
+    def together(cls, models: Sequence[Any], **options: Any) -> Forecasts:
+        """The array form of several models of this class; `options` are those of `Forecasts`."""
+        return Forecasts(models, **options)
+
+
+def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecasts, Ints]:
+    """The array form of several models, of which equal ones share a forecast.
+
+    Args:
+        models: on one grid.
+        options: those of `Forecasts`.
+
+    Returns:
+        The forecasts, and the number of each model's: int64, (n,).
+    """
+    different = {model.key: model for model in models}
+    places = {key: number for number, key in enumerate(different)}
+    kinds = {type(model) for model in models}
+    kind = kinds.pop() if len(kinds) == 1 else DriftModel
+    forecasts = kind.together([*different.values()], **options)
+    return forecasts, np.array([places[model.key] for model in models])
+
+
+def cumulative(joint: Floats) -> Floats:
+    """The cumulative distribution of the states at step 0, flat.
+
+    It exceeds 1 from the last state with a positive probability on, so that every uniform
+    below 1 falls into a state with one.
+    """
+    flat = joint.reshape(-1)
+    sums: Floats = flat.cumsum()
+    sums[flat.nonzero()[0][-1] :] = 2.0
+    return sums
+
+
+class Forecasts:
+    """The array form of `DriftModel`: many rows, each with one of several models and its own step.
+
+    Models have numbers, and an *entry* is one step of one model: step * `count` + number. Tables
+    of the entries grow with the largest step that a row reaches, see `reach`. This class handles
+    any models, one row at a time; those of today's have a faster one, `ForecastTables`.
+
+    Args:
+        models: on one grid.
+        last: the last step.
+        hypotheses: the least number of hypotheses; models with fewer are padded with mass 0.
+        keeps_matrices: keep the matrices of all entries.
+
+    Attributes:
+        models: see above.
+        count: their number.
+        hypotheses: the largest number of hypotheses, M.
+    """
+
+    def __init__(
+        self, models: Sequence[DriftModel], *, last: int, hypotheses: int, keeps_matrices: bool
+    ) -> None:
+        self.models = tuple(models)
+        self.count = len(models)
+        self.hypotheses = max(hypotheses, *(len(model.weights) for model in models))
+        self._size, self._last = models[0].grid_size, last
+        empty: Singles = np.zeros((0, self._size, self._size), np.float32)
+        self._matrices = empty if keeps_matrices else None
+        self._filled = 0  # steps
+
+    # The tables.
+
+    @property
+    def step_bytes(self) -> int:
+        """The memory of the tables for each step."""
+        return self.count * 4 * self._size**2
+
+    def reach(self, step: int) -> None:
+        """Fill the tables up to this step, at most to the last one."""
+        step = min(step, self._last)
+        while self._filled <= step:
+            usual = max(1, min(_BLOCK_STEPS, _BLOCK_BYTES // self.step_bytes), self._filled)
+            more = min(usual, self._last + 1 - self._filled)
+            self._fill(more)
+            first, self._filled = self._filled, self._filled + more
+            if self._matrices is not None:
+                new = np.arange(first * self.count, self._filled * self.count)
+                self._matrices = np.concatenate([self._matrices, self._computed(new)])
+
+    def _fill(self, steps: int) -> None:
+        """Fill the tables but for the matrices for some more steps."""
+
+    @property
+    def table(self) -> Singles:
+        """The matrices of all entries so far: float32, (entries, N, N), read-only."""
+        assert self._matrices is not None
+        table = self._matrices.view()
+        table.flags.writeable = False
+        return table
+
+    # The forecast.
+
+    def _each(self, entries: Ints) -> list[tuple[DriftModel, int]]:
+        """The model and the step of some entries."""
+        steps, numbers = np.divmod(entries, self.count)
+        pairs = zip(numbers.tolist(), steps.tolist(), strict=True)
+        return [(self.models[number], step) for number, step in pairs]
+
+    def joint(self, entries: Ints) -> Floats:
+        """The probability of each state: float64, (n, M, N, N)."""
+        joint = np.zeros((len(entries), self.hypotheses, self._size, self._size))
+        for mass, (model, step) in zip(joint, self._each(entries), strict=True):
+            mass[: len(model.weights)] = model.joint(step)
+        return joint
+
+    def matrices(self, entries: Ints, out: Singles | None = None) -> Singles:
+        """The matrices: float32, (n, N, N)."""
+        if self._matrices is not None:
+            return self._matrices.take(entries, 0, out=out, mode="clip")
+        matrices = self._computed(entries)
+        if out is not None:
+            out[...] = matrices
+        return matrices
+
+    def _computed(self, entries: Ints) -> Singles:
+        matrices: Singles = np.empty((len(entries), self._size, self._size), np.float32)
+        for matrix, (model, step) in zip(matrices, self._each(entries), strict=True):
+            matrix[...] = model.matrix(step)
+        return matrices
+
+    def probabilities(self, entries: Ints, cells: Ints) -> Singles:
+        """The matrix entry of one cell in each of some entries: float32, (n,)."""
+        if self._matrices is not None:
+            return self._matrices.take(entries * self._size**2 + cells, mode="clip")
+        return self._computed(entries).reshape(-1, self._size**2)[np.arange(len(cells)), cells]
+
+    def drift(self, mass: Floats, entries: Ints) -> None:
+        """Let beliefs drift by a step, in place.
+
+        Args:
+            mass: float64 or float32, (M, N, N, n), C-contiguous; one type for all calls.
+            entries: the entry of each before the step.
+        """
+        for row, (model, step) in enumerate(self._each(entries)):
+            own = np.ascontiguousarray(mass[: len(model.weights), ..., row])
+            mass[: len(own), ..., row] = model.drift(own, step)
+
+    # Persons.
+
+    def start(self, numbers: Ints, draws: Floats) -> Ints:
+        """Each person's state at step 0, see `DriftModel.start`.
+
+        Args:
+            numbers: the number of each person's model, of any shape.
+            draws: uniform draws of this shape.
+        """
+        ends, blocks, _ = self._starts
+        width, above = blocks.shape[1], draws[..., None]
+        block = np.less_equal(ends.take(numbers, 0), above).sum(-1)
+        rows = blocks.take(block + numbers * width, 0)
+        states: Ints = block * width + np.less_equal(rows, above).sum(-1)
+        return states
+
+    @property
+    def certain_starts(self) -> Ints | None:
+        """The state at step 0 of each model, if all of them are certain: int64, (count,)."""
+        return self._starts[2]
+
+    @cached_property
+    def _starts(self) -> tuple[Floats, Floats, Ints | None]:
+        """The cumulative distributions of the states at step 0, and `certain_starts`.
+
+        Each model's is a square array, so that two short counts find a state.
+        """
+        self.reach(0)
+        joint = self.joint(np.arange(self.count)).reshape(self.count, -1)
+        width = math.isqrt(joint.shape[1] - 1) + 1
+        sums = np.full((self.count, width**2), 2.0)
+        sums[:, : joint.shape[1]] = [cumulative(each) for each in joint]
+        blocks = sums.reshape(-1, width)
+        is_certain = (np.count_nonzero(joint, axis=1) == 1).all()
+        certain: Ints | None = joint.argmax(axis=1) if is_certain else None
+        return blocks[:, -1].reshape(-1, width).copy(), blocks, certain
+
+    def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
+        """Each person's state one step later.
+
+        Args:
+            states: the persons' states, of any shape.
+            entries: the entry of each before the step.
+            draws: two uniform draws from [0, 1) for each, shape (2, *states.shape).
+        """
+        after = states.copy()
+        for entry in np.unique(entries):
+            ((model, step),) = self._each(entry[None])
+            who = entries == entry
+            after[who] = model.moved(states[who], step, *draws[:, who])
+        return after

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
+from DroneSwarmSearch.drift.model import DriftModel
 
 __all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
@@ -302,6 +303,12 @@ class Person:
     def key(self) -> tuple[object, ...]:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
         return (*(drift.key for drift in self.drifts), self.weights)
+
+    def model(self, grid_size: int) -> DriftModel:
+        """The person's drift model; another kind of person returns its own here."""
+        from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+
+        return ProbabilityMatrix(grid_size, self)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """Raise a ValueError if the start of a drift does not fit on a grid.

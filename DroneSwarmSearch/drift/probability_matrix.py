@@ -14,16 +14,23 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.drift.belief import Scratch, drifted, over_hypotheses, scratch_of
+from DroneSwarmSearch.drift.forecast_tables import ForecastTables
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.tables import Axes, start_marginals, tabulate
+from DroneSwarmSearch.drift.tables import (
+    Axes,
+    joint_at_start,
+    matrices_of,
+    moves,
+    start_marginals,
+    tabulate,
+)
 
-__all__ = ["ProbabilityMatrix", "joint_at_start", "matrices_of", "moves"]
+__all__ = ["ProbabilityMatrix"]
 
 CACHE_BYTES = 16 * 2**20
 """The largest tables that a forecast keeps. Memory stops growing there, however long an episode
@@ -34,52 +41,6 @@ _BLOCK_BYTES = 4 * 2**20
 
 _MATRICES_BYTES = 2**28
 """The largest transition matrices that a forecast keeps."""
-
-
-def matrices_of(factors: Floats) -> Singles:
-    """The matrices of separable hypotheses: float32, shape (..., N, N), indexed [..., y, x].
-
-    Args:
-        factors: float64, shape (..., M, 2, N): each hypothesis' probabilities of columns, and
-            of rows times its weight.
-    """
-    rounded = factors.astype(np.float32)
-    x, y = rounded[..., 0, None, :], rounded[..., 1, :, None]
-    matrices: Singles = y[..., 0, :, :] * x[..., 0, :, :]
-    for hypothesis in range(1, factors.shape[-3]):
-        matrices += y[..., hypothesis, :, :] * x[..., hypothesis, :, :]
-    return matrices
-
-
-def joint_at_start(factors: Floats, weights: Floats, priors: Sequence[Floats | None]) -> Floats:
-    """The probability of each hypothesis and cell at step 0: float64, shape (M, N, N).
-
-    Args:
-        factors: as for `matrices_of`: shape (M, 2, N).
-        weights: the probability of each hypothesis, shape (M,).
-        priors: each hypothesis' start if it is an array, shape (N, N).
-    """
-    x, y = factors.swapaxes(0, 1)
-    joint: Floats = y[:, :, None] * x[:, None, :]
-    for hypothesis, prior in enumerate(priors):
-        if prior is not None:
-            joint[hypothesis] = weights[hypothesis] * prior
-    return joint
-
-
-def moves(draws: NDArray[Any], higher: NDArray[Any], either: NDArray[Any]) -> NDArray[np.int8]:
-    """The moves of many persons along an axis in one step: int8, +1, -1 or 0.
-
-    Args:
-        draws: a uniform draw from [0, 1) for each person; or, if the probabilities are
-            multiplied by 2**53 too, the integer 2**53 times the draw.
-        higher: the probability of +1 at each person's coordinate, of the same shape.
-        either: the probability of +1 or -1, their sum.
-    """
-    move: NDArray[np.int8] = np.less(draws, higher).view(np.int8)
-    move += move
-    move -= np.less(draws, either).view(np.int8)  # 2 a - (a or b)
-    return move
 
 
 class _Block(NamedTuple):
@@ -143,7 +104,6 @@ class ProbabilityMatrix(DriftModel):
         hypotheses = len(person.drifts)
         checks.fits("a matrix", 4 * size**2 * hypotheses, grid_size=size)
         self.person = person
-        self.state_shape = (hypotheses, size, size)
         self.key = size, person.key
         self.weights = np.array(person.weights)
         self._separable = all(drift.prior is None for drift in person.drifts)
@@ -151,28 +111,14 @@ class ProbabilityMatrix(DriftModel):
         self._step_bytes = 4 * size**2 + hypotheses * (8 * 8 * size + joint) + 512
         self._block_steps = min(max(_BLOCK_BYTES // self._step_bytes, 1), _BLOCK_STEPS)
         self._matrices: dict[int, Floats] = {}  # along x and y, by step
-        self._kept = _kept_blocks(self.key)
         self._block: _Block | None = None  # used last
-        self._block_of(0)
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self.grid_size, self.person)
 
     # The forecast.
 
-    def at(self, step: int) -> Singles:
-        """The matrix at a step.
-
-        Args:
-            step: completed steps, at least 0.
-
-        Returns:
-            float32, shape (grid_size, grid_size), indexed [y, x], sums to 1; a new array.
-
-        Raises:
-            TypeError: the step is not an integer.
-            ValueError: the step is negative.
-        """
+    def matrix(self, step: int) -> Singles:
         block = self._block_of(step)
         index = step - block.first
         matrix = block.matrices[index]
@@ -182,7 +128,7 @@ class ProbabilityMatrix(DriftModel):
             else:
                 matrix = over_hypotheses(block.joint[index]).astype(np.float32)
             block.matrices[index] = matrix
-        return matrix.copy()
+        return matrix
 
     def joint(self, step: int) -> Floats:
         """The probability of each hypothesis and cell at a step: float64, shape (M, N, N)."""
@@ -212,28 +158,6 @@ class ProbabilityMatrix(DriftModel):
             moves[:, axis].copy() for axis in (0, 1) for moves in (higher, lower)
         )
         return right, left, down, up
-
-    # States and cells.
-
-    def map(self, mass: Floats) -> Floats:
-        total: Floats = mass[..., 0, :, :]
-        for hypothesis in range(1, self.state_shape[0]):
-            total = total + mass[..., hypothesis, :, :]
-        return total
-
-    def lift(self, values: Floats) -> Floats:
-        lifted: Floats = values[..., None, :, :]
-        return lifted
-
-    def states(self, cell: int) -> slice:
-        return slice(cell, None, self.grid_size**2)
-
-    def cells(self, states: Any) -> Any:
-        return states % self.grid_size**2
-
-    def hypotheses(self, mass: Floats) -> tuple[float, ...]:
-        shares: list[float] = mass.sum(axis=(1, 2)).tolist()
-        return tuple(shares)
 
     # The steps of a distribution.
 
@@ -273,21 +197,6 @@ class ProbabilityMatrix(DriftModel):
         self._matrices.update(enumerate(matrices, block.first))
 
     # The steps of a person.
-
-    def start(self, draws: Any) -> Any:
-        return self.start_cumulative.searchsorted(draws, side="right")
-
-    @cached_property
-    def start_cumulative(self) -> Floats:
-        """The cumulative distribution of `joint(0)`, flat.
-
-        It exceeds 1 from the last state with a positive probability on, so that every uniform
-        below 1 falls into a state with one.
-        """
-        joint = self.joint(0).reshape(-1)
-        cumulative = joint.cumsum()
-        cumulative[joint.nonzero()[0][-1] :] = 2.0
-        return cumulative
 
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
@@ -334,12 +243,20 @@ class ProbabilityMatrix(DriftModel):
         dy, dx, place = onward.nonzero()
         return place, states[place] + (dy - 1) * self.grid_size + dx - 1, onward[dy, dx, place]
 
+    @classmethod
+    def together(cls, models: Sequence[Any], **options: Any) -> ForecastTables:
+        return ForecastTables([model.person for model in models], models, **options)
+
     # The tables.
 
     def _moves(self, step: int) -> Floats:
         block = self._block_of(step)
         moves: Floats = block.moves[:, step - block.first]
         return moves
+
+    @cached_property
+    def _kept(self) -> dict[int, _Block]:
+        return _kept_blocks(self.key)
 
     def _block_of(self, step: int) -> _Block:
         """The tables that hold a step; fast if steps are in ascending order."""

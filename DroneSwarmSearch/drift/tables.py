@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.persons import Drift
 
@@ -39,7 +39,10 @@ __all__ = [
     "dispersion_rate",
     "distribution",
     "exchange_rate",
+    "joint_at_start",
+    "matrices_of",
     "mixed_distribution",
+    "moves",
     "moves_between",
     "reachable",
     "start_distribution",
@@ -310,3 +313,49 @@ def tabulate(
     tables = moves_between(followed[:, :-1], followed[:, 1:], rate)
     probability, right, left = (np.ascontiguousarray(np.moveaxis(t, 0, -1)) for t in tables)
     return Steps(probability, right, left, followed[:, -1].copy())
+
+
+def matrices_of(factors: Floats) -> Singles:
+    """The matrices of separable hypotheses: float32, shape (..., N, N), indexed [..., y, x].
+
+    Args:
+        factors: float64, shape (..., M, 2, N): each hypothesis' probabilities of columns, and
+            of rows times its weight.
+    """
+    rounded = factors.astype(np.float32)
+    x, y = rounded[..., 0, None, :], rounded[..., 1, :, None]
+    matrices: Singles = y[..., 0, :, :] * x[..., 0, :, :]
+    for hypothesis in range(1, factors.shape[-3]):
+        matrices += y[..., hypothesis, :, :] * x[..., hypothesis, :, :]
+    return matrices
+
+
+def joint_at_start(factors: Floats, weights: Floats, priors: Sequence[Floats | None]) -> Floats:
+    """The probability of each hypothesis and cell at step 0: float64, shape (M, N, N).
+
+    Args:
+        factors: as for `matrices_of`: shape (M, 2, N).
+        weights: the probability of each hypothesis, shape (M,).
+        priors: each hypothesis' start if it is an array, shape (N, N).
+    """
+    x, y = factors.swapaxes(0, 1)
+    joint: Floats = y[:, :, None] * x[:, None, :]
+    for hypothesis, prior in enumerate(priors):
+        if prior is not None:
+            joint[hypothesis] = weights[hypothesis] * prior
+    return joint
+
+
+def moves(draws: NDArray[Any], higher: NDArray[Any], either: NDArray[Any]) -> NDArray[np.int8]:
+    """The moves of many persons along an axis in one step: int8, +1, -1 or 0.
+
+    Args:
+        draws: a uniform draw from [0, 1) for each person; or, if the probabilities are
+            multiplied by 2**53 too, the integer 2**53 times the draw.
+        higher: the probability of +1 at each person's coordinate, of the same shape.
+        either: the probability of +1 or -1, their sum.
+    """
+    move: NDArray[np.int8] = np.less(draws, higher).view(np.int8)
+    move += move
+    move -= np.less(draws, either).view(np.int8)  # 2 a - (a or b)
+    return move

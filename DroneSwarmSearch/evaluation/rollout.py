@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.actions import Reader, checked_actions
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch._internal.grid import grid_of
+from DroneSwarmSearch.actions import Reader, checked_actions
 from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.layouts.masks import swarm_masks
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action, RewardScheme

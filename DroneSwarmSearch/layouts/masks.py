@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.grid import Neighbours
+from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
 __all__ = ["action_masks", "choose_in_turn", "mask_space"]

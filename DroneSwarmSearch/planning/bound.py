@@ -37,7 +37,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import (
@@ -241,7 +241,7 @@ class _Relaxation:
         gap: the duality gap at which to stop, as a fraction of the bound.
     """
 
-    forecast: ProbabilityMatrix
+    forecast: DriftModel
     detection: float
     starts: Sequence[int]
     trajectories: Trajectories

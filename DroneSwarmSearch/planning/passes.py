@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Box", "Passes", "Target"]
@@ -35,7 +35,7 @@ class Target:
         worth: the worth of finding this person in each step of the plan: float64, shape (n,).
     """
 
-    chain: ProbabilityMatrix
+    chain: DriftModel
     detection: float
     belief: Floats
     worth: Floats
@@ -108,6 +108,7 @@ class Passes:
     """The forward and backward pass of one target, computed as far as they are needed.
 
     Attributes:
+        first: the plan's first step.
         kept: the probability that the searches of a step miss the person in a cell, by step:
             shape (n, N, N).
         masses: the probability that the person is in a cell, and unfound, before each step:
@@ -119,7 +120,7 @@ class Passes:
     def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
         n, grid = len(target.worth), target.belief.shape[1:]
         self.target = target
-        self._first = first
+        self.first = first
         self.kept = np.ones((n, *grid))
         self.masses, self.rests = np.empty((2, n, *target.belief.shape))
         self.masses[0], self.rests[-1] = target.belief, 0.0
@@ -139,15 +140,12 @@ class Passes:
         self._masses_to = min(self._masses_to, begin)
         self._rests_from = max(self._rests_from, end - 1)
 
-    def matrices(self, step: int) -> tuple[Floats, Floats]:
-        return self.target.chain.matrices(self._first + step)
-
     def forward_to(self, step: int) -> None:
         """Bring the masses up to date until before a step."""
         chain = self.target.chain
         for now in range(self._masses_to, step):
             mass = self.masses[now] * chain.lift(self.kept[now])
-            self.masses[now + 1] = chain.forward(mass, self._first + now)
+            self.masses[now + 1] = chain.forward(mass, self.first + now)
         self._masses_to = max(self._masses_to, step)
 
     def backward_to(self, step: int) -> None:
@@ -156,7 +154,7 @@ class Passes:
         for now in range(self._rests_from - 1, step - 1, -1):
             kept, worth = chain.lift(self.kept[now + 1]), self.target.worth[now + 1]
             value = kept * self.rests[now + 1] + (1.0 - kept) * worth
-            self.rests[now] = chain.backward(value, self._first + now)
+            self.rests[now] = chain.backward(value, self.first + now)
         self._rests_from = min(self._rests_from, step)
 
     def likely(self, begin: int, end: int) -> Box:
@@ -177,7 +175,7 @@ class Passes:
             is_likely = mass.max(axis=0) > NEGLIGIBLE
             rows, columns = is_likely.any(axis=1).nonzero()[0], is_likely.any(axis=0).nonzero()[0]
             extents.append((rows[0], rows[-1] + 1, columns[0], columns[-1] + 1))
-            mass = self.target.chain.forward(mass, self._first + step)
+            mass = self.target.chain.forward(mass, self.first + step)
         return np.array(extents).T
 
     def found(self) -> Floats:

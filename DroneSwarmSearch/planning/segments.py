@@ -2,7 +2,8 @@
 
 Removing or adding the searches of a segment changes the passes only near the segment. A drone
 that gets from one end to the other in L steps stays in a box, and a person who leaves the box must
-come back to be searched again, so a margin of L / 2 cells around it makes the passes exact.
+come back to be searched again, so a margin of L / 2 cells around it makes the passes exact. A
+person whose drift model has no `matrices` may move farther, and gets the whole grid.
 """
 
 from __future__ import annotations
@@ -54,7 +55,12 @@ class Segment:
         passes.backward_to(begin)
         self._reach = reach
         masses = passes.masses[begin:end]
-        box = reach.grown((end - begin) // 2).common(passes.likely(begin, end))
+        self._chain, self._first = passes.target.chain, passes.first + begin
+        matrices = [self._chain.matrices(passes.first + step) for step in range(begin, end)]
+        margin = (end - begin) // 2 if matrices[0] is not None else reach.size
+        box = reach.grown(margin)
+        if matrices[0] is not None:
+            box = box.common(passes.likely(begin, end))
         self._box = box
         self.cells = 0
         if not all(box.shape):
@@ -62,12 +68,11 @@ class Segment:
         where = (slice(None), slice(None), box.rows, box.columns)
         self.cells = masses[0][where[1:]].size
         self._q, self._worth = passes.target.detection, passes.target.worth[begin:end]
-        self._matrices = []
-        for step in range(begin, end):
-            along_x, along_y = passes.matrices(step)
-            self._matrices.append(
-                (along_x[:, box.columns, box.columns], along_y[:, box.rows, box.rows])
-            )
+        self._matrices = [
+            (each[0][:, box.columns, box.columns], each[1][:, box.rows, box.rows])
+            for each in matrices
+            if each is not None
+        ]
         self._kept = passes.kept[begin:end, box.rows, box.columns].copy()
         searches = self._local(old)
         for step, (y, x) in searches.items():
@@ -78,6 +83,20 @@ class Segment:
             if found is not None:
                 self._masses[step] += found
         self._old_gain = self._remove_from_rests(searches, masses[where])
+
+    def _forward(self, mass: Floats, step: int) -> Floats:
+        if not self._matrices:
+            return self._chain.forward(mass, self._first + step)
+        along_x, along_y = self._matrices[step]
+        moved: Floats = along_y.swapaxes(1, 2) @ mass @ along_x
+        return moved
+
+    def _backward(self, value: Floats, step: int) -> Floats:
+        if not self._matrices:
+            return self._chain.backward(value, self._first + step)
+        along_x, along_y = self._matrices[step]
+        expected: Floats = along_y @ value @ along_x.swapaxes(1, 2)
+        return expected
 
     def _found_by(
         self, searches: dict[int, Cell], masses: Floats, are_counted: bool
@@ -103,8 +122,7 @@ class Segment:
                 here = (slice(None), *search)
                 left = mass[here] if are_counted or found is None else mass[here] - found[here]
                 after[here] += self._q * left
-            along_x, along_y = self._matrices[step]
-            found = along_y.swapaxes(1, 2) @ after @ along_x
+            found = self._forward(after, step)
 
     def _remove_from_rests(self, searches: dict[int, Cell], masses: Floats) -> float:
         """Subtract from earlier rests what the drone's searches gain.
@@ -135,8 +153,7 @@ class Segment:
             if fewer is not None:
                 self._rests[step] -= fewer
             if step:
-                along_x, along_y = self._matrices[step - 1]
-                fewer = along_y @ before @ along_x.swapaxes(1, 2)
+                fewer = self._backward(before, step - 1)
         return gain
 
     def _local(self, path: Path) -> dict[int, Cell]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.policies.tracks import Rectangle
 
 __all__ = ["REACH", "Datum", "datums_of"]
@@ -65,7 +65,7 @@ class Datum(NamedTuple):
         )
 
 
-def datums_of(forecast: ProbabilityMatrix, step: int) -> list[Datum]:
+def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
     """The datums of a person's forecast at a step, the likeliest first.
 
     Hypotheses whose areas meet share a datum, and so do those that others connect. A forecast
@@ -74,7 +74,7 @@ def datums_of(forecast: ProbabilityMatrix, step: int) -> list[Datum]:
     """
     joint, weights = forecast.joint(step), forecast.weights.tolist()
     # A weight may be too small for a float.
-    likely = [number for number, weight in enumerate(weights) if weight > 0.0]
+    likely = [number for number, part in enumerate(joint) if part.any()]
     joint, weights = joint[likely], [weights[number] for number in likely]
     singles = [_datum(part, weight) for part, weight in zip(joint, weights, strict=True)]
     groups: list[list[int]] = []

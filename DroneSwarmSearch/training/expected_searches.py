@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch.drift.belief import after_drift, over_hypotheses
+from DroneSwarmSearch.drift.belief import over_hypotheses
+from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
 from DroneSwarmSearch.rules import Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
@@ -73,21 +74,32 @@ class ExpectedSearches:
         self._tabulate(scenarios)
 
     def _tabulate(self, scenarios: Sequence[Scenario]) -> None:
-        """Compute the beliefs before the first search, and the moves of all steps."""
-        size, steps = self.grid_size, self.timestep_limit + STEPS
-        forecasts = [each.forecasts() for each in scenarios]
-        most = max(sum(len(each.weights) for each in persons) for persons in forecasts)
-        # The hypotheses about all persons share one axis; a search with fewer has zeros.
-        self._beliefs: Any = np.zeros((most, size, size, len(scenarios)), np.float32)
-        # [step, right along x, left along x, right along y, left along y; hypothesis; cell; search]
-        self._moves = np.zeros((steps, 4, most, size, len(scenarios)), np.float32)
-        for search, persons in enumerate(forecasts):
-            first = 0
-            for forecast in persons:
-                part = slice(first, first := first + len(forecast.weights))
-                self._beliefs[part, ..., search] = forecast.joint(0) / len(persons)
-                for step in range(steps):
-                    self._moves[step, :, part, :, search] = forecast.moves(step)
+        """Compute the beliefs before the first search, and the forecasts of all steps."""
+        models = [each.forecasts() for each in scenarios]
+        last = self.timestep_limit + STEPS
+        self._forecasts, numbers = forecasts_of(
+            [model for each in models for model in each],
+            last=last,
+            hypotheses=1,
+            keeps_matrices=False,
+        )
+        self._forecasts.reach(last)
+        # The model of each person in each search; a search with fewer persons has zeros.
+        counts = np.array([len(each) for each in models])
+        is_person = np.arange(counts.max()) < counts[:, None]
+        by_search = np.zeros(is_person.shape, np.int64)
+        by_search[is_person] = numbers
+        self._numbers = by_search.T.reshape(-1)  # [person, search], flat
+        joint = self._forecasts.joint(self._numbers)
+        joint *= (is_person / counts[:, None]).T.reshape(-1, 1, 1, 1)
+        joint = np.moveaxis(joint, 0, -1).astype(np.float32, order="C")
+        # [hypothesis, y, x, person, search]
+        self._beliefs: Any = joint.reshape(*joint.shape[:3], *by_search.T.shape)
+
+    def _drift(self, beliefs: Any, step: int) -> None:
+        """Let the beliefs drift by a step, in place."""
+        entries = step * self._forecasts.count + self._numbers
+        self._forecasts.drift(beliefs.reshape(*beliefs.shape[:3], -1), entries)
 
     @property
     def cells(self) -> Ints:
@@ -101,11 +113,11 @@ class ExpectedSearches:
         steps = self._arrivals.steps(remaining)
         size, count = self.grid_size, len(self.positions)
         ahead = np.empty((count, steps + 1, size, size), np.float32)
-        beliefs = self._beliefs
+        beliefs = self._beliefs.copy()
         for step in range(steps + 1):
             if step:
-                beliefs = after_drift(beliefs, *self._moves[self.step + step - 1])
-            ahead[:, step] = over_hypotheses(beliefs).transpose(2, 0, 1)
+                self._drift(beliefs, self.step + step - 1)
+            ahead[:, step] = over_hypotheses(beliefs).sum(axis=2).transpose(2, 0, 1)
         return self._arrivals.inputs(
             ahead, self.positions, np.full(count, remaining), self.timestep_limit, self._detections
         )
@@ -124,12 +136,12 @@ class ExpectedSearches:
         search, drone = (actions == Action.SEARCH).nonzero()
         x, y = self.positions[search, drone].T
         detections = self._detections[search]
-        before = self._beliefs[:, y, x, search]  # no two drones are in one cell
-        rewards[search, drone] = detections * before.sum(axis=0)
-        self._beliefs[:, y, x, search] = (1.0 - detections) * before
+        before = self._beliefs[:, y, x, :, search]  # no two drones are in one cell
+        rewards[search, drone] = detections * before.sum(axis=(1, 2))
+        self._beliefs[:, y, x, :, search] = (1.0 - detections)[:, None, None] * before
         self.found += rewards.sum(axis=1)
         cells = self._neighbours[self.cells, actions]
         self.positions = np.stack([cells % self.grid_size, cells // self.grid_size], -1)
-        self._beliefs = after_drift(self._beliefs, *self._moves[self.step])
+        self._drift(self._beliefs, self.step)
         self.step += 1
         return rewards

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import drift, means_over_missing, normalise, over_hypotheses
-from DroneSwarmSearch.vector.catalogue import Catalogue
+from DroneSwarmSearch.drift.belief import means_over_missing, normalise, over_hypotheses
+from DroneSwarmSearch.drift.model import Forecasts
 
 __all__ = ["Beliefs"]
 
@@ -65,20 +65,20 @@ class Beliefs:
         self.begun[rows] = False
         self.kept[:, rows] = 1.0
 
-    def begin(self, rows: Ints, catalogue: Catalogue, entries: Ints) -> None:
+    def begin(self, rows: Ints, forecasts: Forecasts, entries: Ints) -> None:
         """Let the beliefs of some rows equal the forecast, unless they have begun.
 
         Args:
             rows: their numbers, in ascending order; a row may occur several times.
-            catalogue: has the forecasts.
-            entries: each person's entry in it: int64, (persons, all rows).
+            forecasts: the persons' forecasts.
+            entries: each person's entry in them: int64, (persons, all rows).
         """
         new = np.unique(rows[~self.begun[rows]])
         for first in range(0, len(new), _BEGIN_ROWS):
             some = new[first : first + _BEGIN_ROWS]
             tile, column = np.divmod(some, self._width)
             for person, entry in enumerate(entries[:, some]):
-                joint = catalogue.joint(entry).reshape(len(some), -1, self._size**2)
+                joint = forecasts.joint(entry).reshape(len(some), -1, self._size**2)
                 self._mass[tile, person, :, :, column] = joint
         self.begun[new] = True
 
@@ -117,20 +117,16 @@ class Beliefs:
                 total[first : first + width] = normalise(mass, here)[: len(some)]
         return total
 
-    def drift(self, catalogue: Catalogue, entries: Ints) -> None:
+    def drift(self, forecasts: Forecasts, entries: Ints) -> None:
         """Let the beliefs drift by a step; arguments as for `begin`, before the step."""
         size, width = self._size, self._width
-        shape = (self._mass.shape[2], size, size, width)
-        scratch = np.empty(shape), np.empty(shape)
         for tile, first in zip(self._mass, range(0, len(self.begun), width), strict=True):
             if not self.begun[first : first + width].any():
                 continue
             for belief, entry in zip(tile, entries[:, first : first + width], strict=True):
                 of_columns = np.zeros(width, np.int64)
                 of_columns[: len(entry)] = entry
-                right, left, down, up = catalogue.moves(of_columns)
-                mass = belief.reshape(shape)
-                drift(mass, (right, left), (down, up), scratch, mass)
+                forecasts.drift(belief.reshape(-1, size, size, width), of_columns)
 
     # The matrices.
 
@@ -176,12 +172,10 @@ class Beliefs:
         persons = range(self._mass.shape[1])
         return [over_hypotheses(self._mass[tile, k, :, cells, column].T) for k in persons]
 
-    def weights(self, row: int) -> Floats:
-        """The probability of each hypothesis about each person in a row: (persons, M)."""
-        beliefs = self._of_rows(np.array([row]))[..., 0].copy()
-        shape = (*beliefs.shape[:2], self._size, self._size)
-        weights: Floats = beliefs.reshape(shape).sum(axis=(2, 3))
-        return weights
+    def mass(self, row: int) -> Floats:
+        """The belief about each person in a row: float64, (persons, M, N, N)."""
+        beliefs = self._of_rows(np.array([row]))[..., 0]
+        return beliefs.reshape(*beliefs.shape[:2], self._size, self._size).copy()
 
     # The probability of success.
 

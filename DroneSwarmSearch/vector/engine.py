@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.actions import checked_actions
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, numbers, stream_keys
+from DroneSwarmSearch.actions import checked_actions
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.observations import batch_state_planes
 from DroneSwarmSearch.rules import Action, Ending
 from DroneSwarmSearch.scenario import REPLACED, Scenario, is_default, resolve_scenario
@@ -131,7 +131,7 @@ class SearchBatch:
             scenarios = scenarios_of(scenario, situations)
         n = scenario.n_drones
         checks.fits("the drones", _DRONE_BYTES * rows * n, **{rows_name: rows}, n_drones=n)
-        beliefs = max(sum(len(person.drifts) for person in each.situation) for each in scenarios)
+        beliefs = max(sum(len(person.weights) for person in each.situation) for each in scenarios)
         needed = 8 * scenario.grid_size**2 * rows * beliefs * scenario.keeps_beliefs
         size = scenario.grid_size
         checks.fits("the persons' beliefs", needed, **{rows_name: rows}, grid_size=size)
@@ -389,7 +389,7 @@ class SearchBatch:
         if beginning.size:
             self._begin(beginning, self._counters[:, beginning] + GOLDEN, sampled)
             drones.forget(beginning)
-        world.catalogue.reach(int(world.step.max()))
+        world.catalogue.forecasts.reach(int(world.step.max()))
 
         # 4. The new state can be read.
         if matrices is not None:
@@ -518,13 +518,7 @@ class SearchBatch:
         _, positions = grid_of(self._scenario.grid_size)
         scenario = self.scenario_of(row)
         ending, success = self._drones.endings[row], self.probability_of_success
-        hypotheses = [person.weights for person in scenario.situation]
         missing, step = self._world.missing[:, row], int(self._world.step[row])
-        shown, prior = self._world.shown_weights(row), None
-        if shown is not None:
-            prior = self._world.prior(row)
-            pairs = zip(shown.tolist(), hypotheses, strict=True)
-            hypotheses = [tuple(weights[: len(own)]) for weights, own in pairs]
         finders, find_cells = self._world.finds[..., row]
         persons = np.where(missing, self._world.person_cells[:, row], find_cells)
         found_by = np.where(missing, -1, finders % self._scenario.n_drones)
@@ -540,9 +534,9 @@ class SearchBatch:
             timestep_limit=self._scenario.timestep_limit,
             vector=scenario.mean_vector,
             ending=Ending(ending) if ending else None,
-            hypotheses=tuple(hypotheses),
+            hypotheses=tuple(self._world.hypotheses(row)),
             probability_of_success=None if success is None else float(success[row]),
-            prior=prior,
+            prior=self._world.prior(row) if self._world.shows_belief(row) else None,
             total_return=sum(self._drones.returns[row].tolist()),
         )
 
@@ -619,7 +613,7 @@ class SearchBatch:
                 searches.
         """
         self._check_table()
-        return self._world.catalogue.table
+        return self._world.catalogue.forecasts.table
 
     @property
     def table_index(self) -> Ints:

@@ -18,7 +18,6 @@ from DroneSwarmSearch.drift.belief import (
     over_hypotheses,
     shown_persons,
 )
-from DroneSwarmSearch.drift.probability_matrix import moves
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
@@ -53,16 +52,15 @@ class BatchState:
         self._is_rescue = scenario.mission == "rescue"
         self._beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
-            self._beliefs = Beliefs(self._size, persons, catalogue.hypotheses, rows)
+            self._beliefs = Beliefs(self._size, persons, catalogue.forecasts.hypotheses, rows)
         self._shown = self._beliefs if scenario.bayesian_update else None
         self.catalogue = catalogue
         self.step = np.zeros(rows, np.int64)
         self.situation = np.zeros(rows, np.int64)
         self.missing = np.ones((persons, rows), np.bool_)
         self.finds = np.zeros((2, persons, rows), np.int64)
-        self._coordinates = np.zeros((persons, 2, rows), np.int64)
-        self._hypotheses = np.zeros((persons, rows), np.int64)
-        self._entries = np.zeros((persons, rows), np.int64)  # in the catalogue's tables
+        self._states = np.zeros((persons, rows), np.int64)
+        self._entries = np.zeros((persons, rows), np.int64)  # in the catalogue's forecasts
         # The counters of a step's drift draws, from the key of the episode on.
         self._places = np.arange(1, 2 * persons + 1, dtype=np.uint64)[:, None] * GOLDEN
         self._draws = np.zeros((2 * persons, rows), np.uint64)
@@ -78,14 +76,17 @@ class BatchState:
             keys: the keys of the episodes' streams: uint64, (4, n), see `streams.stream_keys`.
             situation: the number of each row's search in the catalogue: int64, (n,).
         """
-        forecasts = self.catalogue.numbers.take(situation, axis=1)
-        hypotheses, cells = self.catalogue.starts(forecasts, keys[3])
+        forecasts, models = self.catalogue.forecasts, self.catalogue.numbers.take(situation, axis=1)
+        certain = forecasts.certain_starts
+        if certain is not None:  # saves a tenth of a step
+            self._states[:, rows] = certain.take(models)
+        else:
+            places = np.arange(self._persons, dtype=np.uint64)[:, None]
+            self._states[:, rows] = forecasts.start(models, numbers(keys[3], places))
         self.step[rows] = 0
         self.situation[rows] = situation
         self.missing[:, rows] = True
-        self._hypotheses[:, rows] = hypotheses
-        self._coordinates[:, 1, rows], self._coordinates[:, 0, rows] = np.divmod(cells, self._size)
-        self._entries[:, rows] = forecasts
+        self._entries[:, rows] = models
         self._draws[:, rows] = self._places + keys[0]
         self._detection_keys[rows] = keys[1]
         if self._beliefs is not None:
@@ -100,7 +101,7 @@ class BatchState:
         """
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
-        least = self.catalogue.hypotheses if kept else 1
+        least = self.catalogue.forecasts.hypotheses if kept else 1
         return Catalogue([*scenarios, *kept], least, self.catalogue.complete)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
@@ -109,9 +110,9 @@ class BatchState:
         kept, place = np.unique(self.situation[going], return_inverse=True)
         self.situation[going] = len(catalogue) - len(kept) + place
         self._entries[:, going] = catalogue.numbers.take(self.situation[going], axis=1)
-        self._entries[:, going] += self.step[going] * catalogue.count
+        self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         if self._beliefs is not None:
-            self._beliefs.pad(catalogue.hypotheses)
+            self._beliefs.pad(catalogue.forecasts.hypotheses)
         self.catalogue = catalogue
 
     # A step: `observed`, then `search`, then `advance`.
@@ -126,7 +127,7 @@ class BatchState:
         if not self._scenario.reward_scheme.expected_finds:
             return self.probabilities(rows, cells).astype(np.float64)
         assert self._beliefs is not None
-        self._beliefs.begin(rows, self.catalogue, self._entries)
+        self._beliefs.begin(rows, self.catalogue.forecasts, self._entries)
         return self._beliefs.added_success(rows, cells, self._detections_of(rows))
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
@@ -143,7 +144,7 @@ class BatchState:
         """
         finds = self._finds_of(rows, cells, drones) if self._is_rescue else _NO_ROWS
         if self._beliefs is not None and rows.size:
-            self._beliefs.begin(rows, self.catalogue, self._entries)
+            self._beliefs.begin(rows, self.catalogue.forecasts, self._entries)
             self._beliefs.search(rows, cells, self._detections_of(rows))
         return finds
 
@@ -186,28 +187,21 @@ class BatchState:
 
     def advance(self) -> None:
         """Let the persons and the beliefs drift by a step."""
+        forecasts = self.catalogue.forecasts
         if self._beliefs is not None:
-            self._beliefs.drift(self.catalogue, self._entries)
-        draws = unit_numbers(self._draws).reshape(self._coordinates.shape)
-        higher, lower = self.catalogue.walk_probabilities(
-            self._entries, self._hypotheses, self._coordinates
-        )
-        lower += higher
-        self._coordinates += moves(draws, higher, lower)
+            self._beliefs.drift(forecasts, self._entries)
+        draws = unit_numbers(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
+        self._states = forecasts.walk(self._states, self._entries, draws)
         self._draws += self._places[-1]
         self.step += 1
-        self._entries += self.catalogue.count
-
-    def reach(self) -> None:
-        """Fill the catalogue's tables as far as the rows have come."""
-        self.catalogue.reach(int(self.step.max()))
+        self._entries += forecasts.count
 
     # What can be read.
 
     @property
     def person_cells(self) -> Ints:
         """Every person's cell, y * N + x: int64, (persons, rows)."""
-        cells: Ints = self._coordinates[:, 1] * self._size + self._coordinates[:, 0]
+        cells: Ints = self._states % self._size**2
         return cells
 
     @property
@@ -224,15 +218,23 @@ class BatchState:
         """The probability that no search finds each person, (rows, persons), or None."""
         return None if self._beliefs is None else self._beliefs.kept.T.copy()
 
-    def shown_weights(self, row: int) -> Floats | None:
-        """The probability of each hypothesis under the belief shown: (persons, M); or None."""
-        if self._shown is None or not self._shown.begun[row]:
-            return None
-        return self._shown.weights(row)
+    def hypotheses(self, row: int) -> list[tuple[float, ...]]:
+        """The probability of each hypothesis about each person, as far as the matrix shows it."""
+        numbers = self.catalogue.numbers[:, self.situation[row]].tolist()
+        models = [self.catalogue.forecasts.models[number] for number in numbers]
+        if not self.shows_belief(row):
+            return [tuple(model.weights.tolist()) for model in models]
+        assert self._shown is not None
+        pairs = zip(models, self._shown.mass(row), strict=True)
+        return [model.hypotheses(mass[: len(model.weights)]) for model, mass in pairs]
+
+    def shows_belief(self, row: int) -> bool:
+        """Whether the matrix of a row is the belief, not the forecast."""
+        return self._shown is not None and bool(self._shown.begun[row])
 
     def prior(self, row: int) -> Singles:
         """The forecast of a row without its searches: float32, (N, N)."""
-        joints = [self.catalogue.joint(entry) for entry in self._entries[:, [row]]]
+        joints = [self.catalogue.forecasts.joint(entry) for entry in self._entries[:, [row]]]
         forecasts = [over_hypotheses(joint[0]) for joint in joints]
         mean = mean_over_missing(forecasts, self.missing[:, row].nonzero()[0].tolist())
         return mean.astype(np.float32)
@@ -242,7 +244,7 @@ class BatchState:
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """The matrix entry of one cell in each of some rows: float32, (n,)."""
         if self._persons == 1:
-            values = self.catalogue.probabilities(self._entries[0].take(rows), cells)
+            values = self.catalogue.forecasts.probabilities(self._entries[0].take(rows), cells)
         else:
             matrices = self._forecasts(rows).reshape(len(rows), self._size**2)
             values = matrices[np.arange(len(rows)), cells]
@@ -269,7 +271,7 @@ class BatchState:
             others = (~self._shown.begun).nonzero()[0]
             out[others] = self._forecasts(others)
         elif self._persons == 1:
-            self.catalogue.matrices(self._entries[0], out)
+            self.catalogue.forecasts.matrices(self._entries[0], out)
         else:
             out[...] = self._forecasts(np.arange(len(out)))
 
@@ -277,12 +279,12 @@ class BatchState:
         """The matrices of some rows as forecasts without searches: float32, (n, N, N)."""
         entries = self._entries[:, rows]
         if self._persons == 1:
-            return self.catalogue.matrices(entries[0])
+            return self.catalogue.forecasts.matrices(entries[0])
         counted = shown_persons(self.missing[:, rows])
         shown = np.take_along_axis(entries, counted.argmax(axis=0)[None], axis=0)
-        matrices = self.catalogue.matrices(shown[0])
+        matrices = self.catalogue.forecasts.matrices(shown[0])
         mixed = ((entries != shown) & counted).any(axis=0)  # a mean of different forecasts
-        joints = [self.catalogue.joint(entry[mixed]) for entry in entries]
+        joints = [self.catalogue.forecasts.joint(entry[mixed]) for entry in entries]
         forecasts = [over_hypotheses(joint.swapaxes(0, 1)) for joint in joints]
         mean = means_over_missing(forecasts, counted[:, mixed][..., None, None])
         matrices[mixed] = mean.astype(np.float32)

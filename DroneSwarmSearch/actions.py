@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.grid import Neighbours
+from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
 __all__ = ["Reader", "check_agent", "checked_actions"]
@@ -46,15 +46,14 @@ class Reader:
         try:
             if len(actions) != len(cells):
                 raise TypeError
-            picked = [actions[name] for name in self._names]
+            picked = [*map(actions.__getitem__, self._names)]
             # bytes() accepts all kinds of integers from 0 to 255, and nothing else; but bool
             # is a kind of integer too, 0 or 1.
             chosen = bytes(picked)
             if not chosen.strip(_STAYING):
                 return chosen, cells
-            for action in picked:
-                if action is True or action is False:
-                    raise TypeError
+            if bool in map(type, picked):
+                raise TypeError
             return chosen, [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
         except Exception:
             return _refuse(actions, self._names)

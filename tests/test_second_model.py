@@ -1,0 +1,165 @@
+"""A drift model of another kind reaches everything: environment, batch, policies and bound.
+
+A person follows one of a few tracks, some of whose steps are longer than a cell; the transition
+matrices are dense.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from test_vector_engine import Twins
+
+from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, Scenario
+from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.planning import success_bound
+from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.training import ExpectedSearches
+
+SIZE, LIMIT = 5, 12
+TRACKS = (
+    ((0, 0), (1, 1), (3, 1), (3, 4), (4, 4)),
+    ((0, 0), (0, 2), (1, 3), (1, 4)),
+    ((4, 0), (2, 2), (0, 4)),
+)
+
+
+class Tracks(DriftModel):
+    """In each step, the person goes on along the track, or stays with a chance of .4."""
+
+    def __init__(self, tracks: Any, weights: tuple[float, ...]) -> None:
+        self.grid_size, self.key = SIZE, ("tracks", tracks, weights)
+        self.weights = np.array(weights)
+        cells = [[y * SIZE + x for x, y in track] for track in tracks]
+        self._start = np.zeros((len(tracks), SIZE**2))
+        self._chances = np.tile(np.eye(SIZE**2), (len(tracks), 1, 1))  # [track, from, to]
+        for track, start, chances in zip(cells, self._start, self._chances, strict=True):
+            start[track[0]] = weights[cells.index(track)]
+            for here, there in pairwise(track):
+                chances[here, [here, there]] = 0.4, 0.6
+
+    def joint(self, step: int) -> np.ndarray:
+        mass = self._start.reshape(self.state_shape).copy()
+        for before in range(step):
+            mass = self.forward(mass, before)
+        return mass
+
+    def forward(self, mass: np.ndarray, step: int) -> np.ndarray:
+        by_cell = mass.reshape(*mass.shape[:-2], 1, -1)
+        return (by_cell @ self._chances).reshape(mass.shape)
+
+    def backward(self, value: np.ndarray, step: int) -> np.ndarray:
+        by_cell = value.reshape(*value.shape[:-2], -1, 1)
+        return (self._chances @ by_cell).reshape(value.shape)
+
+    def moved(self, states: Any, step: int, draws_x: Any, draws_y: Any) -> np.ndarray:
+        tracks, cells = np.divmod(states, SIZE**2)
+        passed = self._chances[tracks, cells].cumsum(axis=1) <= draws_x[:, None]
+        return tracks * SIZE**2 + passed.sum(axis=1)
+
+    def branches(self, states: Any, probabilities: Any, step: int) -> Any:
+        tracks, cells = np.divmod(states, SIZE**2)
+        chances = probabilities[:, None] * self._chances[tracks, cells]
+        place, to = chances.nonzero()
+        return place, tracks[place] * SIZE**2 + to, chances[place, to]
+
+
+@dataclass(frozen=True)
+class Follower(Person):
+    """A person who follows a track."""
+
+    tracks: Any = TRACKS
+
+    def model(self, grid_size: int) -> DriftModel:
+        return Tracks(self.tracks, self.weights)
+
+
+def follower(detection: float, tracks: Any = TRACKS) -> Follower:
+    return Follower([Drift(track[0]) for track in tracks], detection, tracks)
+
+
+USUAL = Person([Drift((2, 2), vector=(0.2, 0.1), diffusion=0.2)], 0.7)
+PERSONS = {
+    "one": [follower(0.8)],
+    "two": [follower(1.0), follower(0.6, TRACKS[1:])],
+    "mixed": [follower(0.9), USUAL],
+}
+
+
+def scenario_of(persons: str, **parameters: Any) -> Scenario:
+    sizes = {"grid_size": SIZE, "n_drones": 2, "timestep_limit": LIMIT}
+    return Scenario(**{**sizes, "persons": PERSONS[persons], **parameters})
+
+
+@pytest.mark.parametrize("persons", PERSONS)
+@pytest.mark.parametrize("updates", [False, True])
+@pytest.mark.parametrize("scheme", [RewardScheme(), RewardScheme.expected()])
+def test_batches_equal_single_environments(persons, updates, scheme):
+    parameters = {
+        name: getattr(scenario_of(persons), name)
+        for name in ("grid_size", "n_drones", "timestep_limit", "persons")
+    }
+    twins = Twins(6, {**parameters, "bayesian_update": updates, "reward_scheme": scheme})
+    twins.reset(list(range(6)))
+    rng, found = np.random.default_rng(2), 0
+    for _ in range(40):
+        actions = rng.choice([Action.RIGHT, Action.DOWN, Action.SEARCH, Action.SEARCH], (6, 2))
+        twins.step(actions.tolist())
+        found += int(twins.batch.found.sum())
+    assert found > 10
+
+
+def test_catalogues_may_mix_models():
+    situations = [[follower(0.8)], [USUAL], [follower(0.5, TRACKS[2:])]]
+    sizes = {"grid_size": SIZE, "timestep_limit": LIMIT, "bayesian_update": True}
+    twins = Twins(5, {**sizes, "situations": situations})
+    twins.reset(list(range(5)))
+    for step in range(30):
+        twins.step([[Action.SEARCH if step % 3 else Action.RIGHT]] * 5)
+
+
+@pytest.mark.parametrize("persons", PERSONS)
+def test_trackers_follow_the_posterior_of_the_environment(persons):
+    scenario = scenario_of(persons, bayesian_update=True)
+    env, tracker = DroneSwarmSearch(scenario=scenario), BeliefTracker(scenario)
+    observations, _ = env.reset(seed=3)
+    policy = make("greedy-posterior", scenario)
+    while env.agents:
+        matrix = observations["drone0"]["observation"][1]
+        tracker.observe(matrix)
+        assert tracker.matrix().tobytes() == matrix.tobytes()
+        actions = policy(observations)
+        tracker.update(env.frame().drones, actions.values())
+        observations, *_ = env.step(actions)
+    assert tracker.step == env.frame().step > 3
+
+
+@pytest.mark.parametrize("persons", PERSONS)
+def test_plans_bounds_and_searches_in_expectation(persons):
+    """Exactly: what a plan promises is what its searches add, and the bound is above it."""
+    scenario, starts = scenario_of(persons, mission="coverage"), [(0, 0), (4, 4)]
+    success = {}
+    for name in ("creeping-line", "greedy-matrix", "greedy-posterior", "planner"):
+        env, policy = DroneSwarmSearch(scenario=scenario), make(name, scenario)
+        searches = ExpectedSearches([scenario], [starts]) if persons == "one" else None
+        observations, _ = env.reset(options={"drones_positions": starts})
+        while env.agents:
+            actions = policy(observations)
+            observations, *_ = env.step(actions)
+            if searches is not None:
+                searches.advance(np.array([[*actions.values()]]))
+        success[name] = env.frame().probability_of_success
+        if searches is not None:
+            assert searches.found[0] == pytest.approx(success[name], abs=1e-6)
+    if persons == "mixed":
+        return
+    bound = success_bound(scenario, starts, memory=1, horizons=1)
+    assert success["greedy-matrix"] > 0.2
+    assert max(success.values()) == pytest.approx(success["planner"], abs=0.02)
+    assert success["planner"] <= bound.by_limit + 1e-9 <= 1.0
