@@ -85,13 +85,6 @@ def test_cells_may_be_integers_of_any_type(dtype: str, right_of_way: bool) -> No
     assert plain(action_masks(cells.astype(dtype), 5, right_of_way)) == plain(wanted)
 
 
-@pytest.mark.parametrize("right_of_way", [False, True])
-def test_a_single_drone_is_only_kept_on_the_grid(right_of_way: bool) -> None:
-    corner, middle = action_masks([[0], [4]], 3, right_of_way)
-    assert [Action(action) for action in np.flatnonzero(~corner[0])] == [Action.LEFT, Action.UP]
-    assert middle.all()
-
-
 def test_swarms_may_exceed_the_range_of_short_integers() -> None:
     """With all cells but one occupied, the only allowed moves lead to that cell."""
     size = 182
