@@ -1,4 +1,4 @@
-"""Ray RLlib (extra ``rllib``): environments, a masked network, and the success rate.
+"""Ray RLlib (extra ``rllib``): a batch of drones, a masked network, and the success rate.
 
 `DroneBatch` steps thousands of drones that share one policy, on RLlib's single-agent path::
 
@@ -9,9 +9,6 @@
         .rl_module(rl_module_spec=RLModuleSpec(MaskedPPOModule))
         .callbacks(on_episode_end=log_success)
     )
-
-`SwarmEnv` takes the same `env_config`. It is one search with an RLlib agent for each drone, for
-policies that differ between drones; it is several times slower.
 """
 
 from __future__ import annotations
@@ -20,7 +17,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from gymnasium import spaces
 from gymnasium.vector import VectorWrapper
@@ -34,16 +30,12 @@ from ray.rllib.core import (
 )
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.rl_module import RLModule
-from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.wrappers import ActionMask, LayoutObservation, ScaledRewards
 
-__all__ = ["DroneBatch", "MaskedPPOModule", "SwarmEnv", "log_success", "logits"]
+__all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 
 OBSERVATION, ACTION_MASK = "observation", "action_mask"
 """The keys of masked observations."""
@@ -94,58 +86,6 @@ class DroneBatch(VectorWrapper):
             options: as for `DroneVectorEnv`.
         """
         return self.env.reset(seed=None if seed is None else seed * SEED_STRIDE, options=options)
-
-
-class SwarmEnv(ParallelPettingZooEnv):
-    """One search as a multi-agent environment of RLlib; agents "drone0", "drone1", ...
-
-    Args:
-        config: RLlib's `env_config`: parameters of `DroneSwarmSearch`, and "observation",
-            "action_mask", "right_of_way", "reward_scale" and "shared_reward" with the meanings
-            and defaults of `DroneBatch`. RLlib's ``EnvContext`` also has the number of the env
-            runner, which keeps the seeds of runners apart.
-
-    Raises:
-        TypeError: a keyword is unknown or has the wrong type.
-        ValueError: a keyword is out of its limits.
-    """
-
-    def __init__(self, config: Mapping[str, Any]) -> None:
-        parameters = dict(config)
-        self._shares = checks.boolean("shared_reward", parameters.pop("shared_reward", False))
-        super().__init__(_swarm(**parameters))
-        self._first_seed = SEED_STRIDE * (1 + getattr(config, "worker_index", 0))
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode; the seeds of different env runners are far apart."""
-        return super().reset(
-            seed=None if seed is None else self._first_seed + seed, options=options
-        )
-
-    def step(self, action_dict: dict[str, int]) -> Any:
-        """Let every drone act once."""
-        observations, rewards, *others = super().step(action_dict)
-        if self._shares:
-            rewards = dict.fromkeys(rewards, float(np.mean([*rewards.values()])))
-        return observations, rewards, *others
-
-
-def _swarm(
-    *,
-    observation: str = "dict",
-    action_mask: str | None = OBSERVATION,
-    right_of_way: bool = False,
-    reward_scale: float = 1.0,
-    **parameters: Any,
-) -> LayoutObservation | ActionMask:
-    """One search with the keywords of `DroneBatch`."""
-    checks.choice("observation", observation, tuple(LAYOUTS))
-    checks.choice("action_mask", action_mask, (None, OBSERVATION, "info"))
-    env = ScaledRewards(DroneSwarmSearch(**parameters), reward_scale)
-    layout = LayoutObservation(env, LAYOUTS[observation])
-    if action_mask is None:
-        return layout
-    return ActionMask(layout, in_observation=action_mask == OBSERVATION, right_of_way=right_of_way)
 
 
 class MaskedPPOModule(DefaultPPOTorchRLModule):
