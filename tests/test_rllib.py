@@ -115,7 +115,7 @@ def test_masked_actions_have_no_probability(rllib: Any) -> None:
 
 def test_the_module_needs_masks(rllib: Any) -> None:
     batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "action_mask": None})
-    with pytest.raises(ValueError, match="observations must have 'action_mask'"):
+    with pytest.raises(ValueError, match="observation_space must have 'action_mask'"):
         module_for(rllib, batch)
 
 

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from gymnasium import spaces
 from gymnasium.vector import VectorWrapper
 from numpy.typing import NDArray
 from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
@@ -99,12 +98,10 @@ class MaskedPPOModule(DefaultPPOTorchRLModule):
         ValueError: the observation space has no masks.
     """
 
-    def __init__(self, *, observation_space: spaces.Space[Any], **keywords: Any) -> None:
-        if not isinstance(observation_space, spaces.Dict) or ACTION_MASK not in [
-            *observation_space
-        ]:
+    def __init__(self, *, observation_space: Any, **keywords: Any) -> None:
+        if ACTION_MASK not in getattr(observation_space, "spaces", ()):
             raise ValueError(
-                f"observation_space must have {ACTION_MASK!r}, not {observation_space}"
+                f"observation_space must have {ACTION_MASK!r}, got {observation_space}"
             )
         super().__init__(observation_space=observation_space[OBSERVATION], **keywords)
         self.observation_space = observation_space  # saved in checkpoints
