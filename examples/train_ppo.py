@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from ppo_searches import draw_searches, held_out_searches, mean_success
 from torch import nn
 
 from DroneSwarmSearch import Action, training
@@ -42,11 +43,6 @@ from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.training import ExpectedSearches
-from DroneSwarmSearch.training.random_searches import (
-    draw_searches,
-    held_out_searches,
-    mean_success,
-)
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""

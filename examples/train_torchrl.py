@@ -32,7 +32,6 @@ from DroneSwarmSearch.adapters.torchrl import (
     STATE,
     VALUE,
     SearchEnv,
-    WithState,
     episode_metrics,
     logits,
     masked_policy,
@@ -53,6 +52,20 @@ MISSION = {"mission": "coverage", "shared_reward": True}
 
 # What the policy is shown, in training and evaluation.
 SHOWN = {"observation": "crops", "right_of_way": True}
+
+
+class WithState(nn.Module):
+    """A critic's network, which also gets the state, if there is one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.network = MLP(out_features=1, **LAYERS)
+
+    def forward(self, seen: torch.Tensor, state: torch.Tensor | None = None) -> torch.Tensor:
+        if state is not None:  # the same for every drone
+            shared = state.flatten(-3).unsqueeze(-2).expand(*seen.shape[:-1], -1)
+            seen = torch.cat([seen, shared], dim=-1)
+        return self.network(seen)
 
 
 def main() -> None:
@@ -76,7 +89,7 @@ def main() -> None:
     network = TensorDictModule(MLP(out_features=len(Action), **LAYERS), [OBSERVATION], [LOGITS])
     policy = masked_policy(network)
     seen = [OBSERVATION, STATE] if central else [OBSERVATION]
-    critic = TensorDictModule(WithState(MLP(out_features=1, **LAYERS)), seen, [VALUE])
+    critic = TensorDictModule(WithState(), seen, [VALUE])
     critic(policy(env.reset()))  # determines the numbers of inputs
     loss = ClipPPOLoss(policy, critic, entropy_coeff=ENTROPY, normalize_advantage=True)
     loss.set_keys(**PPO_KEYS)

@@ -65,13 +65,6 @@ def test_windows_show_the_boxes_around_the_drone(
             assert vector[-1] == pytest.approx(np.log10(matrix.max()) / 6, abs=1e-6)
 
 
-@given(shown=searches())
-def test_searches_are_independent(shown: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-    together = crops(*shown)
-    alone = [crops(*(array[k : k + 1] for array in shown)) for k in range(len(together))]
-    assert plain(np.concatenate(alone)) == plain(together)
-
-
 def test_searches_of_large_batches_are_independent() -> None:
     """Batches of thousands of drones are processed in parts."""
     rng = np.random.default_rng(0)

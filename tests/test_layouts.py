@@ -19,19 +19,11 @@ from DroneSwarmSearch.layouts import (
     StackedLayout,
     remaining_time_fraction,
 )
-from DroneSwarmSearch.layouts.layout import (
-    mark,
-    own_first,
-    scaled_matrices,
-    scaled_positions,
-)
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
 
 BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
 
 by_hand_too = pytest.mark.parametrize("name", BY_HAND)
-every_layout = pytest.mark.parametrize("name", LAYOUTS)
-
 Arguments = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -105,20 +97,6 @@ def test_swarm_layouts_match_plain_implementations(name: str) -> None:
         assert seen in joint.space
 
 
-@every_layout
-def test_layouts_treat_every_search_independently(name: str) -> None:
-    shown = arguments()
-    layout, _ = made(name)
-    together = written(layout, shown, 5, 3)
-    for search in range(5):
-        one = tuple(array[search : search + 1] for array in shown)
-        alone = written(layout, one, 1, 3)  # type: ignore[arg-type]
-        if isinstance(together, dict):
-            assert plain(alone) == plain({k: v[search : search + 1] for k, v in together.items()})
-        else:
-            assert plain(alone) == plain(together[search : search + 1])
-
-
 @given(
     cells=st.lists(st.sampled_from([0.0, 0.1, 0.25, 0.3, 1.0]), min_size=16, max_size=16),
     k=st.integers(1, 16),
@@ -152,42 +130,3 @@ def test_equally_near_drones_are_sorted_by_number() -> None:
     out = written(TopCellsLayout(6, 5, 1), (positions, matrices, left), 1, 5)
     offsets = (out[0, 0, 5:-1] * 5).round().astype(int).reshape(-1, 2)
     assert offsets.tolist() == [[0, 1], [0, -1], [-1, 0], [0, 2]]
-
-
-# Building blocks.
-
-
-def test_the_remaining_time_fraction_falls_from_one_to_zero() -> None:
-    assert plain(remaining_time_fraction([0, 1, 2, 3, 4], 4)) == plain(
-        np.float32([1, 0.75, 0.5, 0.25, 0])
-    )
-    assert plain(remaining_time_fraction([1], 3)) == plain(np.float32([2 / 3]))
-
-
-def test_every_drone_is_first_in_its_order() -> None:
-    assert own_first(1).tolist() == [[0]]
-    assert own_first(3).tolist() == [[0, 1, 2], [1, 0, 2], [2, 0, 1]]
-
-
-def test_matrices_and_positions_may_have_any_leading_axes() -> None:
-    rng = np.random.default_rng(0)
-    matrices = rng.random((2, 3, 5, 5), np.float32)
-    wanted = np.stack([[m / m.max() for m in row] for row in matrices])
-    out = np.full_like(matrices, 7)
-    scaled_matrices(matrices, out)
-    assert plain(out) == plain(wanted)
-    scaled_matrices(matrices, matrices)
-    assert plain(matrices) == plain(wanted)
-    positions = rng.integers(0, 5, (2, 3, 4, 2))
-    out = np.empty(positions.shape, np.float32)
-    scaled_positions(positions, 5, out)
-    assert plain(out) == plain((positions / 4).astype(np.float32))
-
-
-def test_marks_overwrite_the_array() -> None:
-    planes = np.full((2, 3, 3), 7, np.float32)
-    mark(np.array([[(0, 0), (2, 1)], [(1, 1), (1, 1)]]), planes)
-    assert planes[0].tolist() == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]
-    assert planes[1].tolist() == [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
-    mark(np.empty((2, 0, 2), np.int64), planes)
-    assert not planes.any()

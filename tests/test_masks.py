@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.layouts.masks import action_masks, choose_in_turn
+from DroneSwarmSearch.layouts.masks import action_masks
 
 Cell = tuple[int, int]
 
@@ -85,13 +85,6 @@ def test_cells_may_be_integers_of_any_type(dtype: str, right_of_way: bool) -> No
     assert plain(action_masks(cells.astype(dtype), 5, right_of_way)) == plain(wanted)
 
 
-@pytest.mark.parametrize("right_of_way", [False, True])
-def test_a_single_drone_is_only_kept_on_the_grid(right_of_way: bool) -> None:
-    corner, middle = action_masks([[0], [4]], 3, right_of_way)
-    assert [Action(action) for action in np.flatnonzero(~corner[0])] == [Action.LEFT, Action.UP]
-    assert middle.all()
-
-
 def test_swarms_may_exceed_the_range_of_short_integers() -> None:
     """With all cells but one occupied, the only allowed moves lead to that cell."""
     size = 182
@@ -124,8 +117,6 @@ def test_cells_off_the_grid_are_rejected(cells: object, error: type[Exception], 
     words = rf"cells must be integers from 0 to 24, of shape \(\.\.\., n\), {came}"
     with pytest.raises(error, match=words):
         action_masks(cells, 5)  # type: ignore[arg-type]
-    with pytest.raises(error, match=words):
-        choose_in_turn(np.zeros((1, 1, 6)), cells, 5)  # type: ignore[arg-type]
 
 
 def test_other_invalid_arguments_of_masks_are_rejected() -> None:
@@ -133,6 +124,3 @@ def test_other_invalid_arguments_of_masks_are_rejected() -> None:
         action_masks([1], 5.0)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="right_of_way must be True or False, got 1"):
         action_masks([1], 5, 1)  # type: ignore[arg-type]
-    for shape in ((1, 2, 6), (1, 1, 4), (1, 6), (2, 1, 6)):
-        with pytest.raises(ValueError, match="scores must have the shape"):
-            choose_in_turn(np.zeros(shape), np.array([[3]]), 5)

@@ -6,11 +6,14 @@ from functools import partial
 
 import numpy as np
 import pytest
+from trainer_examples import module
 
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.training.random_searches import draw_searches, held_out_searches, mean_success
+
+example = module("ppo_searches")
+draw_searches, held_out_searches = example.draw_searches, example.held_out_searches
 
 
 def test_drawn_searches_vary() -> None:
@@ -51,5 +54,5 @@ def test_the_mean_success_is_that_of_the_evaluations() -> None:
         searches.append(NamedSearch(f"drawn-{number}", "Drawn.", scenario))
     each = [evaluate("greedy-posterior", search, episodes=1).success.value for search in searches]
     assert each[0] != each[1]
-    mean = mean_success(partial(make, "greedy-posterior"), searches)
+    mean = example.mean_success(partial(make, "greedy-posterior"), searches)
     assert mean == pytest.approx(np.mean(each))

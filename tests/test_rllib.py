@@ -11,7 +11,6 @@ import pytest
 from helpers import TWO_DRONES
 
 from DroneSwarmSearch.adapters import TrainedPolicy
-from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 if any(importlib.util.find_spec(name) is None for name in ("ray", "torch", "lz4")):
@@ -62,64 +61,15 @@ def test_the_batch_is_the_vector_environment(rllib: Any) -> None:
         assert (infos["is_success"] == expected_infos["is_success"]).all()
 
 
-def test_a_swarm_is_a_search_of_the_vector_environment(rllib: Any) -> None:
-    from ray.rllib.env.env_context import EnvContext
-
-    env = rllib.SwarmEnv(EnvContext(CONFIG, worker_index=2))
-    envs = DroneVectorEnv(1, action_mask="observation", **CONFIG)
-    shown, _ = env.reset(seed=5)
-    expected, _ = envs.reset(seed=5 + 3 * rllib.SEED_STRIDE)
-    rng = np.random.default_rng(0)
-    ended = False
-    while not ended:
-        for k in range(2):
-            drone = {key: array[k] for key, array in expected.items()}
-            assert same(shown[f"drone{k}"], drone)
-        actions = rng.choice(6, size=2)
-        shown, rewards, terminated, _, _ = env.step({"drone0": actions[0], "drone1": actions[1]})
-        expected, expected_rewards, *_ = envs.step(actions)
-        assert [rewards["drone0"], rewards["drone1"]] == expected_rewards.tolist()
-        ended = terminated["__all__"]
-
-
-@pytest.mark.parametrize("name", ["DroneBatch", "SwarmEnv"])
-def test_env_runners_play_different_episodes(rllib: Any, name: str) -> None:
+def test_env_runners_play_different_episodes(rllib: Any) -> None:
     """RLlib seeds a runner's environments with numbers that the next runner uses, too."""
-    from ray.rllib.env.env_context import EnvContext
-
     persons = []
     for runner in (1, 2):
-        config = {**CONFIG, "timestep_limit": 12, "num_envs": 2 * 8}
-        if name == "SwarmEnv":
-            config.pop("num_envs")
-            seen = []
-            for first in range(8):
-                env = rllib.SwarmEnv(EnvContext(config, worker_index=runner))
-                env.reset(seed=runner + first)
-                env.step({"drone0": 5, "drone1": 5})
-                seen.append(env.par_env.unwrapped.frame().persons)
-        else:
-            batch = rllib.DroneBatch(config)
-            batch.reset(seed=runner)
-            batch.step(np.full(16, 5))
-            seen = [batch.env.frame(swarm).persons for swarm in range(8)]
-        persons.append(seen)
+        batch = rllib.DroneBatch({**CONFIG, "timestep_limit": 12, "num_envs": 2 * 8})
+        batch.reset(seed=runner)
+        batch.step(np.full(16, 5))
+        persons.append([batch.env.frame(swarm).persons for swarm in range(8)])
     assert persons[0][1:] != persons[1][:-1]  # equal if the seeds were consecutive
-
-
-def test_a_shared_reward(rllib: Any) -> None:
-    batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "shared_reward": True})
-    env = rllib.SwarmEnv({**CONFIG, "shared_reward": True})
-    envs = DroneVectorEnv(1, **CONFIG)
-    batch.reset(seed=0)
-    env.reset(seed=0)
-    envs.reset(seed=0)
-    for actions in ([Action.SEARCH, Action.IDLE], [Action.IDLE, Action.SEARCH]):
-        rewards = envs.step(actions)[1]
-        assert rewards[0] != rewards[1]
-        assert batch.step(np.array(actions))[1].tolist() == [rewards.mean()] * 2
-        paid = env.step({"drone0": actions[0], "drone1": actions[1]})[1]
-        assert [*paid.values()] == [rewards.mean()] * 2
 
 
 def test_what_the_batch_rejects(rllib: Any) -> None:
@@ -127,27 +77,8 @@ def test_what_the_batch_rejects(rllib: Any) -> None:
         rllib.DroneBatch(CONFIG)
     with pytest.raises(ValueError, match="multiple of n_drones=2, got 7"):
         rllib.DroneBatch({**CONFIG, "num_envs": 7})
-    with pytest.raises(ValueError, match="autoreset_mode must be 'NextStep'"):
-        rllib.DroneBatch({**CONFIG, "num_envs": 2, "autoreset_mode": "SameStep"})
     with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
         rllib.DroneBatch({**CONFIG, "num_envs": 2, "colour": "red"})
-
-
-def test_what_the_swarm_rejects(rllib: Any) -> None:
-    with pytest.raises(ValueError, match="observation must be one of"):
-        rllib.SwarmEnv({**CONFIG, "observation": "text"})
-    with pytest.raises(TypeError, match="colour"):
-        rllib.SwarmEnv({**CONFIG, "colour": "red"})
-
-
-@pytest.mark.parametrize("masks", [None, "info"])
-def test_observations_without_masks(rllib: Any, masks: str | None) -> None:
-    env = rllib.SwarmEnv({**CONFIG, "action_mask": masks})
-    batch = rllib.DroneBatch({**CONFIG, "action_mask": masks, "num_envs": 2})
-    observations, infos = env.reset(seed=0)
-    assert observations["drone0"].shape == batch.single_observation_space.shape
-    assert ("action_mask" in infos["drone0"]) == (masks == "info")
-    assert ("action_mask" in batch.reset(seed=0)[1]) == (masks == "info")
 
 
 def module_for(rllib: Any, batch: Any) -> Any:
@@ -184,7 +115,7 @@ def test_masked_actions_have_no_probability(rllib: Any) -> None:
 
 def test_the_module_needs_masks(rllib: Any) -> None:
     batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "action_mask": None})
-    with pytest.raises(ValueError, match="'observation' and 'action_mask'"):
+    with pytest.raises(ValueError, match="observation_space must have 'action_mask'"):
         module_for(rllib, batch)
 
 

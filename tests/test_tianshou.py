@@ -10,7 +10,7 @@ import pytest
 from helpers import TWO_DRONES
 
 from DroneSwarmSearch.rules import Ending
-from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.vector import DroneVectorEnv
 
 if importlib.util.find_spec("tianshou") is None:  # the import is slow
     pytest.skip("tianshou is not installed", allow_module_level=True)
@@ -141,8 +141,6 @@ def test_some_sub_environments() -> None:
 
 
 def test_other_environments_are_rejected() -> None:
-    with pytest.raises(TypeError, match="env must be a DroneVectorEnv"):
-        DroneVenv(SwarmVectorEnv(2, **TWO_DRONES))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="autoreset_mode='Disabled', got 'NextStep'"):
         DroneVenv(DroneVectorEnv(2, **TWO_DRONES))
 
@@ -151,12 +149,8 @@ def test_attributes_and_closing() -> None:
     envs = DroneVenv(vector_env())
     assert envs.action_space == [envs.env.single_action_space] * 8
     assert envs.get_env_attr("num_envs", [0, 1]) == [8, 8]
-    envs.set_env_attr("render_mode", "ansi")
-    envs.reset()
-    assert len(envs.render()) == 4
     envs.close()
-    with pytest.raises(AssertionError, match="close"):
-        envs.reset()
+    assert envs.env.closed
 
 
 def test_observations_without_masks() -> None:

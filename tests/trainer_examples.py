@@ -21,7 +21,9 @@ QUIET_RAY = {
 
 
 def module(name: str) -> ModuleType:
-    """Import an example."""
+    """Import an example, which may import the files beside it."""
+    if str(EXAMPLES) not in sys.path:
+        sys.path.append(str(EXAMPLES))
     return module_at(EXAMPLES / f"{name}.py")
 
 

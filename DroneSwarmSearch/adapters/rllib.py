@@ -1,4 +1,4 @@
-"""Ray RLlib (extra ``rllib``): environments, a masked network, and the success rate.
+"""Ray RLlib (extra ``rllib``): a batch of drones, a masked network, and the success rate.
 
 `DroneBatch` steps thousands of drones that share one policy, on RLlib's single-agent path::
 
@@ -9,9 +9,6 @@
         .rl_module(rl_module_spec=RLModuleSpec(MaskedPPOModule))
         .callbacks(on_episode_end=log_success)
     )
-
-`SwarmEnv` takes the same `env_config`. It is one search with an RLlib agent for each drone, for
-policies that differ between drones; it is several times slower.
 """
 
 from __future__ import annotations
@@ -20,10 +17,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from gymnasium import spaces
-from gymnasium.vector import AutoresetMode, VectorWrapper
+from gymnasium.vector import VectorWrapper
 from numpy.typing import NDArray
 from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
 from ray.rllib.core import (
@@ -34,16 +29,12 @@ from ray.rllib.core import (
 )
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.rl_module import RLModule
-from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.wrappers import ActionMask, LayoutObservation, ScaledRewards
 
-__all__ = ["DroneBatch", "MaskedPPOModule", "SwarmEnv", "log_success", "logits"]
+__all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 
 OBSERVATION, ACTION_MASK = "observation", "action_mask"
 """The keys of masked observations."""
@@ -65,7 +56,7 @@ class DroneBatch(VectorWrapper):
     Raises:
         TypeError: a keyword is unknown or has the wrong type.
         ValueError: a keyword is out of its limits, "num_envs" is missing or not a multiple of
-            the number of drones, or "autoreset_mode" is not the one that RLlib needs, "NextStep".
+            the number of drones.
     """
 
     def __init__(self, config: Mapping[str, Any]) -> None:
@@ -76,9 +67,6 @@ class DroneBatch(VectorWrapper):
                 'env_runners(gym_env_vectorize_mode="vector_entry_point")'
             )
         num_envs = checks.integer("num_envs", keywords.pop("num_envs"), 1)
-        mode = keywords.setdefault("autoreset_mode", AutoresetMode.NEXT_STEP)
-        if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.NEXT_STEP.value):
-            raise ValueError(f"autoreset_mode must be 'NextStep' for RLlib, got {mode!r}")
         drones = DroneVectorEnv(1, **keywords).batch.scenario_of(0).n_drones
         if num_envs % drones:
             raise ValueError(
@@ -99,51 +87,6 @@ class DroneBatch(VectorWrapper):
         return self.env.reset(seed=None if seed is None else seed * SEED_STRIDE, options=options)
 
 
-class SwarmEnv(ParallelPettingZooEnv):
-    """One search as a multi-agent environment of RLlib; agents "drone0", "drone1", ...
-
-    Args:
-        config: RLlib's `env_config`: parameters of `DroneSwarmSearch`, and "observation",
-            "action_mask", "right_of_way", "reward_scale" and "shared_reward" with the meanings
-            and defaults of `DroneBatch`. RLlib's ``EnvContext`` also has the number of the env
-            runner, which keeps the seeds of runners apart.
-
-    Raises:
-        TypeError: a keyword is unknown or has the wrong type.
-        ValueError: a keyword is out of its limits.
-    """
-
-    def __init__(self, config: Mapping[str, Any]) -> None:
-        parameters = dict(config)
-        names = tuple(LAYOUTS)
-        layout = str(checks.choice("observation", parameters.pop("observation", "dict"), names))
-        masks = checks.choice(
-            "action_mask", parameters.pop("action_mask", OBSERVATION), (None, OBSERVATION, "info")
-        )
-        right_of_way = checks.boolean("right_of_way", parameters.pop("right_of_way", False))
-        scale = parameters.pop("reward_scale", 1.0)
-        self._shares = checks.boolean("shared_reward", parameters.pop("shared_reward", False))
-        env = ScaledRewards(DroneSwarmSearch(**parameters), scale)
-        env = LayoutObservation(env, LAYOUTS[layout])
-        if masks is not None:
-            env = ActionMask(env, in_observation=masks == OBSERVATION, right_of_way=right_of_way)
-        super().__init__(env)
-        self._first_seed = SEED_STRIDE * (1 + getattr(config, "worker_index", 0))
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode; the seeds of different env runners are far apart."""
-        return super().reset(
-            seed=None if seed is None else self._first_seed + seed, options=options
-        )
-
-    def step(self, action_dict: dict[str, int]) -> Any:
-        """Let every drone act once."""
-        observations, rewards, *others = super().step(action_dict)
-        if self._shares:
-            rewards = dict.fromkeys(rewards, float(np.mean([*rewards.values()])))
-        return observations, rewards, *others
-
-
 class MaskedPPOModule(DefaultPPOTorchRLModule):
     """PPO's default network, which never chooses a masked action.
 
@@ -152,16 +95,13 @@ class MaskedPPOModule(DefaultPPOTorchRLModule):
     probabilities and entropies are those of the allowed actions.
 
     Raises:
-        ValueError: the observation space has no such keys.
+        ValueError: the observation space has no masks.
     """
 
-    def __init__(self, *, observation_space: spaces.Space[Any], **keywords: Any) -> None:
-        if not isinstance(observation_space, spaces.Dict) or (
-            {*observation_space.spaces} != {OBSERVATION, ACTION_MASK}
-        ):
+    def __init__(self, *, observation_space: Any, **keywords: Any) -> None:
+        if ACTION_MASK not in getattr(observation_space, "spaces", ()):
             raise ValueError(
-                f"observation_space must be a Dict with the keys {OBSERVATION!r} and "
-                f"{ACTION_MASK!r}, got {observation_space}"
+                f"observation_space must have {ACTION_MASK!r}, got {observation_space}"
             )
         super().__init__(observation_space=observation_space[OBSERVATION], **keywords)
         self.observation_space = observation_space  # saved in checkpoints

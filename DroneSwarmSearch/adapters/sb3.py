@@ -40,13 +40,6 @@ _INFOS = ("is_success", "probability_of_success")
 class SB3VecEnv(VecEnv):
     """Adapts a vector environment to Stable-Baselines3.
 
-    For example::
-
-        env = DroneVectorEnv(
-            64, observation="flat", autoreset_mode="SameStep", **TRAINING_TASK
-        )
-        model = PPO("MlpPolicy", SB3VecEnv(env))
-
     When an episode ends, the next one begins in the same step. The sub-environment's info then
     holds "terminal_observation" and "TimeLimit.truncated", which is True if the environment
     truncates without terminating (separate_flags=True). Every info holds "is_success", from
@@ -61,13 +54,10 @@ class SB3VecEnv(VecEnv):
             the default, because collectors keep the last observations over a step.
 
     Raises:
-        TypeError: `env` is not one of these.
         ValueError: `env` has another autoreset mode.
     """
 
     def __init__(self, env: SwarmVectorEnv | DroneVectorEnv) -> None:
-        if not isinstance(env, (SwarmVectorEnv, DroneVectorEnv)):
-            raise TypeError(f"env must be a SwarmVectorEnv or a DroneVectorEnv, got {env!r}")
         mode = env.metadata["autoreset_mode"]
         if mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"env must have autoreset_mode='SameStep', got {mode.value!r}")

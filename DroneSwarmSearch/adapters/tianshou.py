@@ -31,7 +31,6 @@ from numpy.typing import ArrayLike, NDArray
 from tianshou.algorithm.algorithm_base import Policy
 from tianshou.data import Batch, CollectStats
 from tianshou.env import BaseVectorEnv
-from tianshou.utils.net.common import ModuleWithVectorOutput
 from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 from tianshou.utils.torch_utils import torch_train_mode
 
@@ -55,14 +54,11 @@ class DroneVenv(BaseVectorEnv):
         env: an environment with autoreset_mode="Disabled", and masks in the observations or none.
 
     Raises:
-        TypeError: `env` is not a `DroneVectorEnv`.
-        ValueError: it has another autoreset mode.
+        ValueError: `env` has another autoreset mode.
     """
 
     def __init__(self, env: DroneVectorEnv) -> None:
         # The base class's constructor would make a worker for each sub-environment.
-        if not isinstance(env, DroneVectorEnv):
-            raise TypeError(f"env must be a DroneVectorEnv, got {env!r}")
         mode = env.metadata["autoreset_mode"]
         if mode is not AutoresetMode.DISABLED:
             raise ValueError(f"env must have autoreset_mode='Disabled', got {mode.value!r}")
@@ -88,7 +84,6 @@ class DroneVenv(BaseVectorEnv):
         Raises:
             ValueError: `env_id` holds a part of a swarm.
         """
-        self._assert_is_not_closed()
         chosen = self._numbers("env_id", env_id)
         if keywords.get("seed") is None:
             keywords["seed"], self._seed = self._seed, None
@@ -115,7 +110,6 @@ class DroneVenv(BaseVectorEnv):
         Raises:
             ValueError: `id` holds a part of a swarm.
         """
-        self._assert_is_not_closed()
         chosen = self._numbers("id", id)
         left_out = np.ones(self.env_num, np.bool_)
         left_out[chosen] = False
@@ -135,13 +129,11 @@ class DroneVenv(BaseVectorEnv):
             seed: the seed of the first swarm, whose successors get consecutive ones; or a
                 list, whose first element counts.
         """
-        self._assert_is_not_closed()
         self._seed = seed[0] if isinstance(seed, list) else seed
         return [None if self._seed is None else [self._seed]] * self.env_num
 
     def get_env_attr(self, key: str, id: int | Sequence[int] | Ints | None = None) -> list[Any]:
         """An attribute of the environment, once for each of these sub-environments."""
-        self._assert_is_not_closed()
         spaces = {
             "action_space": self.env.single_action_space,
             "observation_space": self.env.single_observation_space,
@@ -149,19 +141,12 @@ class DroneVenv(BaseVectorEnv):
         value = spaces[key] if key in spaces else getattr(self.env, key)
         return [value for _ in self._wrap_id(id)]
 
-    def set_env_attr(
-        self, key: str, value: Any, id: int | Sequence[int] | Ints | None = None
-    ) -> None:
-        """Set an attribute of the environment."""
-        setattr(self.env, key, value)
-
     def render(self, **_: Any) -> list[Any]:
         """Render every swarm; see `render_mode`."""
         return list(self.env.render() or ())
 
     def close(self) -> None:
         """Close the environment."""
-        self._assert_is_not_closed()
         self.env.close()
         self.is_closed = True
 
@@ -222,24 +207,12 @@ class MaskedActor(DiscreteActor):
     """A network with masked logits, for ``DiscreteActorPolicy``.
 
     Args:
-        preprocess_net: the network before the last layers; it gets observations without masks.
-        action_shape: the number of actions.
-        hidden_sizes: the sizes of further hidden layers.
+        keywords: of ``DiscreteActor``. `preprocess_net` gets observations without masks;
+            `action_shape` is 6.
     """
 
-    def __init__(
-        self,
-        *,
-        preprocess_net: ModuleWithVectorOutput,
-        action_shape: int = 6,
-        hidden_sizes: Sequence[int] = (),
-    ) -> None:
-        super().__init__(
-            preprocess_net=preprocess_net,
-            action_shape=action_shape,
-            hidden_sizes=hidden_sizes,
-            softmax_output=False,
-        )
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**{"action_shape": 6, **keywords, "softmax_output": False})
 
     def forward(
         self, obs: Any, state: Any = None, info: dict[str, Any] | None = None

@@ -25,7 +25,6 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
-from torch import nn
 from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
@@ -50,7 +49,6 @@ __all__ = [
     "SUCCESS",
     "VALUE",
     "SearchEnv",
-    "WithState",
     "episode_metrics",
     "logits",
     "masked_policy",
@@ -106,9 +104,8 @@ class SearchEnv(EnvBase):
     - ("info", ...): "is_success", "Found", "ending" and, if there is one,
       "probability_of_success", as in the infos of `SwarmVectorEnv`: (num_swarms, 1).
 
-    TorchRL resets swarms whose episodes have ended; "_reset" selects them, or ("drones", "_reset"),
-    which must be equal for all drones of a swarm. `set_seed(s)` seeds swarm i with s + i when it is
-    reset next, and its later episodes follow from that.
+    TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
+    swarm i with s + i when it is reset next, and its later episodes follow from that.
 
     The keywords `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and
     those from `grid_size` on are the ones of `DroneVectorEnv`.
@@ -195,69 +192,52 @@ class SearchEnv(EnvBase):
         )
 
     def _set_seed(self, seed: int | None) -> None:
+        swarms = self.batch_size[0]
         first = None if seed is None else checks.integer("seed", seed, 0)
-        swarms = range(self.batch_size[0])
-        self._seeds = {} if first is None else {swarm: first + swarm for swarm in swarms}
+        self._seeds = [None if first is None else first + swarm for swarm in range(swarms)]
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **arguments: Any) -> TensorDictBase:
-        if arguments:
-            raise TypeError(f"reset takes a tensordict, and not {', '.join(arguments)}")
-        chosen = self._chosen(tensordict)
+    def _reset(self, tensordict: TensorDictBase | None = None) -> TensorDictBase:
+        mask = None if tensordict is None else tensordict.get("_reset", None)
+        chosen = np.ones(self.batch_size[0], np.bool_)
+        if mask is not None:
+            chosen = mask.cpu().numpy().reshape(-1)
         if not chosen.any():
             return self._written(self.vector_env.observe(np.arange(len(chosen))))
-        swarms = chosen.nonzero()[0].tolist()
-        seeds = [self._seeds.get(swarm) for swarm in range(len(chosen))] if self._seeds else None
         options = {"reset_mask": chosen.repeat(self.n_drones)}
-        observations, self._infos = self.vector_env.reset(seed=seeds, options=options)
-        for swarm in swarms:
-            self._seeds.pop(swarm, None)
+        observations, self._infos = self.vector_env.reset(seed=self._seeds, options=options)
+        for swarm in chosen.nonzero()[0].tolist():
+            self._seeds[swarm] = None
         return self._written(observations)
-
-    def _chosen(self, tensordict: TensorDictBase | None) -> NDArray[np.bool_]:
-        """The swarms to reset: bool, (num_swarms,)."""
-        swarms = self.batch_size[0]
-        for key in ("_reset", (GROUP, "_reset")):
-            mask = None if tensordict is None else tensordict.get(key, None)
-            if mask is not None:
-                by_drone: NDArray[np.bool_] = mask.cpu().numpy().reshape(swarms, -1)
-                if (by_drone != by_drone[:, :1]).any():
-                    raise ValueError(f"{key!r} must be equal for all drones of a swarm, got {mask}")
-                return by_drone[:, 0]
-        return np.ones(swarms, np.bool_)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get(ACTION).cpu().numpy().reshape(-1)
         observations, rewards, terminated, truncated, self._infos = self.vector_env.step(actions)
         written = self._written(observations)
         drones = written[GROUP]
-        by_drone = rewards.reshape(-1, self.n_drones)
-        drones["reward"] = torch.from_numpy(by_drone.astype(np.float32)).unsqueeze(-1)
+        drones["reward"] = self._by_drone(rewards.astype(np.float32))
         values = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         for name, flags in values.items():
-            drones[name] = self._by_drone(flags).unsqueeze(-1)
+            drones[name] = self._by_drone(flags)
             written[name] = drones[name][:, 0].clone()
         return written
 
     def _written(self, observations: Any) -> TensorDict:
         """The current observations, masks, infos and states."""
-        drones = self._by_drone(observations)
+        drones = TensorDict(observations, batch_size=self.vector_env.num_envs)
+        drones = drones.reshape(*self.batch_size, self.n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
-        infos = {
-            name: self._by_drone(self._infos[name])[:, :1].contiguous() for name in self._info_names
-        }
+        infos = {name: self._by_drone(self._infos[name])[:, 0].clone() for name in self._info_names}
         entries: dict[str, Any] = {
-            GROUP: TensorDict(drones, batch_size=(*self.batch_size, self.n_drones)),
+            GROUP: drones,
             "info": TensorDict(infos, batch_size=self.batch_size),
         }
         if self._shows_state:
             entries["state"] = torch.from_numpy(self.vector_env.batch.state_planes())
         return TensorDict(entries, batch_size=self.batch_size).to(self.device)
 
-    def _by_drone(self, values: Any) -> Any:
-        """Tensors of shape (num_swarms, n_drones, ...) for arrays of the vector environment."""
-        if isinstance(values, Mapping):
-            return {name: self._by_drone(array) for name, array in values.items()}
-        return torch.from_numpy(values.reshape(*self.batch_size, self.n_drones, *values.shape[1:]))
+    def _by_drone(self, values: NDArray[Any]) -> torch.Tensor:
+        """A tensor of shape (num_swarms, n_drones, 1)."""
+        return torch.from_numpy(values).reshape(*self.batch_size, self.n_drones, 1)
 
 
 def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:
@@ -290,56 +270,22 @@ def masked_policy(network: TensorDictModuleBase) -> ProbabilisticActor:
     )
 
 
-class WithState(nn.Module):
-    """A network for critics that also gets the state, if there is one.
-
-    Make a module of it with ``TensorDictModule(WithState(network), keys, [VALUE])``, where the
-    keys are `OBSERVATION` (IPPO), or `OBSERVATION` and `STATE` (MAPPO).
-
-    Args:
-        network: takes features (..., n_drones, f): a drone's observation, then the flat state.
-    """
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(
-        self, observations: torch.Tensor, state: torch.Tensor | None = None
-    ) -> torch.Tensor:
-        """The network's output.
-
-        Args:
-            observations: (..., n_drones, m).
-            state: (..., 3, N, N).
-        """
-        if state is not None:
-            shared = state.flatten(-3).unsqueeze(-2).expand(*observations.shape[:-1], -1)
-            observations = torch.cat([observations, shared], dim=-1)
-        output: torch.Tensor = self.network(observations)
-        return output
-
-
-def episode_metrics(
-    batch: TensorDictBase, reward_scale: float = 1.0, success: Key = SUCCESS
-) -> dict[str, float]:
+def episode_metrics(batch: TensorDictBase, success: Key = SUCCESS) -> dict[str, float]:
     """The means over the episodes that end in a batch.
 
     Args:
         batch: from a collector, with the returns that the transform ``RewardSum`` writes.
-        reward_scale: that of the environment.
         success: the key of the entry whose mean is "found": `SUCCESS`, or in the coverage mission
             `PROBABILITY`.
 
     Returns:
-        "reward", the mean return of a drone in unscaled points, and "found"; nothing if no episode
-        ends.
+        "reward", the mean return of a drone, and "found"; nothing if no episode ends.
     """
     ended = batch["next"][batch["next", "done"].squeeze(-1)]
     if not len(ended):
         return {}
     return {
-        "reward": float(ended[RETURN].mean()) / reward_scale,
+        "reward": float(ended[RETURN].mean()),
         "found": float(ended[success].float().mean()),
     }
 
@@ -356,7 +302,7 @@ def logits(
 
     def masked_logits(shown: Mapping[str, Any]) -> NDArray[Any]:
         count = len(shown["action_mask"])
-        drones = TensorDict(_tensors(shown), batch_size=count).reshape(-1, n_drones)
+        drones = TensorDict(dict(shown), batch_size=count).reshape(-1, n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
         batch = TensorDict({GROUP: drones}, batch_size=count // n_drones)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
@@ -366,10 +312,3 @@ def logits(
         return by_drone
 
     return masked_logits
-
-
-def _tensors(values: Any) -> Any:
-    """Arrays as tensors, also in nested dicts."""
-    if isinstance(values, Mapping):
-        return {name: _tensors(array) for name, array in values.items()}
-    return torch.from_numpy(values)

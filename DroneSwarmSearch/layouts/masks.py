@@ -48,21 +48,16 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
         ValueError: they are out of their limits, or of another shape.
     """
     places = _checked_cells(cells, grid_size)
-    right_of_way = checks.boolean("right_of_way", right_of_way)
-    n, cells_each = places.shape[-1], grid_size**2 + 1
+    checks.boolean("right_of_way", right_of_way)
+    n = places.shape[-1]
     by_swarm = places.reshape(math.prod(places.shape[:-1]), n)
-    first_cells = np.arange(0, len(by_swarm) * cells_each, cells_each)[:, None]
-    here = first_cells + by_swarm
-    ahead = first_cells[..., None] + _targets(grid_size)[:, :4].take(by_swarm, axis=0)
-    # What the number of a drone must be below to enter a cell: 0 where no drone may enter.
-    below = np.full(len(by_swarm) * cells_each, n, np.min_scalar_type(n))
-    if right_of_way:
-        for drone in reversed(range(n)):
-            below[ahead[:, drone]] = drone + 1
-    below[here] = 0
-    below[cells_each - 1 :: cells_each] = 0  # off the grid
+    swarms, closed = np.arange(len(by_swarm))[:, None], _closed(by_swarm, grid_size)
+    ahead = _targets(grid_size)[by_swarm, :4]
     masks = np.ones((*by_swarm.shape, len(Action)), np.bool_)
-    np.greater(below.take(ahead), np.arange(n, dtype=below.dtype)[:, None], out=masks[..., :4])
+    for drone in range(n):
+        masks[:, drone, :4] = ~closed[swarms, ahead[:, drone]]
+        if right_of_way:
+            closed[swarms, ahead[:, drone]] = True
     return masks.reshape(*places.shape, len(Action))
 
 
@@ -116,17 +111,7 @@ def choose_in_turn(
     Returns:
         The actions, int64, shape (swarms, n); and which actions each drone was allowed at its
         turn, bool, of the scores' shape.
-
-    Raises:
-        TypeError: the cells or the grid size are not integers.
-        ValueError: they are out of their limits, or do not match the scores' shape.
     """
-    cells = _checked_cells(cells, grid_size)
-    if cells.ndim != 2 or scores.shape not in ((*cells.shape, 5), (*cells.shape, 6)):
-        raise ValueError(
-            "scores must have the shape (swarms, n, 6) or (swarms, n, 5) for cells of shape "
-            f"(swarms, n), got {scores.shape} for {cells.shape}"
-        )
     swarms = np.arange(len(cells))
     targets = _targets(grid_size)
     closed = _closed(cells, grid_size)

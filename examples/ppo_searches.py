@@ -1,4 +1,4 @@
-"""Random searches for a network that serves them all: to train on, and held out to test on."""
+"""Random searches for train_ppo.py: to train on, and held out to test on."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.drift import Drift, Person
-from DroneSwarmSearch.evaluation.run import evaluate
-from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch import Drift, Person, Scenario
+from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 
 __all__ = ["draw_searches", "held_out_searches", "mean_success"]
 
