@@ -12,9 +12,9 @@ from pathlib import Path
 
 from DroneSwarmSearch import demo
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 __all__ = ["main"]
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import os
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.console import printed_warnings
-from DroneSwarmSearch.demo_options import message_on_option, parse, search_of
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.demo_options import parse, search_of
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import print_table
@@ -23,6 +18,7 @@ from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering import terminal
+from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
     Flight,
@@ -31,12 +27,8 @@ from DroneSwarmSearch.rendering.player import (
     Score,
     score_row,
 )
-from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
+from DroneSwarmSearch.rendering.video import write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
-from DroneSwarmSearch.scenario import Cell
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.rendering.painter import Painter
 
 __all__ = ["main"]
 
@@ -62,14 +54,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the arguments of the command line; those of the process if None.
 
     Returns:
-        The exit code: 0, or 130 after Ctrl-C.
+        The exit code: 0, 1 if the output cannot be written, or 130 after Ctrl-C.
 
     Raises:
         SystemExit: after `--help` (code 0), or if an option is invalid (code 2).
     """
     parser, options = parse(argv)
     try:
-        return _run(parser, options)
+        _run(parser, options)
+        return 0
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
         return INTERRUPTED
@@ -81,7 +74,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
 
 
-# The episode.
+def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Play with these options, and print summaries."""
+    try:
+        with printed_warnings():
+            search = search_of(options)
+        episode = _Episode(search, options, options.seed)
+    except FileNotFoundError:
+        parser.error(f"argument --policy: there is no file {options.policy!r}")
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
+    if options.search is not None:
+        print(textwrap.fill(f"{search.name}: {search.reason}", TEXT_WIDTH) + "\n", flush=True)
+    if options.record is not None:
+        _record(parser, options, episode)
+    elif options.text or not _play_in_window(parser, options, search):
+        terminal.show(episode.frames(), options.fps)
+    else:
+        return
+    print("\n".join(_summary(search, options.seed, options.policy, episode.frame)), flush=True)
 
 
 class _Episode:
@@ -89,12 +100,12 @@ class _Episode:
 
     Args:
         search: the search.
-        policy: a policy's name or a file of weights.
+        options: of the command line; they name the policy.
         seed: the seed of the episode.
-        label: who flies the drones, for pictures; the policy's name if empty.
-        hide_persons: whether missing persons are hidden in pictures until the end.
+        policy: the policy's name or file, in place of the option's.
 
     Attributes:
+        label: who flies the drones.
         frame: the current one.
 
     Raises:
@@ -102,18 +113,13 @@ class _Episode:
     """
 
     def __init__(
-        self,
-        search: NamedSearch,
-        policy: str,
-        seed: int,
-        *,
-        label: str = "",
-        hide_persons: bool = False,
+        self, search: NamedSearch, options: argparse.Namespace, seed: int, policy: str = ""
     ) -> None:
-        self._policy = make(policy, search.scenario)
+        name = policy or options.policy
+        self.label = f"you and {name}" if options.manual and not policy else name
+        self._policy = make(name, search.scenario)
         self._policy.reset(seed=seed)
-        self._label = label or policy
-        self._hide_persons = hide_persons
+        self._hide_person = options.hide_person
         self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
         self._observations, _ = self._env.reset(seed, drones_positions=search.drones or None)
         self.frame = self._current_frame()
@@ -144,8 +150,8 @@ class _Episode:
 
     def _current_frame(self) -> Frame:
         frame = self._env.frame()
-        hides = self._hide_persons and frame.ending is None
-        return replace(frame, policy=self._label, hide_persons=hides)
+        hides = self._hide_person and frame.ending is None
+        return replace(frame, policy=self.label, hide_persons=hides)
 
 
 def _after_move_of_drone0(
@@ -161,7 +167,7 @@ def _after_move_of_drone0(
 
 
 def _summary(
-    search: NamedSearch, seed: int, policy: str, frames: Sequence[Frame], stopped: str = ""
+    search: NamedSearch, seed: int, policy: str, frame: Frame, stopped: str = ""
 ) -> list[str]:
     """The result of an episode as lines of text.
 
@@ -169,10 +175,9 @@ def _summary(
         search: the search.
         seed: of the episode.
         policy: who flies the drones.
-        frames: those that were shown, from that of the reset.
+        frame: the last one that was shown.
         stopped: why the user ended it early.
     """
-    frame = frames[-1]
     outcome = f"stopped: {stopped}"
     if frame.ending is not None:
         outcome = f"{frame.outcome} ({frame.ending.description})"
@@ -187,94 +192,31 @@ def _summary(
     ]
     if frame.persons:
         lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
-    else:
-        searched = [cell for each in frames for cell in _searched(each)]
-        cells, searches = len(set(searched)), len(searched)
-        repeated = f"{searches - cells} of {searches} searches repeated"
-        lines.append(f"cells searched  {cells} of {frame.grid_size**2:,}; {repeated}")
     if frame.probability_of_success is not None:
         success = f"{frame.probability_of_success:.1%} (probability of success)"
         lines.append(f"POS             {success}")
     if search.scale is not None:
-        lines.append(f"scale           {_in_metres_and_seconds(frame, search.scale)}")
+        cell, step = search.scale.metres_per_cell, search.scale.seconds_per_step
+        lines.append(f"scale           cells of {cell:g} m, steps of {step:.3g} s")
     return lines
 
 
-def _searched(frame: Frame) -> Iterator[Cell]:
-    return itertools.compress(frame.drones, frame.searching)
-
-
-def _in_metres_and_seconds(frame: Frame, scale: Scale) -> str:
-    """The size of the grid and the length of the search."""
-    side = scale.metres(frame.grid_size) / 1000
-    minutes = scale.seconds(frame.step) / 60
-    return (
-        f"{frame.grid_size} x {frame.grid_size} cells of {scale.metres_per_cell:g} m are "
-        f"{side:.3g} km x {side:.3g} km; {frame.step} steps of {scale.seconds_per_step:.3g} s are "
-        f"{minutes:.3g} min"
-    )
-
-
-# The command.
-
-
-def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Play with these options, and print summaries."""
-    try:
-        checks.real("fps", options.fps, FPS_LEAST, FPS_MOST)
-        with printed_warnings():
-            search = search_of(options)
-        episode = _Episode(search, options.policy, options.seed, hide_persons=options.hide_person)
-    except FileNotFoundError:
-        parser.error(f"argument --policy: there is no file {options.policy!r}")
-    except (TypeError, ValueError) as error:
-        parser.error(message_on_option(str(error)))
-    if options.search is not None:
-        print(textwrap.fill(f"{search.name}: {search.reason}", TEXT_WIDTH) + "\n", flush=True)
-    if not (options.record or options.text) and _play_in_window(parser, search, options):
-        return 0
-    frames = []
-
-    def seen() -> Iterator[Frame]:
-        for frame in episode.frames():
-            frames.append(frame)
-            yield frame
-
-    if options.record:
-        _record(parser, seen(), options, search)
-    else:
-        terminal.show(seen(), options.fps)
-    lines = _summary(search, options.seed, options.policy, frames)
-    print("\n".join(lines), flush=True)
-    return 0
-
-
-def _painter(grid_size: int, options: argparse.Namespace, view: str = "matrix") -> Painter:
-    from DroneSwarmSearch.rendering.painter import Painter
-
-    return Painter(
-        grid_size,
-        render_grid=options.grid,
-        render_gradient=options.gradient,
-        palette=options.palette,
-        view=view,
-    )
+def _look(options: argparse.Namespace) -> Look:
+    return Look(grid=not options.no_grid, gradient=not options.no_gradient)
 
 
 def _record(
-    parser: argparse.ArgumentParser,
-    frames: Iterator[Frame],
-    options: argparse.Namespace,
-    search: NamedSearch,
+    parser: argparse.ArgumentParser, options: argparse.Namespace, episode: _Episode
 ) -> None:
-    path: Path = options.record
-    limit = search.scenario.timestep_limit
-    print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
-    painter = _painter(search.scenario.grid_size, options)
+    from DroneSwarmSearch.rendering.painter import Painter
+
+    path, first = options.record, episode.frame
+    print(f"recording to {path}, at most {first.timestep_limit} steps ...", file=sys.stderr)
+    painter = Painter(first.grid_size, _look(options))
     try:
-        write_video(path, painter, frames, fps=options.fps, hold=HOLD_VIDEO)
-    except ImportError as error:
-        parser.error(str(error))
+        write_video(path, painter, episode.frames(), fps=options.fps, hold=HOLD_VIDEO)
+    except (ImportError, ValueError) as error:
+        parser.error(f"argument --record: {error}")
     except OSError as error:
         parser.exit(1, f"cannot write {path}: {error.strerror or error}\n")
 
@@ -283,7 +225,7 @@ def _record(
 
 
 def _play_in_window(
-    parser: argparse.ArgumentParser, search: NamedSearch, options: argparse.Namespace
+    parser: argparse.ArgumentParser, options: argparse.Namespace, search: NamedSearch
 ) -> bool:
     """Play in a window until the user closes it.
 
@@ -292,10 +234,7 @@ def _play_in_window(
     """
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
-    def painter(view: str) -> Painter:
-        return _painter(search.scenario.grid_size, options, view)
-
-    window = PlayerWindow(painter, title=TITLE)
+    window = PlayerWindow(search.scenario.grid_size, _look(options), title=TITLE)
     try:
         window.open()
     except RuntimeError as error:
@@ -304,9 +243,6 @@ def _play_in_window(
             parser.error(f"--manual needs a display, and no window can be opened ({reason})")
         print(f"no window can be opened ({reason}): showing text", file=sys.stderr)
         return False
-    if options.manual and window.is_hidden:
-        window.close()
-        parser.error("--manual needs a display, and SDL_VIDEODRIVER names one that shows nothing")
     with window:
         performances = _Performances(search, options)
         player = Player(performances.begin, seed=options.seed, fps=options.fps)
@@ -333,14 +269,10 @@ class _Performances:
         if self._recording is not None and self._recording.end_was_seen:
             self.report("")
             print()
-        options = self._options
-        label = f"you and {options.policy}" if options.manual else options.policy
-        episode = _Episode(
-            self._search, options.policy, seed, label=label, hide_persons=options.hide_person
-        )
-        title = f"{self._search.name}, {label}, "
-        if options.manual:
-            rivals = self._rivals if options.hide_person else list
+        episode = _Episode(self._search, self._options, seed)
+        title = f"{self._search.name}, {episode.label}, "
+        if self._options.manual:
+            rivals = self._rivals if self._options.hide_person else list
             self._recording = Flight(episode.frame, episode.step, title, rivals)
         else:
             self._recording = Recording(episode.frames(), title)
@@ -349,10 +281,8 @@ class _Performances:
 
     def _rivals(self) -> list[Score]:
         """The results of the policies in the search that was flown."""
-        return [
-            Score(name, list(_Episode(self._search, name, self._seed).frames())[-1])
-            for name in RIVALS
-        ]
+        episodes = [_Episode(self._search, self._options, self._seed, name) for name in RIVALS]
+        return [Score(each.label, list(each.frames())[-1]) for each in episodes]
 
     def report(self, stopped: str) -> None:
         """Print what was seen of the last episode.
@@ -366,9 +296,8 @@ class _Performances:
         policy = options.policy
         if options.manual:
             policy = f"you fly drone 0, {policy} the others"
-        seen = recording.frames[: recording.seen + 1]
-        lines = _summary(self._search, self._seed, policy, seen, stopped)
-        print("\n".join(lines), flush=True)
+        seen = recording.frames[recording.seen]
+        print("\n".join(_summary(self._search, self._seed, policy, seen, stopped)), flush=True)
         if not (options.manual and recording.end_was_seen):
             return
         if options.hide_person:

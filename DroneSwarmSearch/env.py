@@ -29,7 +29,7 @@ from DroneSwarmSearch.drones import Drones
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation, SearchSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
-from DroneSwarmSearch.rendering.palette import PALETTES
+from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.world import WorldState
@@ -168,13 +168,9 @@ class DroneSwarmSearch(SearchSpaces):
         self.render_gradient = checks.boolean("render_gradient", render_gradient)
         checks.choice("palette", palette, tuple(PALETTES))
         self.palette = palette
-        self._display = Display(
-            self._scenario.grid_size,
-            render_grid=self.render_grid,
-            render_gradient=self.render_gradient,
-            palette=self.palette,
-            fps=self.metadata["render_fps"],
-        )
+        look = Look(self.render_grid, self.render_gradient, self.palette)
+        fps = self.metadata["render_fps"]
+        self._display = Display(self._scenario.grid_size, look, fps=fps)
 
         n = self._scenario.n_drones
         self.possible_agents = [f"drone{i}" for i in range(n)]

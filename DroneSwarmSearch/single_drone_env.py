@@ -14,11 +14,16 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.mappings import Infos
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.vector.vector_env import MASKS_IN
-from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards, SeparateFlags
-from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+from DroneSwarmSearch.wrappers import (
+    ActionMask,
+    FlatObservation,
+    LayoutObservation,
+    ScaledRewards,
+    SeparateFlags,
+)
 
 __all__ = ["SingleDroneEnv"]
 

@@ -70,7 +70,7 @@ def gallery() -> None:
 def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
     """The pictures of a video of the gallery."""
     rows = CROP[0]
-    drawing = SearchMap(rows.stop - rows.start, palette="sea", side=WIDTH)
+    drawing = SearchMap(rows.stop - rows.start, palette.Look(palette="sea"), side=WIDTH)
     for frame, _ in play(make(policy, where.scenario), where, seed=0):
         if frame.step % STRIDE and frame.ending is None:
             continue

@@ -37,6 +37,7 @@ from torch import nn
 
 from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
@@ -46,7 +47,6 @@ from DroneSwarmSearch.training.random_searches import (
     held_out_searches,
     mean_success,
 )
-from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""

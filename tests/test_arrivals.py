@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
+from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import (
     BASELINE,
@@ -24,7 +25,6 @@ from DroneSwarmSearch.policies.greedy import (
     claimed_in_turn,
 )
 from DroneSwarmSearch.training import ExpectedSearches
-from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 SIZE, DRONES, STEPS = 9, 3, 6
 TOWARDS = {Action.RIGHT: (1, 0), Action.DOWN: (0, 1), Action.LEFT: (-1, 0), Action.UP: (0, -1)}

@@ -23,17 +23,13 @@ from DroneSwarmSearch import (
     Scenario,
 )
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
-    CropsObservation,
-    DictObservation,
     FlatObservation,
-    OtherDrones,
-    PlanesObservation,
     ScaledRewards,
 )
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -542,12 +538,6 @@ def forecast_of(grid_size):
         ),
         ("grid_size", lambda: forecast_of(4100)),
         ("n_drones", lambda: DroneSwarmSearch(1000, n_drones=10**6)),
-        ("grid_size", lambda: FlatObservation(DroneSwarmSearch(2800))),
-        ("grid_size", lambda: PlanesObservation(DroneSwarmSearch(1400))),
-        ("grid_size", lambda: DictObservation(DroneSwarmSearch(700, n_drones=30))),
-        ("n_drones", lambda: FlatObservation(DroneSwarmSearch(200, n_drones=4000))),
-        ("n_drones", lambda: OtherDrones(DroneSwarmSearch(200, n_drones=4000))),
-        ("n_drones", lambda: CropsObservation(DroneSwarmSearch(200, n_drones=10**4))),
         ("grid_size", lambda: action_masks([0], 2000)),
         ("grid_size", lambda: make("random", DroneSwarmSearch(2000).scenario)),
     ],

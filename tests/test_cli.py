@@ -442,7 +442,7 @@ def test_a_closed_pipe_ends_the_command_quietly(own):
         "evaluate --list",
         "evaluate random pond --episodes 2",
         "export pond --policies random --out {folder}/a.json",
-        "play pond --text --timestep-limit 2",
+        "play pond --text",
     ],
 )
 def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered, tmp_path):

@@ -8,7 +8,7 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
+from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
 

@@ -259,8 +259,6 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     arguments = list(command.arguments)
     if command.needs_ray:
         skip_without("ray")
-    elif command.script == "basic_env.py":
-        arguments += ["--timestep-limit", "20"]
     elif command.script == "examples/random_searches.py":
         arguments += ["--seed", "1"]  # a small search
     for option, most in MOST.items():

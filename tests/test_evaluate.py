@@ -43,14 +43,14 @@ from DroneSwarmSearch.evaluation import (
 from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run_folder import RunFolder
+from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import GreedyPolicy
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 DEFAULT_WEIGHTS = str(DEFAULT_WEIGHTS_PATH)
 

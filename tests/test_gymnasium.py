@@ -23,9 +23,9 @@ from helpers import plain
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.single_drone_env import SingleDroneEnv
 from DroneSwarmSearch.vector import DroneVectorEnv
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
 
 ID = "DroneSwarmSearch-v0"
 

@@ -12,20 +12,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from layouts_by_hand import TOP_CELLS, drone_by_hand, swarm_by_hand, top_cells
 
-from DroneSwarmSearch.wrappers.layout import (
-    mark,
-    own_first,
-    scaled_matrices,
-    scaled_positions,
-)
-from DroneSwarmSearch.wrappers.layouts import (
+from DroneSwarmSearch.layouts import (
     JOINT_LAYOUTS,
     LAYOUTS,
     Layout,
     StackedLayout,
     remaining_time_fraction,
 )
-from DroneSwarmSearch.wrappers.top_cells import TopCellsLayout, likeliest_cells
+from DroneSwarmSearch.layouts.layout import (
+    mark,
+    own_first,
+    scaled_matrices,
+    scaled_positions,
+)
+from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
 
 BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.wrappers.masks import action_masks, choose_in_turn
+from DroneSwarmSearch.layouts.masks import action_masks, choose_in_turn
 
 Cell = tuple[int, int]
 

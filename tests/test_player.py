@@ -318,25 +318,10 @@ class TestFlying:
         player.press("space")
         player.advance(0.2)
         assert step_of(player) == 1
+        player.press("end")
+        player.press("space")
+        assert player.is_at_end, "whoever still searches sees the result"
         assert len(actions) == LAST
-
-    def test_a_key_pressed_as_the_flight_ends_does_not_leave_the_result(
-        self, player: Player
-    ) -> None:
-        for _ in range(LAST + 1):
-            player.press("space")
-        player.advance(0.5)
-        for key in ("space", "down", "left"):
-            player.press(key)
-        assert player.is_at_end
-        assert player.speed == 1
-        for _ in range(12):  # longer than the pause after a flight
-            player.advance(0.1)
-            player.press("space", repeated=True)
-        assert player.is_at_end
-        player.advance(1)
-        player.press("left")
-        assert step_of(player) == LAST - 1
 
     def test_the_keys_on_the_screen_follow_the_flight(self, player: Player) -> None:
         assert "search" in [each.meaning for each in player.keys]

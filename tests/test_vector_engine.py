@@ -40,8 +40,8 @@ from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.persons import Drift
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.vector import SearchBatch, beliefs
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 # A batch, and a single environment for each of its rows.
 

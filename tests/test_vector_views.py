@@ -25,10 +25,10 @@ from layouts_by_hand import drone_by_hand, swarm_by_hand
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
 MODES = list(AutoresetMode)

@@ -23,6 +23,7 @@ import DroneSwarmSearch.wrappers as all_wrappers
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.mappings import Infos, Rewards
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
@@ -35,7 +36,6 @@ from DroneSwarmSearch.wrappers import (
     SeparateFlags,
     TopCellsObservation,
 )
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 with warnings.catch_warnings():
     # PettingZoo's tests import one of its environments in a deprecated way.

@@ -39,10 +39,9 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.wrappers import ActionMask, ScaledRewards
-from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+from DroneSwarmSearch.wrappers import ActionMask, LayoutObservation, ScaledRewards
 
 __all__ = ["DroneBatch", "MaskedPPOModule", "SwarmEnv", "log_success", "logits"]
 

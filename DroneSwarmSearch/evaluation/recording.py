@@ -16,6 +16,7 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 
 __all__ = ["Video", "play", "record"]
@@ -92,7 +93,7 @@ def record(
     first = checks.integer("seed", seed, 0)
     made = spec.make(where.scenario)
     title = f"{spec.name} searching {where.name}, seed {seed}"
-    painter = Painter(where.scenario.grid_size, render_grid=True, view="both")
+    painter = Painter(where.scenario.grid_size, Look(grid=True), view="both")
     last: list[Frame] = []
 
     def frames() -> Iterator[Frame]:

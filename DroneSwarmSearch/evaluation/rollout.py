@@ -17,12 +17,12 @@ from DroneSwarmSearch._internal.grid import grid_of
 from DroneSwarmSearch.evaluation.episodes import Coverage, Episodes, Reliability
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.layouts.masks import swarm_masks
 from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
-from DroneSwarmSearch.wrappers.masks import swarm_masks
 
 __all__ = ["PolicyLike", "Stage", "play", "reset_policy", "stage_of"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
+from DroneSwarmSearch.layouts import LAYOUTS
 
 __all__ = ["FORMS", "View"]
 

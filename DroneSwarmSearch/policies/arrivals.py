@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
 from DroneSwarmSearch.policies.greedy import (
     CLAIMED,
     DISCOUNT,
@@ -27,7 +28,6 @@ from DroneSwarmSearch.policies.greedy import (
     worthwhile,
 )
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.wrappers.crops import LENGTH, SCALES, WINDOW, CropsLayout
 
 __all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
@@ -27,7 +28,6 @@ from DroneSwarmSearch.policies.planned import (
 )
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
-from DroneSwarmSearch.wrappers.masks import choose_in_turn
 
 __all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.rendering.palette import CLASSIC, PAPER, Look
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -23,11 +24,11 @@ class Display:
 
     Args:
         grid_size: cells along each side of the grid.
+        look: how the cells are drawn.
         fps: frames per second at most in the window.
-        look: `render_grid`, `render_gradient` and `palette`, see `Painter`.
     """
 
-    def __init__(self, grid_size: int, *, fps: float, **look: Any) -> None:
+    def __init__(self, grid_size: int, look: Look = CLASSIC, *, fps: float) -> None:
         self._grid_size = grid_size
         self._look = look
         self._fps = fps
@@ -37,7 +38,7 @@ class Display:
     def _painter(self) -> Painter:
         from DroneSwarmSearch.rendering.painter import Painter
 
-        return Painter(self._grid_size, **self._look)
+        return Painter(self._grid_size, self._look)
 
     @cached_property
     def _window(self) -> Window:
@@ -106,7 +107,6 @@ class Display:
             RuntimeError: no window can be opened, or it failed.
         """
         from DroneSwarmSearch.rendering._pygame import pygame
-        from DroneSwarmSearch.rendering.palette import PAPER
         from DroneSwarmSearch.rendering.window import fitted
 
         if self._is_dismissed:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.labels import percent
-from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE
+from DroneSwarmSearch.rendering.palette import CLASSIC, GREY, INK, PAPER, WHITE, Look
 from DroneSwarmSearch.rendering.panel import Panel
 from DroneSwarmSearch.rendering.search_map import (
     BOTTOM,
@@ -47,35 +47,14 @@ class Painter:
 
     Args:
         grid_size: cells along each side.
-        render_grid: draw lines between the cells.
-        render_gradient: colour the cells smoothly; otherwise in three colours.
-        palette: the colours of the cells, a name in `palette.PALETTES`.
+        look: how the cells are drawn.
         view: a key of `SIDES`.
     """
 
-    def __init__(
-        self,
-        grid_size: int,
-        *,
-        render_grid: bool = False,
-        render_gradient: bool = True,
-        palette: str = "classic",
-        view: str = "matrix",
-    ) -> None:
+    def __init__(self, grid_size: int, look: Look = CLASSIC, *, view: str = "matrix") -> None:
         self._view = view
-        self._map = SearchMap(
-            grid_size,
-            render_grid=render_grid,
-            render_gradient=render_gradient,
-            palette=palette,
-            side=SIDES[view],
-        )
-        self._panel = Panel(
-            symbol=self._map.symbol,
-            gradient=render_gradient,
-            palette=palette,
-            least_height=self._map.side,
-        )
+        self._map = SearchMap(grid_size, look, side=SIDES[view])
+        self._panel = Panel(look, symbol=self._map.symbol, least_height=self._map.side)
         width, height = self._map.size
         lefts = [0] if view == "matrix" else [0, width]
         self._map_areas = [pygame.Rect(left, HEAD, width, height) for left in lefts]

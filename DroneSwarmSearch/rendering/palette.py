@@ -8,7 +8,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PALETTES", "Colour", "Palette", "readable_on", "shades"]
+__all__ = [
+    "CLASSIC",
+    "PALETTES",
+    "Colour",
+    "Look",
+    "Palette",
+    "readable_on",
+    "shares_of_maximum",
+]
 
 Colour = tuple[int, int, int]
 
@@ -94,18 +102,36 @@ def shares_of_maximum(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     return matrix / top if top > 0.0 else np.zeros_like(matrix)
 
 
-def shades(matrix: NDArray[np.float32], gradient: bool) -> NDArray[np.intp]:
-    """The shade of each cell, as an index into a ramp.
+@dataclass(frozen=True)
+class Look:
+    """How the cells of a map are drawn.
 
-    Args:
-        matrix: probabilities, of any shape.
-        gradient: use every shade; otherwise only the first, the middle and the last.
+    Attributes:
+        grid: with lines between them.
+        gradient: in smooth colours; otherwise in three.
+        palette: a name in `PALETTES`.
     """
-    shares = shares_of_maximum(matrix)
-    if gradient:
-        return np.rint(shares * (N_SHADES - 1)).astype(np.intp)
-    third = (shares >= MIDDLE_FROM).astype(np.intp) + (shares >= HIGH_FROM)
-    return third * (N_SHADES // 2)
+
+    grid: bool = False
+    gradient: bool = True
+    palette: str = "classic"
+
+    def colours(self, matrix: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """The colours of probabilities; shape (*matrix.shape, 3)."""
+        shares = shares_of_maximum(matrix)
+        if self.gradient:
+            shades = np.rint(shares * (N_SHADES - 1)).astype(np.intp)
+        else:
+            third = (shares >= MIDDLE_FROM).astype(np.intp) + (shares >= HIGH_FROM)
+            shades = third * (N_SHADES // 2)
+        return PALETTES[self.palette].ramp[shades]
+
+    def drone(self, number: int) -> Colour:
+        """The colour of a drone."""
+        return PALETTES[self.palette].drone(number)
+
+
+CLASSIC = Look()
 
 
 def readable_on(background: Colour) -> Colour:

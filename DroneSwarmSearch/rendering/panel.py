@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,11 +17,10 @@ from DroneSwarmSearch.rendering.palette import (
     INK,
     MIDDLE_FROM,
     N_SHADES,
-    PALETTES,
     PROGRESS,
     PROGRESS_LIGHT,
+    Look,
     readable_on,
-    shades,
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
@@ -34,16 +32,12 @@ HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42
 """Font sizes."""
 
 PROGRESS_TOP, PROGRESS_HEIGHT = 54, 7
-FOUND_TOP = 92
-SUCCESS_TOP = 144
-DRIFT_TOP = 160
-SCALE_TOP = 272
-SYMBOLS_TOP = 360
-FOOT_TOP = 504
-"""Distances from the upper edge in pixels; see also `Sections`."""
+RESULTS_TOP, SUCCESS_TOP = 92, 144
+"""Distances from the upper edge, of results and of the probability of success below them."""
 
+RESULTS_HEIGHT, DRIFT_HEIGHT, SCALE_SECTION, SYMBOLS_HEIGHT = 68, 112, 88, 144
 SUCCESS_HEIGHT, RETURN_HEIGHT = 36, 24
-"""Of the probability of success, where it is below the persons found, and of the return."""
+"""Of the sections, and of the lines that some searches add to the results."""
 
 HYPOTHESES_HEAD = 44
 HYPOTHESES_ROW = 22
@@ -72,219 +66,82 @@ WEIGHT_GAP_FROM = 4
 """Parts of a bar at least this wide have a gap between them."""
 
 
-class Sections(NamedTuple):
-    """The sections of the panel that depend on the search, the same for all its frames.
-
-    Attributes:
-        persons: whether there are persons to find.
-        success: whether the probability of success is known.
-        returns: whether the return is known.
-        rows: lines with hypotheses.
-    """
-
-    persons: bool
-    success: bool
-    returns: bool
-    rows: int
-
-    @property
-    def success_below(self) -> bool:
-        """Whether the probability of success is below the persons found."""
-        return self.persons and self.success
-
-    @property
-    def return_top(self) -> int:
-        return SUCCESS_TOP + (SUCCESS_HEIGHT if self.success_below else 0)
-
-    @property
-    def shift(self) -> int:
-        """How far the sections below the results move down."""
-        return self.return_top - SUCCESS_TOP + (RETURN_HEIGHT if self.returns else 0)
-
-    @property
-    def hypotheses_top(self) -> int:
-        return FOOT_TOP + self.shift
-
-    @property
-    def drones_top(self) -> int:
-        height = HYPOTHESES_HEAD + HYPOTHESES_ROW * self.rows if self.rows else 0
-        return self.hypotheses_top + height
-
-
 class Panel:
     """Draws the panel on surfaces of its `size`.
 
     Args:
+        look: how the cells of the map are drawn.
         symbol: side of a drone on the map in pixels; the legend shows it at this size.
-        gradient: whether cells are coloured smoothly.
-        palette: a name in `PALETTES`.
         least_height: in pixels.
 
     Attributes:
         size: width and height in pixels.
     """
 
-    def __init__(self, *, symbol: int, gradient: bool, palette: str, least_height: int) -> None:
+    def __init__(self, look: Look, *, symbol: int, least_height: int) -> None:
         self.size = WIDTH, max(least_height, LEAST_HEIGHT)
         self._symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
-        self._gradient = gradient
-        self._palette = PALETTES[palette]
-
-    def _sections(self, frame: Frame) -> Sections:
-        success, returns = frame.probability_of_success, frame.total_return
-        sections = Sections(bool(frame.persons), success is not None, returns is not None, 0)
-        room = self.size[1] - sections.hypotheses_top - HYPOTHESES_HEAD - DRONES_LEAST
-        most = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW)
-        return sections._replace(rows=min(len(frame.uncertain_persons), most))
+        self._look = look
 
     def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """Draw the headings, and the values of a frame."""
-        sections = self._sections(frame)
-        self._draw_fixed(canvas, sections)
-        self._draw_step(canvas, frame)
-        if sections.persons:
-            self._draw_found(canvas, frame)
-        if frame.probability_of_success is not None:
-            self._draw_success(canvas, frame.probability_of_success, below=sections.persons)
-        if frame.total_return is not None:
-            text = _return(frame.total_return)
-            write(canvas, text, BODY, INK, topright=(WIDTH, sections.return_top - 2))
-        self._draw_drift(canvas, frame.vector, DRIFT_TOP + sections.shift)
-        self._draw_limits(canvas, float(frame.matrix.max()), SCALE_TOP + sections.shift)
-        if sections.rows:
-            self._draw_hypotheses(canvas, frame, sections)
-        self._draw_drones(canvas, len(frame.drones), sections.drones_top)
+        """Draw all sections, one below the other."""
+        _draw_step(canvas, frame)
+        top = RESULTS_TOP + _draw_results(canvas, frame)
+        _draw_drift(canvas, frame.vector, top)
+        top += DRIFT_HEIGHT
+        self._draw_scale(canvas, float(frame.matrix.max()), top)
+        top += SCALE_SECTION
+        self._draw_symbols(canvas, top, bool(frame.persons))
+        top += SYMBOLS_HEIGHT
+        room = self.size[1] - top - HYPOTHESES_HEAD - DRONES_LEAST
+        rows = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW, len(frame.uncertain_persons))
+        if rows:
+            _draw_hypotheses(canvas, frame, rows, top)
+            top += HYPOTHESES_HEAD + HYPOTHESES_ROW * rows
+        self._draw_drones(canvas, len(frame.drones), top)
 
-    def _draw_fixed(self, canvas: pygame.Surface, sections: Sections) -> None:
-        """Draw headings, colour scale and symbols, which are the same for every frame."""
-        write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
-        shift = sections.shift
-        headings = [
-            ("PERSONS FOUND" if sections.persons else "PROBABILITY OF SUCCESS", FOUND_TOP),
-            ("DRIFT, CELLS PER STEP", DRIFT_TOP + shift),
-            ("PROBABILITY OF A CELL, %", SCALE_TOP + shift),
-            ("SYMBOLS", SYMBOLS_TOP + shift),
-            ("DRONES", sections.drones_top),
-        ]
-        if sections.rows:
-            headings.append(("HYPOTHESES", sections.hypotheses_top))
-        for heading, top in headings:
-            pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
-            write(canvas, heading, HEADING, GREY, topleft=(0, top))
-        if sections.success_below:
-            write(canvas, "PROBABILITY OF SUCCESS", HEADING, GREY, topleft=(0, SUCCESS_TOP))
-        if sections.returns:
-            write(canvas, "RETURN", HEADING, GREY, topleft=(0, sections.return_top))
-        shares = np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32)
-        colours = self._palette.ramp[shades(shares, self._gradient)]
+    def _draw_scale(self, canvas: pygame.Surface, maximum: float, top: int) -> None:
+        """The colours, and the probabilities at their limits."""
+        _heading(canvas, "PROBABILITY OF A CELL, %", top)
+        colours = self._look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
         bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
-        place = pygame.Rect(0, SCALE_TOP + shift + 22, WIDTH, SCALE_HEIGHT)
+        place = pygame.Rect(0, top + 22, WIDTH, SCALE_HEIGHT)
         canvas.blit(pygame.transform.scale(bar, place.size), place)
         pygame.draw.rect(canvas, INK, place, width=1)
-        self._draw_symbols(canvas, sections)
-
-    def _draw_symbols(self, canvas: pygame.Surface, sections: Sections) -> None:
-        side, colour, half = self._symbol, self._palette.drone(0), WIDTH // 2
-        drone, small = sprites.drone(side, colour), sprites.drone(side - 4, colour)
-        images = {
-            "drone": (drone,),
-            "searching": (sprites.search_ring(SYMBOL_MOST + 4), small),
-            "collision": (sprites.collision(SYMBOL_MOST + 6), small),
-            "person": (sprites.person(side),),
-            "found": (sprites.found(side, colour),),
-        }
-        symbols = [(0, 0, "drone", "drone"), (half, 0, "searching", "searching")]
-        if sections.persons:
-            symbols += [
-                (0, 1, "person", "person"),
-                (half, 1, "collision", "collision"),
-                (0, 2, "found", "found, in the drone's colour"),
-            ]
-        else:
-            symbols.append((0, 1, "collision", "collision"))
-        for left, row, name, meaning in symbols:
-            middle = SYMBOLS_TOP + sections.shift + 36 + row * SYMBOL_ROW
-            for image in images[name]:
-                canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
-            write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
-
-    def _draw_step(self, canvas: pygame.Surface, frame: Frame) -> None:
-        _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
-        _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), PROGRESS_TOP)
-
-    def _draw_found(self, canvas: pygame.Surface, frame: Frame) -> None:
-        _write_ratio(canvas, sum(frame.found), len(frame.persons), FOUND_TOP + 18, LARGE - 8)
-        finders = sorted({drone for drone in frame.found_by if drone is not None})
-        if finders:
-            names = ", ".join(map(str, finders[:FINDERS_NAMED]))
-            more = ", ..." if len(finders) > FINDERS_NAMED else ""
-            noun = "drones" if len(finders) > 1 else "drone"
-            text = f"by {noun} {names}{more}"
-            write(canvas, text, SMALL, INK, topright=(WIDTH, FOUND_TOP + 25))
-
-    def _draw_success(self, canvas: pygame.Surface, probability: float, *, below: bool) -> None:
-        """The probability of success: below the persons found, or in their place."""
-        text = f"{probability:.1%}"
-        if below:
-            write(canvas, text, BODY, INK, topright=(WIDTH, SUCCESS_TOP - 2))
-            _draw_progress(canvas, probability, SUCCESS_TOP + 18)
-        else:
-            write(canvas, text, LARGE - 8, INK, topleft=(0, FOUND_TOP + 18))
-
-    def _draw_drift(self, canvas: pygame.Surface, vector: tuple[float, float], top: int) -> None:
-        top += 22
-        canvas.blit(sprites.compass(COMPASS, vector), (0, top))
-        left = COMPASS + 22
-        for name, value, middle in (
-            ("x", vector[0], top + COMPASS // 2 - 13),
-            ("y", vector[1], top + COMPASS // 2 + 13),
-        ):
-            write(canvas, name, BODY, GREY, midleft=(left, middle))
-            write(
-                canvas,
-                signed(value).replace("-", "\N{MINUS SIGN}"),
-                BODY + 4,
-                INK,
-                midleft=(left + 22, middle),
-            )
-
-    def _draw_limits(self, canvas: pygame.Surface, maximum: float, top: int) -> None:
-        """The probabilities at the limits of the colour scale."""
-        limits = (0.0, 0.5, 1.0) if self._gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
-        foot = top + 22 + SCALE_HEIGHT
+        limits = (0.0, 0.5, 1.0) if self._look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
         room = WIDTH
         for share in reversed(limits):
             at = min(round(share * WIDTH), WIDTH - 1)
-            pygame.draw.line(canvas, INK, (at, foot), (at, foot + 3))
+            pygame.draw.line(canvas, INK, (at, place.bottom), (at, place.bottom + 3))
             label = text_line(_percentage(share * maximum), SMALL, INK)
             width = label.get_width()
             left = max(0, min(at - width // 2, room - width))
-            canvas.blit(label, (left, foot + 7))
+            canvas.blit(label, (left, place.bottom + 7))
             room = left - LABEL_GAP
 
-    def _draw_hypotheses(self, canvas: pygame.Surface, frame: Frame, sections: Sections) -> None:
-        """The probabilities of the hypotheses about the persons, as many persons as fit."""
-        top = sections.hypotheses_top
-        if len(frame.hypotheses) == 1:
-            (weights,) = frame.hypotheses
-            write(canvas, f"{len(weights)}", HEADING, GREY, topright=(WIDTH, top))
-            _draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
-            return
-        persons = frame.shown_uncertain_persons
-        if len(persons) > sections.rows:
-            text = f"and {len(persons) - sections.rows} more"
-            write(canvas, text, HEADING, GREY, topright=(WIDTH, top))
-        before, behind = WEIGHTS_ROOM
-        bar = pygame.Rect(before, top + 20, WIDTH - before - behind, WEIGHTS_HEIGHT)
-        for person in persons[: sections.rows]:
-            weights = frame.hypotheses[person]
-            write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
-            write(canvas, f"{len(weights)}", SMALL, GREY, midright=(WIDTH, bar.centery))
-            _draw_weights(canvas, weights, bar)
-            bar.move_ip(0, HYPOTHESES_ROW)
+    def _draw_symbols(self, canvas: pygame.Surface, top: int, persons: bool) -> None:
+        """The legend of the map."""
+        _heading(canvas, "SYMBOLS", top)
+        side, colour, half = self._symbol, self._look.drone(0), WIDTH // 2
+        small = sprites.drone(side - 4, colour)
+        symbols = [
+            (0, 0, "drone", (sprites.drone(side, colour),)),
+            (half, 0, "searching", (sprites.search_ring(SYMBOL_MOST + 4), small)),
+            (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL_MOST + 6), small)),
+        ]
+        if persons:
+            found = (sprites.found(side, colour),)
+            symbols.append((0, 1, "person", (sprites.person(side),)))
+            symbols.append((0, 2, "found, in the drone's colour", found))
+        for left, row, meaning, images in symbols:
+            middle = top + 36 + row * SYMBOL_ROW
+            for image in images:
+                canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
+            write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
 
     def _draw_drones(self, canvas: pygame.Surface, drones: int, top: int) -> None:
         """The drones' colours and numbers, as many as fit."""
+        _heading(canvas, "DRONES", top)
         write(canvas, f"{drones}", HEADING, GREY, topright=(WIDTH, top))
         rows = (self.size[1] - top - 22) // DRONE_ROW
         shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
@@ -292,12 +149,88 @@ class Panel:
             row, column = divmod(number, DRONE_COLUMNS)
             middle = top + 34 + row * DRONE_ROW
             left = column * WIDTH // DRONE_COLUMNS
-            image = sprites.drone(min(self._symbol, DRONE_SYMBOL), self._palette.drone(number))
+            image = sprites.drone(min(self._symbol, DRONE_SYMBOL), self._look.drone(number))
             canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
             write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
         if shown < drones:
             middle = top + 34 + (rows - 1) * DRONE_ROW
             write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
+
+
+def _heading(canvas: pygame.Surface, text: str, top: int) -> None:
+    """The heading of a section, below a line."""
+    pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
+    write(canvas, text, HEADING, GREY, topleft=(0, top))
+
+
+def _draw_step(canvas: pygame.Surface, frame: Frame) -> None:
+    write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
+    _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
+    _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), PROGRESS_TOP)
+
+
+def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
+    """Persons found, probability of success and return; returns the height of the section."""
+    success, bottom = frame.probability_of_success, RESULTS_TOP + RESULTS_HEIGHT
+    if frame.persons:
+        _heading(canvas, "PERSONS FOUND", RESULTS_TOP)
+        _draw_found(canvas, frame)
+        if success is not None:
+            write(canvas, "PROBABILITY OF SUCCESS", HEADING, GREY, topleft=(0, SUCCESS_TOP))
+            write(canvas, f"{success:.1%}", BODY, INK, topright=(WIDTH, SUCCESS_TOP - 2))
+            _draw_progress(canvas, success, SUCCESS_TOP + 18)
+            bottom += SUCCESS_HEIGHT
+    else:
+        _heading(canvas, "PROBABILITY OF SUCCESS", RESULTS_TOP)
+        if success is not None:
+            write(canvas, f"{success:.1%}", LARGE - 8, INK, topleft=(0, RESULTS_TOP + 18))
+    if frame.total_return is not None:
+        top = bottom - RULE_ABOVE
+        write(canvas, "RETURN", HEADING, GREY, topleft=(0, top))
+        write(canvas, _return(frame.total_return), BODY, INK, topright=(WIDTH, top - 2))
+        bottom += RETURN_HEIGHT
+    return bottom - RESULTS_TOP
+
+
+def _draw_found(canvas: pygame.Surface, frame: Frame) -> None:
+    _write_ratio(canvas, sum(frame.found), len(frame.persons), RESULTS_TOP + 18, LARGE - 8)
+    finders = sorted({drone for drone in frame.found_by if drone is not None})
+    if finders:
+        names = ", ".join(map(str, finders[:FINDERS_NAMED]))
+        more = ", ..." if len(finders) > FINDERS_NAMED else ""
+        text = f"by drone{'s' * (len(finders) > 1)} {names}{more}"
+        write(canvas, text, SMALL, INK, topright=(WIDTH, RESULTS_TOP + 25))
+
+
+def _draw_drift(canvas: pygame.Surface, vector: tuple[float, float], top: int) -> None:
+    _heading(canvas, "DRIFT, CELLS PER STEP", top)
+    canvas.blit(sprites.compass(COMPASS, vector), (0, top + 22))
+    left, middle = COMPASS + 22, top + 22 + COMPASS // 2
+    for name, value, row in (("x", vector[0], middle - 13), ("y", vector[1], middle + 13)):
+        write(canvas, name, BODY, GREY, midleft=(left, row))
+        text = signed(value).replace("-", "\N{MINUS SIGN}")
+        write(canvas, text, BODY + 4, INK, midleft=(left + 22, row))
+
+
+def _draw_hypotheses(canvas: pygame.Surface, frame: Frame, rows: int, top: int) -> None:
+    """The probabilities of the hypotheses about the persons, as many persons as fit."""
+    _heading(canvas, "HYPOTHESES", top)
+    if len(frame.hypotheses) == 1:
+        (weights,) = frame.hypotheses
+        write(canvas, f"{len(weights)}", HEADING, GREY, topright=(WIDTH, top))
+        _draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
+        return
+    persons = frame.shown_uncertain_persons
+    if len(persons) > rows:
+        write(canvas, f"and {len(persons) - rows} more", HEADING, GREY, topright=(WIDTH, top))
+    before, behind = WEIGHTS_ROOM
+    bar = pygame.Rect(before, top + 20, WIDTH - before - behind, WEIGHTS_HEIGHT)
+    for person in persons[:rows]:
+        weights = frame.hypotheses[person]
+        write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
+        write(canvas, f"{len(weights)}", SMALL, GREY, midright=(WIDTH, bar.centery))
+        _draw_weights(canvas, weights, bar)
+        bar.move_ip(0, HYPOTHESES_ROW)
 
 
 def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:

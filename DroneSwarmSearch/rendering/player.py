@@ -37,12 +37,6 @@ HINT_SECONDS = 2.5
 
 YOU = "you (drone 0)"
 
-PAUSE_AFTER_FLIGHT = 1.0
-"""Seconds without the keys of a flight, after its end, until they act again as those of a replay.
-
-The end may come as a surprise: whoever still presses the search key would miss the result.
-"""
-
 FLIGHT_KEYS = {
     **{"left": Action.LEFT, "a": Action.LEFT, "right": Action.RIGHT, "d": Action.RIGHT},
     **{"up": Action.UP, "w": Action.UP, "down": Action.DOWN, "s": Action.DOWN},
@@ -253,7 +247,6 @@ class Player:
         self.seed = seed
         self.recording = self._begin(seed)
         self._was_flown = self.recording.flies
-        self._flight_ended = 0.0 if self._was_flown else math.inf  # seconds since then
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
         self._hint_left = 0.0
@@ -338,8 +331,6 @@ class Player:
         elif self.recording.flies:
             if key in FLIGHT_KEYS:
                 self._fly(FLIGHT_KEYS[key])
-        elif key in FLIGHT_KEYS and self._flight_ended < PAUSE_AFTER_FLIGHT:
-            self._flight_ended = 0.0
         else:
             self._scrub(key)
 
@@ -360,7 +351,8 @@ class Player:
 
     def _scrub(self, key: str) -> None:
         if key == "r" or (key == "space" and self.is_at_end):
-            self._position, self._goal = 0.0, math.inf
+            if not self._was_flown:  # whoever still presses the search key would miss the result
+                self._position, self._goal = 0.0, math.inf
         elif key == "space":
             self._goal = math.ceil(self._position) if self._goal == math.inf else math.inf
         elif key in ("right", "."):
@@ -382,8 +374,6 @@ class Player:
     def advance(self, seconds: float) -> None:
         """Let time pass."""
         self._hint_left -= seconds
-        if self.recording.has_ended:
-            self._flight_ended += seconds
         by_hand = self._was_flown and not self.recording.end_was_seen
         goal = min(math.inf if by_hand else self._goal, len(self.recording.frames) - 1)
         if by_hand or self.is_paused:

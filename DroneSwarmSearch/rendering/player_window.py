@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.painter import Painter
-from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE
+from DroneSwarmSearch.rendering.painter import SIDES, Painter
+from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE, Look
 from DroneSwarmSearch.rendering.player import (
     SCORE_HEADERS,
     KeyHelp,
@@ -43,13 +43,13 @@ class PlayerWindow(Window):
     """Shows a player, and passes it keys and time.
 
     Args:
-        painter: returns the painter for a view of the player.
+        grid_size: cells along each side of the searches.
+        look: how their cells are drawn.
         title: the window's title.
     """
 
-    def __init__(self, painter: Callable[[str], Painter], *, title: str) -> None:
-        self._make_painter = painter
-        self._painters: dict[str, Painter] = {}
+    def __init__(self, grid_size: int, look: Look, *, title: str) -> None:
+        self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
         super().__init__(self._usual_size("matrix"), title=title)
 
     def __enter__(self) -> PlayerWindow:
@@ -58,14 +58,9 @@ class PlayerWindow(Window):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _painter(self, view: str) -> Painter:
-        if view not in self._painters:
-            self._painters[view] = self._make_painter(view)
-        return self._painters[view]
-
     def _usual_size(self, view: str) -> tuple[int, int]:
         """The size of the window in which a view needs no scaling."""
-        width, height = self._painter(view).size
+        width, height = self._painters[view].size
         return width, height + STRIP
 
     def play(self, player: Player) -> str:
@@ -103,26 +98,18 @@ class PlayerWindow(Window):
                 if self.surface.get_size() == size:  # not resized by the user
                     self.resize(self._usual_size(view))
                     size = self.surface.get_size()
-            state = self._state(player)
+            state = player.moment, player.status, player.hint, player.shows_keys
             if state != shown:
                 self._draw(player)
                 shown = state
             seconds = clock.tick(PICTURES_PER_SECOND) / 1000
             player.advance(min(seconds, LONGEST_PAUSE))
 
-    @staticmethod
-    def _state(player: Player) -> object:
-        """Equal as long as the picture need not be drawn again."""
-        return (
-            *(player.recording, player.moment.frame.step, player.moment.progress, player.view),
-            *(player.status, player.hint, player.shows_keys, player.moment.frame.hide_persons),
-        )
-
     # Drawing.
 
     def _draw(self, player: Player) -> None:
         moment = player.moment
-        painter = self._painter(moment.view)
+        painter = self._painters[moment.view]
         picture = painter.paint(moment.frame, previous=moment.previous, progress=moment.progress)
         area = picture.get_rect()
         canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)

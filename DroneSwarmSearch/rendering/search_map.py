@@ -18,16 +18,16 @@ from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.labels import tick_stride
 from DroneSwarmSearch.rendering.palette import (
+    CLASSIC,
     FOUND,
     GREY,
     INK,
     NOT_FOUND,
-    PALETTES,
     PROGRESS,
     WHITE,
     Colour,
+    Look,
     readable_on,
-    shades,
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rules import Ending, is_success
@@ -126,9 +126,7 @@ class SearchMap:
 
     Args:
         grid_size: cells along each side.
-        render_grid: draw lines between the cells.
-        render_gradient: colour the cells smoothly; otherwise in three colours.
-        palette: a name in `PALETTES`.
+        look: how the cells are drawn.
         side: the side of all shown cells together in pixels, about; if the whole grid is
             shown, it is rounded so that a cell has whole pixels.
 
@@ -138,26 +136,19 @@ class SearchMap:
         symbol: side of a drone alone in its cell, in pixels, at the largest scale.
     """
 
-    def __init__(
-        self,
-        grid_size: int,
-        *,
-        render_grid: bool = False,
-        render_gradient: bool = True,
-        palette: str = "classic",
-        side: int = 720,
-    ) -> None:
+    def __init__(self, grid_size: int, look: Look = CLASSIC, *, side: int = 720) -> None:
         self._grid_size = grid_size
-        self._render_grid = render_grid
-        self._render_gradient = render_gradient
-        self._palette = PALETTES[palette]
-        self._whole = Part(0.0, 0.0, grid_size)
+        self._look = look
         self.side = side
         if grid_size <= WHOLE_MOST:
             self.side = grid_size * max(1, round(side / grid_size))
         self.size = LEFT + self.side + RIGHT, TOP + self.side + BOTTOM
         finest = self.side / min(grid_size, PART_LEAST)
         self.symbol = _symbol_side(SYMBOL_SHARE, finest, DRONE_LEAST)
+        # Of the picture that is being drawn.
+        self._canvas: pygame.Surface
+        self._part: Part
+        self._pitch: float  # the side of a cell in pixels
 
     def draw(
         self,
@@ -174,26 +165,34 @@ class SearchMap:
             frame: a frame of this grid size.
             towards: the next frame, to draw drones and persons on their way.
             progress: the part of the way that lies behind them, 0 to 1.
-
-        Raises:
-            ValueError: a frame is of another grid size.
         """
-        for each in (frame, towards):
-            if each is not None and each.grid_size != self._grid_size:
-                raise ValueError(
-                    f"this painter draws grids of size {self._grid_size},"
-                    f" got a frame of size {each.grid_size}"
-                )
-        part = self._part(frame)
+        self._canvas, self._part = canvas, self._part_of(frame)
         if towards is not None:
-            part = part.towards(self._part(towards), progress)
-        _Drawing(self, canvas, part).draw(frame, towards, progress)
+            self._part = self._part.towards(self._part_of(towards), progress)
+        self._pitch = self.side / self._part.cells
+        self._draw_coordinates()
+        canvas.set_clip((LEFT, TOP, self.side, self.side))
+        self._draw_cells(frame.matrix)
+        if self._look.grid:
+            self._draw_lines()
+        end = frame if towards is None or progress == 0.0 else towards
+        drones = _on_the_way(frame.drones, end.drones, progress)
+        persons = _on_the_way(frame.persons, end.persons, progress)
+        self._draw_trails(frame, drones)
+        self._draw_searched(frame)
+        canvas.set_clip((LEFT - 2, TOP - 2, self.side + 4, self.side + 4))
+        self._draw_symbols(frame, drones, persons, end)
+        if self._part.cells < self._grid_size:
+            self._draw_overview(frame)
+        canvas.set_clip(None)
+        if frame.ending is not None:
+            self._draw_frame(outcome_colour(frame), FRAME_WIDTH)
 
-    def _part(self, frame: Frame) -> Part:
+    def _part_of(self, frame: Frame) -> Part:
         """The part of the grid that a frame shows: all of it, unless it is large."""
         size = self._grid_size
         if size <= WHOLE_MOST:
-            return self._whole
+            return Part(0.0, 0.0, size)
         maps = [each for each in (frame.matrix, frame.prior) if each is not None]
         rows, columns = np.logical_or.reduce(
             [each >= PART_FROM * each.max() for each in maps]
@@ -215,43 +214,6 @@ class SearchMap:
         left, top = corner
         return Part(left, top, count)
 
-
-class _Drawing:
-    """One picture of a map.
-
-    Args:
-        of: the map.
-        canvas: a surface of its size.
-        part: what it shows.
-    """
-
-    def __init__(self, of: SearchMap, canvas: pygame.Surface, part: Part) -> None:
-        self._of = of
-        self._canvas = canvas
-        self._part = part
-        self._pitch = of.side / part.cells  # the side of a cell in pixels
-
-    def draw(self, frame: Frame, towards: Frame | None, progress: float) -> None:
-        """See `SearchMap.draw`."""
-        of, canvas = self._of, self._canvas
-        self._draw_coordinates()
-        canvas.set_clip((LEFT, TOP, of.side, of.side))
-        self._draw_cells(frame.matrix)
-        if of._render_grid:
-            self._draw_lines()
-        end = frame if towards is None or progress == 0.0 else towards
-        drones = _on_the_way(frame.drones, end.drones, progress)
-        persons = _on_the_way(frame.persons, end.persons, progress)
-        self._draw_trails(frame, drones)
-        self._draw_searched(frame)
-        canvas.set_clip((LEFT - 2, TOP - 2, of.side + 4, of.side + 4))
-        self._draw_symbols(frame, drones, persons, end)
-        if self._part.cells < of._grid_size:
-            self._draw_overview(frame)
-        canvas.set_clip(None)
-        if frame.ending is not None:
-            self._draw_frame(outcome_colour(frame), FRAME_WIDTH)
-
     def _at(self, x: float, y: float) -> Point:
         """The pixel of a point of the grid, in cells from its upper left corner."""
         part = self._part
@@ -265,12 +227,12 @@ class _Drawing:
 
     def _draw_frame(self, colour: Colour, width: int) -> None:
         """A frame around the cells."""
-        outer = self._of.side + 2 * width
+        outer = self.side + 2 * width
         place = (LEFT - width, TOP - width, outer, outer)
         pygame.draw.rect(self._canvas, colour, place, width=width)
 
     def _draw_coordinates(self) -> None:
-        canvas, side, part = self._canvas, self._of.side, self._part
+        canvas, side, part = self._canvas, self.side, self._part
         self._draw_frame(INK, 1)
         stride = tick_stride(TICK_ROOM, self._pitch)
         for low, horizontal in ((part.left, True), (part.top, False)):
@@ -287,7 +249,7 @@ class _Drawing:
 
     def _colours(self, matrix: NDArray[np.float32]) -> pygame.Surface:
         """An image with a pixel per cell."""
-        colours = self._of._palette.ramp[shades(matrix, self._of._render_gradient)]
+        colours = self._look.colours(matrix)
         return pygame.image.frombuffer(colours.tobytes(), matrix.shape[::-1], "RGB")
 
     def _draw_cells(self, matrix: NDArray[np.float32]) -> None:
@@ -304,7 +266,7 @@ class _Drawing:
         self._canvas.blit(scale(cells, size), (round(x), round(y)))
 
     def _draw_lines(self) -> None:
-        side, part = self._of.side, self._part
+        side, part = self.side, self._part
         stride = tick_stride(GRID_FINEST, self._pitch)
         opacity = GRID_OPACITY * min(1.0, stride * self._pitch / GRID_FULL_FROM)
         lines = pygame.Surface((side, side), pygame.SRCALPHA, 32)
@@ -318,9 +280,8 @@ class _Drawing:
 
     def _draw_overview(self, frame: Frame) -> None:
         """The whole grid, in the corner or at the side where it hides the fewest symbols."""
-        of, whole = self._of, self._of._grid_size
-        side = round(OVERVIEW_SHARE * of.side)
-        near, far = OVERVIEW_INSET, of.side - side - OVERVIEW_INSET
+        side = round(OVERVIEW_SHARE * self.side)
+        near, far = OVERVIEW_INSET, self.side - side - OVERVIEW_INSET
         middle = (near + far) // 2
         corners = [(near, far), (far, far), (near, near), (far, near)]
         sides = [(middle, far), (near, middle), (far, middle), (middle, near)]
@@ -329,7 +290,7 @@ class _Drawing:
         middles = [self._centre(x, y) for x, y in cells]
 
         def hidden(place: pygame.Rect) -> int:
-            room = place.inflate(of.symbol, of.symbol)
+            room = place.inflate(self.symbol, self.symbol)
             return sum(room.collidepoint(middle) for middle in middles)
 
         place = min(places, key=hidden)
@@ -337,7 +298,7 @@ class _Drawing:
         self._canvas.blit(scale(self._colours(frame.matrix), place.size), place)
         pygame.draw.rect(self._canvas, WHITE, place.inflate(2, 2), width=1)
         pygame.draw.rect(self._canvas, INK, place.inflate(4, 4), width=1)
-        left, top, count = (value * side / whole for value in self._part)
+        left, top, count = (value * side / self._grid_size for value in self._part)
         shown = pygame.Rect(place.left + left, place.top + top, count + 1, count + 1)
         pygame.draw.rect(self._canvas, WHITE, shown, width=2)
         pygame.draw.rect(self._canvas, INK, shown.inflate(2, 2), width=1)
@@ -358,12 +319,12 @@ class _Drawing:
 
     def _draw_trails(self, frame: Frame, drones: list[Point]) -> None:
         """The drones' last moves, fading, up to where the drones are."""
-        side = self._of.side
+        side = self.side
         width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
         layer = pygame.Surface((side, side), pygame.SRCALPHA, 32)
         for rim in (2 * TRAIL_RIM, 0):
             for number, (trail, at) in enumerate(zip(frame.trails, drones, strict=False)):
-                colour = WHITE if rim else self._of._palette.drone(number)
+                colour = WHITE if rim else self._look.drone(number)
                 points: list[Point] = [*trail, at]
                 for index, (start, end) in enumerate(pairwise(points)):
                     if start != end:
@@ -434,7 +395,7 @@ class _Drawing:
 
     def _drone(self, number: int, side: int, place: Point) -> list[Sprite]:
         """A drone, with its number if it is large enough."""
-        colour = self._of._palette.drone(number)
+        colour = self._look.drone(number)
         drawn = [(sprites.drone(side, colour), place)]
         if side >= NUMBER_FROM:
             digits = min(len(str(number)), len(NUMBER_SHARES))
@@ -445,7 +406,7 @@ class _Drawing:
     def _person(self, found_by: int | None, side: int) -> pygame.Surface:
         if found_by is None:
             return sprites.person(side)
-        return sprites.found(side, self._of._palette.drone(found_by))
+        return sprites.found(side, self._look.drone(found_by))
 
 
 def outcome_colour(frame: Frame) -> Colour:

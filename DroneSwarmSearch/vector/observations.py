@@ -9,15 +9,15 @@ from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 
 from DroneSwarmSearch._internal.arrays import Ints, Singles
-from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.wrappers.layouts import (
+from DroneSwarmSearch.layouts import (
     JOINT_LAYOUTS,
     LAYOUTS,
     Layout,
     StackedLayout,
     remaining_time_fraction,
 )
-from DroneSwarmSearch.wrappers.masks import action_masks, mask_space
+from DroneSwarmSearch.layouts.masks import action_masks, mask_space
+from DroneSwarmSearch.vector.engine import SearchBatch
 
 __all__ = ["BatchObservations"]
 

@@ -22,12 +22,12 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations, Observations, Values
-from DroneSwarmSearch.wrappers.layouts import LAYOUTS
-from DroneSwarmSearch.wrappers.masks import action_masks
 
 __all__ = ["SearchVectorEnv"]
 

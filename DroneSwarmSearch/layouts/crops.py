@@ -8,17 +8,13 @@ number of drones, so one network can be used for all searches.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from gymnasium import spaces
-from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.wrappers.layout import Layout, Positions, Singles
-from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.layouts.layout import Layout, Positions
 
-__all__ = ["LENGTH", "SCALES", "WINDOW", "CropsLayout", "CropsObservation"]
+__all__ = ["LENGTH", "SCALES", "WINDOW", "CropsLayout"]
 
 WINDOW = 5
 """Boxes along each side of a window; odd, so that the drone is in the middle box."""
@@ -51,7 +47,6 @@ class CropsLayout(Layout):
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
         super().__init__(grid_size, n_drones)
-        checks.fits("the pairs of drones", n_drones**2, n_drones=n_drones)
         # [scale, probabilities or drones, box]: the windows within an observation.
         self._windows = (len(SCALES), 2, WINDOW**2)
         high = np.ones(LENGTH, np.float32)
@@ -151,21 +146,3 @@ class CropsLayout(Layout):
         first = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
         places = first.transpose(3, 0, 1, 2) + box  # in `out`, flat
         out[...] = np.bincount(places[seen], minlength=out.size).reshape(out.shape)
-
-
-class CropsObservation(LayoutObservation):
-    """Each drone observes the matrix and the other drones in windows around itself.
-
-    float32, shape (202,), for every grid size and number of drones; see `CropsLayout`. The
-    policy "ppo" uses this layout.
-
-    Args:
-        env: the environment.
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
-        ValueError: it has masks in its observations.
-    """
-
-    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
-        super().__init__(env, CropsLayout)

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
-from DroneSwarmSearch.wrappers.layout import Layout, Positions, Singles
-from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
+from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.layouts.layout import Layout, Positions
 
-__all__ = ["DictLayout", "DictObservation", "JointDictLayout"]
+__all__ = ["DictLayout", "JointDictLayout"]
 
 
 class DictLayout(Layout):
@@ -59,21 +58,3 @@ class JointDictLayout(Layout):
     ) -> None:
         out["positions"][...] = positions
         out["probability_matrix"][...] = matrices
-
-
-class DictObservation(LayoutObservation):
-    """Each drone observes {"position": (x, y), "probability_matrix": matrix}.
-
-    The position is int32, shape (2,). The matrix is float32, shape (N, N), indexed [y, x],
-    and sums to 1.
-
-    Args:
-        env: the environment.
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
-        ValueError: it has masks in its observations.
-    """
-
-    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
-        super().__init__(env, DictLayout)

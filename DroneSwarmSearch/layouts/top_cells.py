@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.wrappers.layout import (
+from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.layouts.layout import (
     Layout,
     Positions,
-    Singles,
     own_first,
     scaled_positions,
 )
-from DroneSwarmSearch.wrappers.layout_observation import LayoutObservation
 
-__all__ = ["TopCellsLayout", "TopCellsObservation", "likeliest_cells"]
+__all__ = ["TopCellsLayout", "likeliest_cells"]
 
 _LOW = np.uint64(2**32 - 1)
 _HALF = np.uint64(32)
@@ -47,7 +43,6 @@ class TopCellsLayout(Layout):
     def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
         super().__init__(grid_size, n_drones)
         self.k = checks.integer(name, k, 1, self.grid_size**2)
-        self._check_memory(3 * self.k + 2 * n_drones + 1)
         low = np.concatenate(
             [
                 np.tile([-1.0, -1.0, 0.0], self.k),
@@ -95,25 +90,3 @@ def likeliest_cells(matrices: Singles, k: int) -> tuple[NDArray[np.int64], Singl
     best = np.sort(np.partition(keys, n - k, axis=1)[:, n - k :], axis=1)[:, ::-1]
     cells = n - 1 - (best & _LOW).astype(np.int64)
     return cells, (best >> _HALF).astype(np.uint32).view(np.float32)
-
-
-class TopCellsObservation(LayoutObservation):
-    """Each drone observes the likeliest cells: float32 in [-1, 1], length 3 k + 2 n_drones + 1.
-
-    For each of the k likeliest cells in descending order (ties row by row), its offset to the
-    right and down and its probability, with the maximum scaled to 1; the drone's own x and y;
-    for each of the other drones, the nearest in steps first (ties by name), its offset to the
-    right and down; the remaining time fraction. Offsets and positions have the grid scaled to
-    1.
-
-    Args:
-        env: the environment.
-        k: the number of cells; from 1 to grid_size².
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or k is not an integer.
-        ValueError: k is out of its limits, or `env` has masks in its observations.
-    """
-
-    def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
-        super().__init__(env, TopCellsLayout, k=k)

@@ -6,7 +6,6 @@ for networks to learn from, and only their ratios show where to search.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from typing import Any
 
@@ -16,6 +15,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Singles
 
 __all__ = [
     "Layout",
@@ -27,7 +27,6 @@ __all__ = [
     "scaled_positions",
 ]
 
-Singles = NDArray[np.float32]
 Positions = NDArray[np.integer]
 Observations = Any  # an array, or a dict of arrays
 
@@ -44,7 +43,7 @@ class Layout(ABC):
 
     Raises:
         TypeError: an argument is not an integer.
-        ValueError: it is out of its limits, or an observation does not fit in memory.
+        ValueError: it is out of its limits.
     """
 
     space: spaces.Space[Any]
@@ -53,14 +52,8 @@ class Layout(ABC):
         self.grid_size = checks.integer("grid_size", grid_size, 2)
         self.n_drones = checks.integer("n_drones", n_drones, 1, self.grid_size**2)
 
-    def _check_memory(self, numbers: int) -> None:
-        """Raise ValueError if an observation of so many numbers does not fit in memory."""
-        size = 10 * numbers  # the bounds of a Box
-        checks.fits("an observation", size, grid_size=self.grid_size, n_drones=self.n_drones)
-
     def _fractions(self, *shape: int) -> spaces.Box:
         """The space of float32 arrays in [0, 1]."""
-        self._check_memory(math.prod(shape))
         return spaces.Box(0.0, 1.0, shape, np.float32)
 
     @abstractmethod
@@ -88,11 +81,8 @@ class StackedLayout(Layout):
     """
 
     def __init__(self, layout: Layout) -> None:
-        if not isinstance(layout, Layout):
-            raise TypeError(f"layout must be a Layout, got {layout!r}")
         super().__init__(layout.grid_size, layout.n_drones)
         self.layout = layout
-        self._check_memory(layout.n_drones * spaces.flatdim(layout.space))
         self.space = batch_space(layout.space, layout.n_drones)
 
     def write(
@@ -111,13 +101,8 @@ def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:
     Returns:
         float32, of the same shape.
     """
-    left: Singles = time_fraction(np.asarray(steps), timestep_limit).astype(np.float32)
+    left: Singles = ((timestep_limit - np.asarray(steps)) / timestep_limit).astype(np.float32)
     return left
-
-
-def time_fraction(step: Any, timestep_limit: int) -> Any:
-    """`remaining_time_fraction` before rounding, also of a plain integer."""
-    return (timestep_limit - step) / timestep_limit
 
 
 def own_first(n_drones: int) -> NDArray[np.int64]:
@@ -126,7 +111,6 @@ def own_first(n_drones: int) -> NDArray[np.int64]:
     Returns:
         int64, shape (n_drones, n_drones): row k is the order for drone k.
     """
-    checks.fits("the order of the drones", 8 * n_drones**2, n_drones=n_drones)
     return np.array([[k, *(i for i in range(n_drones) if i != k)] for k in range(n_drones)])
 
 

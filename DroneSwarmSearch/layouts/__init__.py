@@ -1,0 +1,31 @@
+"""Observation layouts by name, as arrays; the vector environments and the wrappers use the same.
+
+A new layout is a class in a file of this folder, a line in `LAYOUTS`, and a class in `wrappers`.
+"""
+
+from __future__ import annotations
+
+from DroneSwarmSearch.layouts.crops import CropsLayout
+from DroneSwarmSearch.layouts.dictionary import DictLayout, JointDictLayout
+from DroneSwarmSearch.layouts.flat import FlatLayout, JointFlatLayout
+from DroneSwarmSearch.layouts.layout import Layout, StackedLayout, remaining_time_fraction
+from DroneSwarmSearch.layouts.planes import JointPlanesLayout, PlanesLayout
+from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+
+__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "remaining_time_fraction"]
+
+LAYOUTS: dict[str, type[Layout]] = {
+    "dict": DictLayout,
+    "flat": FlatLayout,
+    "planes": PlanesLayout,
+    "top-cells": TopCellsLayout,
+    "crops": CropsLayout,
+}
+"""The layouts of single drones, by name."""
+
+JOINT_LAYOUTS: dict[str, type[Layout]] = {
+    "dict": JointDictLayout,
+    "flat": JointFlatLayout,
+    "planes": JointPlanesLayout,
+}
+"""The layouts of whole swarms; for other names, the drones' observations are stacked."""

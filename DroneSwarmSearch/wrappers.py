@@ -1,0 +1,467 @@
+"""PettingZoo wrappers that adapt the environment to RL libraries; they compose.
+
+A typical stack:
+
+    env = DroneSwarmSearch.example(bayesian_update=True)
+    env = FlatObservation(ScaledRewards(SeparateFlags(env)))
+    env = ActionMask(env, in_observation=True)
+
+The environments in `DroneSwarmSearch.vector` offer the same through their arguments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+from pettingzoo.utils import BaseParallelWrapper
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.grid import grid_of
+from DroneSwarmSearch._internal.mappings import Infos, Rewards
+from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.layouts import Layout, remaining_time_fraction
+from DroneSwarmSearch.layouts.crops import CropsLayout
+from DroneSwarmSearch.layouts.dictionary import DictLayout
+from DroneSwarmSearch.layouts.flat import FlatLayout
+from DroneSwarmSearch.layouts.layout import own_first, scaled_positions
+from DroneSwarmSearch.layouts.masks import action_masks, mask_space, swarm_masks
+from DroneSwarmSearch.layouts.planes import PlanesLayout
+from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+from DroneSwarmSearch.rules import Ending
+
+__all__ = [
+    "ActionMask",
+    "CropsObservation",
+    "DictObservation",
+    "FlatObservation",
+    "OtherDrones",
+    "PlanesObservation",
+    "ScaledRewards",
+    "SeparateFlags",
+    "TopCellsObservation",
+    "action_masks",
+]
+
+Observations = dict[str, Any]
+Flags = dict[str, bool]
+Step = tuple[Observations, Rewards, Flags, Flags, Infos]
+"""What `step` returns: observations, rewards, terminations, truncations, infos."""
+
+
+class SearchWrapper(BaseParallelWrapper[str, Any, int]):
+    """A wrapper of `DroneSwarmSearch`, or of a wrapper of it.
+
+    Attributes that the wrapper lacks are those of the wrapped environment: `scenario`,
+    `frame`, `state_space` and so on.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is not such an environment in its parallel form.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        if not isinstance(env, ParallelEnv) or not isinstance(env.unwrapped, DroneSwarmSearch):
+            raise TypeError(
+                f"env must be a DroneSwarmSearch, or a parallel wrapper of one, got {env!r}"
+            )
+        super().__init__(env)
+        self._search: DroneSwarmSearch = env.unwrapped
+        self._neighbours, self._positions = grid_of(self._search.grid_size)
+        self._names = tuple(env.possible_agents)
+        self._spaces: dict[str, spaces.Space[Any]] = {}  # those that differ from the inner ones
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """The space of a drone's observations; the same object at every call."""
+        space = self._spaces.get(agent)
+        return self.env.observation_space(agent) if space is None else space
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None, **arguments: Any
+    ) -> tuple[Observations, Infos]:
+        """Begin an episode; takes the arguments of the wrapped environment's `reset`."""
+        observations, infos = self.env.reset(seed=seed, options=options, **arguments)
+        return self._observed(observations, infos), infos
+
+    def step(self, actions: Mapping[str, int]) -> Step:
+        """Let every drone act once."""
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        shown = self._observed(observations, infos)
+        return shown, rewards, terminations, truncations, infos
+
+    def _observed(self, observations: Observations, infos: Infos) -> Observations:
+        """The wrapper's observations of the current state; it may add to the infos."""
+        return observations
+
+    @property
+    def agents(self) -> list[str]:  # faster than __getattr__
+        """The drones of the running episode; empty between episodes."""
+        agents: list[str] = self.env.agents
+        return agents
+
+    @property
+    def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
+        """`observation_space` of every drone."""
+        return {agent: self.observation_space(agent) for agent in self.possible_agents}
+
+    @property
+    def action_spaces(self) -> dict[str, spaces.Space[Any]]:
+        """`action_space` of every drone."""
+        return {agent: self.action_space(agent) for agent in self.possible_agents}
+
+    def _drones(self) -> NDArray[np.int32]:
+        """Every drone's (x, y), shape (n, 2)."""
+        cells, _ = self._search._cells_and_world()
+        return np.array([self._positions[cell] for cell in cells], np.int32)
+
+
+class LayoutObservation(SearchWrapper):
+    """Replaces each drone's observation by a layout of the current state.
+
+    Every observation is a new array. `DroneVectorEnv` returns the same arrays, bit for bit,
+    with the layout of the same name. Changes that inner wrappers made to the observations
+    are lost.
+
+    Args:
+        env: the environment.
+        layout: the class of the layout.
+        options: its arguments besides the grid size and the number of drones.
+
+    Raises:
+        TypeError: `env` is not such an environment, or an option is of the wrong type.
+        ValueError: an option is out of its limits, or `env` has masks in its observations.
+    """
+
+    def __init__(
+        self, env: ParallelEnv[str, Any, int], layout: type[Layout], **options: Any
+    ) -> None:
+        super().__init__(env)
+        inner = env.observation_space(self.possible_agents[0])
+        if isinstance(inner, spaces.Dict) and "action_mask" in inner.spaces:
+            raise ValueError(
+                f"env must not have masks in its observations, which {type(self).__name__} "
+                f"would replace; put ActionMask(in_observation=True) around it, got {env}"
+            )
+        self.layout = layout(self._search.grid_size, self._search.n_drones, **options)
+        self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
+
+    def _observed(self, observations: Observations, infos: Infos) -> Observations:
+        _, world = self._search._cells_and_world()
+        left = remaining_time_fraction([world.step], self._search.timestep_limit)
+        space = self.layout.space
+        if isinstance(space, spaces.Dict):
+            arrays = {name: self._empty(entry) for name, entry in space.items()}
+            self.layout.write(self._drones()[None], world.matrix()[None], left, arrays)
+            return {
+                agent: {name: array[0, k] for name, array in arrays.items()}
+                for k, agent in enumerate(self._names)
+            }
+        array = self._empty(space)
+        self.layout.write(self._drones()[None], world.matrix()[None], left, array)
+        return dict(zip(self._names, array[0], strict=True))
+
+    def _empty(self, space: spaces.Space[Any]) -> NDArray[Any]:
+        """A new array for the observations of one search."""
+        assert space.shape is not None
+        return np.empty((1, len(self._names), *space.shape), space.dtype)
+
+
+class DictObservation(LayoutObservation):
+    """Each drone observes {"position": (x, y), "probability_matrix": matrix}.
+
+    The position is int32, shape (2,). The matrix is float32, shape (N, N), indexed [y, x],
+    and sums to 1.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
+        ValueError: it has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env, DictLayout)
+
+
+class FlatObservation(LayoutObservation):
+    """Each drone observes a vector: float32 in [0, 1], length 2 n_drones + 1 + N².
+
+    Its own x and y, then those of the other drones in the order of their names, with the
+    grid scaled to 1; the remaining time fraction, 1 at the start; the matrix row by row,
+    with its maximum scaled to 1.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
+        ValueError: `env` has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env, FlatLayout)
+        size = self._search.grid_size
+        self._scaled = np.empty((size**2, 2), np.float32)  # x and y of each cell
+        cells = [self._positions[cell] for cell in range(size**2)]
+        scaled_positions(np.array(cells), size, self._scaled)
+        self._order = own_first(self._search.n_drones)
+
+    def _observed(self, observations: Observations, infos: Infos) -> Observations:
+        # `FlatLayout.write` for one search, which saves a sixth of a step.
+        cells, world = self._search._cells_and_world()
+        n, limit, matrix = len(cells), self._search.timestep_limit, world.matrix()
+        [vectors] = self._empty(self.layout.space)
+        vectors[:, : 2 * n] = self._scaled[cells][self._order].reshape(n, -1)
+        vectors[:, 2 * n] = (limit - world.step) / limit
+        vectors[:, 2 * n + 1 :] = (matrix / matrix.max()).reshape(-1)
+        return dict(zip(self._names, vectors, strict=True))
+
+
+class PlanesObservation(LayoutObservation):
+    """Each drone observes four planes: float32 in [0, 1], (4, N, N), indexed [plane, y, x].
+
+    The matrix, with its maximum scaled to 1; 1 in the drone's own cell; 1 in the other
+    drones' cells; the remaining time fraction in every cell.
+
+    Args:
+        env: the environment.
+        channels_last: shape (N, N, 4), indexed [y, x, plane], as RLlib expects images. PyTorch
+            expects channels first.
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or `channels_last`
+            is not a bool.
+        ValueError: `env` has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], channels_last: bool = False) -> None:
+        super().__init__(env, PlanesLayout)
+        self.channels_last = checks.boolean("channels_last", channels_last)
+        if self.channels_last:
+            size = self.unwrapped.grid_size
+            self._spaces = {
+                agent: spaces.Box(0.0, 1.0, (size, size, 4), np.float32)
+                for agent in self.possible_agents
+            }
+
+    def _observed(self, observations: Observations, infos: Infos) -> Observations:
+        shown = super()._observed(observations, infos)
+        if not self.channels_last:
+            return shown
+        return {
+            agent: np.ascontiguousarray(planes.transpose(1, 2, 0))
+            for agent, planes in shown.items()
+        }
+
+
+class TopCellsObservation(LayoutObservation):
+    """Each drone observes the likeliest cells: float32 in [-1, 1], length 3 k + 2 n_drones + 1.
+
+    For each of the k likeliest cells in descending order (ties row by row), its offset to the
+    right and down and its probability, with the maximum scaled to 1; the drone's own x and y;
+    for each of the other drones, the nearest in steps first (ties by name), its offset to the
+    right and down; the remaining time fraction. Offsets and positions have the grid scaled to
+    1.
+
+    Args:
+        env: the environment.
+        k: the number of cells; from 1 to grid_size².
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or k is not an integer.
+        ValueError: k is out of its limits, or `env` has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
+        super().__init__(env, TopCellsLayout, k=k)
+
+
+class CropsObservation(LayoutObservation):
+    """Each drone observes the matrix and the other drones in windows around itself.
+
+    float32, shape (202,), for every grid size and number of drones; see `CropsLayout`. The
+    policy "ppo" uses this layout.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
+        ValueError: it has masks in its observations.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env, CropsLayout)
+
+
+class OtherDrones(SearchWrapper):
+    """Adds the positions of the other drones to each drone's observation.
+
+    `observation["other_drones"]` is int32, shape (n_drones - 1, 2): the (x, y) of every
+    other drone, in the order of their names.
+
+    Args:
+        env: the environment, with its own observations or those of `DictObservation`.
+
+    Raises:
+        TypeError: `env` is not such an environment.
+        ValueError: its observations are of another form.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
+        super().__init__(env)
+        n, size = self._search.n_drones, self._search.grid_size
+        self._others = own_first(n)[:, 1:]
+        for agent in self.possible_agents:
+            inner = env.observation_space(agent)
+            if not isinstance(inner, spaces.Dict) or "other_drones" in inner.spaces:
+                raise ValueError(
+                    "env must not show the other drones already, as all layouts but "
+                    f"DictObservation do, got observations in {inner}"
+                )
+            if "action_mask" in inner.spaces:
+                raise ValueError(
+                    "env must not have masks in its observations; put "
+                    f"ActionMask(in_observation=True) around OtherDrones, got {env}"
+                )
+            others = spaces.Box(0, size - 1, (n - 1, 2), np.int32)
+            self._spaces[agent] = spaces.Dict({**inner.spaces, "other_drones": others})
+
+    def _observed(self, observations: Observations, infos: Infos) -> Observations:
+        others = self._drones()[self._others]
+        return {
+            agent: {**observation, "other_drones": positions}
+            for (agent, observation), positions in zip(observations.items(), others, strict=True)
+        }
+
+
+class ScaledRewards(SearchWrapper):
+    """Multiplies all rewards by a constant.
+
+    The default is a power of two, 2**-17 = 1/131072, which is exact in floating point:
+    `rewards / scale` is the reward of the table in `rules`, bit for bit. The table becomes
+
+    - collision, leaving the grid, and the return of a drone that has found nobody by the
+      time limit: -0.763 (-100000);
+    - finding a person: 0.153 at once, down to 0.0763 at the time limit (20000 to 10000);
+    - an unsuccessful search of a cell of probability p > 1%: 0.0763 p (10000 p);
+    - an unsuccessful search of another cell: -0.000763 (-100);
+    - anything else: 0.00000763 (1).
+
+    The scale does not change which policies are better.
+
+    Args:
+        env: the environment.
+        scale: the constant; above 0. Rewards are rounded unless it is a power of two.
+
+    Raises:
+        TypeError: `env` is not such an environment, or `scale` is not a number.
+        ValueError: `scale` is not finite, is not above 0, or makes rewards overflow.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, int], scale: float = 2**-17) -> None:
+        super().__init__(env)
+        self.scale = checks.positive("scale", scale)
+        scenario = self._search.scenario
+        largest = scenario.reward_scheme.largest(scenario.timestep_limit)
+        if math.isinf(largest * self.scale) and math.isfinite(largest):
+            raise ValueError(
+                f"scale must keep rewards finite, which are up to {largest:g}, got {scale!r}"
+            )
+
+    def step(self, actions: Mapping[str, int]) -> Step:
+        """Let every drone act once."""
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        scale = self.scale
+        scaled = Rewards({agent: reward * scale for agent, reward in rewards.items()})
+        return observations, scaled, terminations, truncations, infos
+
+
+class SeparateFlags(SearchWrapper):
+    """Truncates episodes at the time limit, and terminates them at all other endings.
+
+    `DroneSwarmSearch` sets both flags at every ending. With this wrapper, an episode is
+    terminated if all persons are found, drones collide or a drone leaves the grid, even in
+    the last step, and truncated if only the time limit ends it. Learners need this if they
+    bootstrap values. The vector environments do the same with separate_flags=True.
+
+    Args:
+        env: the environment.
+
+    Raises:
+        TypeError: `env` is not such an environment.
+    """
+
+    def step(self, actions: Mapping[str, int]) -> Step:
+        """Let every drone act once."""
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        if any(terminations.values()) or any(truncations.values()):
+            is_truncated = self._search._ending is Ending.TIME_LIMIT
+            terminations = dict.fromkeys(terminations, not is_truncated)
+            truncations = dict.fromkeys(truncations, is_truncated)
+        return observations, rewards, terminations, truncations, infos
+
+
+class ActionMask(SearchWrapper):
+    """Adds to each drone's info a mask of sensible actions; all actions remain possible.
+
+    `infos[drone]["action_mask"]` is int8, shape (6,), indexed by `rules.Action`: 0 for moves
+    that leave the grid or lead into another drone's cell, else 1. `action_masks` explains
+    which collisions remain possible, and how right of way prevents them.
+
+    Args:
+        env: the environment.
+        in_observation: return observations {"observation": the wrapped environment's,
+            "action_mask": the mask}, too. TorchRL needs the mask in one place only: False.
+        right_of_way: also mask moves to where a drone with a lower number may be after the
+            step; drones that follow their masks then never collide.
+
+    Raises:
+        TypeError: `env` is not such an environment, or a flag is not a bool.
+    """
+
+    def __init__(
+        self,
+        env: ParallelEnv[str, Any, int],
+        in_observation: bool = False,
+        right_of_way: bool = False,
+    ) -> None:
+        super().__init__(env)
+        self.in_observation = checks.boolean("in_observation", in_observation)
+        self.right_of_way = checks.boolean("right_of_way", right_of_way)
+        if self.in_observation:
+            for agent in self._names:
+                entries = {"observation": env.observation_space(agent), "action_mask": mask_space()}
+                self._spaces[agent] = spaces.Dict(entries)
+
+    def action_masks(self) -> dict[str, NDArray[np.int8]]:
+        """Every drone's mask in the current state: int8, shape (6,); new arrays.
+
+        Raises:
+            ResetNeeded: before the first `reset`.
+        """
+        return dict(zip(self._names, self._masks(), strict=True))
+
+    def _masks(self) -> list[NDArray[np.int8]]:
+        cells, _ = self._search._cells_and_world()
+        return swarm_masks(cells, self._neighbours, self.right_of_way)
+
+    def _observed(self, observations: Observations, infos: Infos) -> Observations:
+        masks = self._masks()
+        for info, mask in zip(infos.values(), masks, strict=True):
+            info["action_mask"] = mask
+        if not self.in_observation:
+            return observations
+        return {
+            agent: {"observation": observation, "action_mask": mask.copy()}
+            for (agent, observation), mask in zip(observations.items(), masks, strict=True)
+        }
