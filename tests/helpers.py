@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
+from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
 
@@ -204,6 +205,33 @@ def bound_by_time(by_time: Any, *, gap: float = 0.0, confidence: float = 1.0) ->
     return SuccessBound(values, relaxed=float(values[-1]), gap=gap, confidence=confidence)
 
 
+def made_evaluation(
+    found_at: Any,
+    search: NamedSearch,
+    *,
+    policy: str = "mine",
+    seed: int = 0,
+    bound: float | None = None,
+    is_exact: bool = False,
+) -> Evaluation:
+    """A made-up evaluation in which the persons are found in these steps, or never for 0.
+
+    The steps have the shape (n, persons); the bound grows in proportion to time.
+    """
+    found, limit = np.array(found_at), search.scenario.timestep_limit
+    last = np.where((found > 0).all(axis=1), found.max(axis=1), limit + 1)
+    curves = (np.arange(limit + 1) >= last[:, None]) * 1.0
+    episodes = replace(
+        Episodes.empty(len(found), found.shape[1], limit),
+        found_at=found,
+        endings=np.where(last <= limit, Ending.FOUND, Ending.TIME_LIMIT),
+        steps=np.minimum(last, limit),
+        curves=curves.mean(axis=0, keepdims=True) if is_exact else curves,
+    )
+    known = None if bound is None else bound_by_time(np.linspace(0.0, bound, limit + 1))
+    return Evaluation(policy, search, seed, View(), episodes, is_exact, known)
+
+
 def module_at(path: Path) -> ModuleType:
     """Import a script as a module."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -231,5 +259,5 @@ def tables_of(page: str) -> list[list[list[str]]]:
 
 def data_of(evaluation: Any) -> dict[str, Any]:
     """What happened in the episodes of an evaluation, without the curves, as plain data."""
-    arrays = evaluation.episodes.arrays
+    arrays = vars(evaluation.episodes)
     return {name: array.tolist() for name, array in arrays.items() if name != "curves"}
