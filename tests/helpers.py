@@ -16,9 +16,10 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
-from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, demo
+from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
 
@@ -240,6 +241,19 @@ def module_at(path: Path) -> ModuleType:
     sys.modules[path.stem] = module  # dataclasses look up their module
     spec.loader.exec_module(module)
     return module
+
+
+def few_pictures(patch: pytest.MonkeyPatch) -> None:
+    """Let videos show the first and the last frame only."""
+    for module in (demo, recording):
+
+        def write(
+            path: Path, painter: Any, frames: Any, *, write: Any = module.write_video, **how: Any
+        ) -> None:
+            every = [*frames]
+            write(path, painter, iter([every[0], every[-1]]), **how)
+
+        patch.setattr(module, "write_video", write)
 
 
 def tables_of(page: str) -> list[list[list[str]]]:

@@ -26,7 +26,7 @@ def finished(
 
     Args:
         calls: pickled if they run elsewhere.
-        what: a name for each, for the progress.
+        what: a name for them, for the progress.
         workers: see `evaluate`; 1 makes all calls in this process.
         ray: see `evaluate`. All results are yielded when the last one is there.
         progress: see `evaluate`.
@@ -34,8 +34,7 @@ def finished(
     count = checks.integer("workers", workers, 1)
     if ray is not None and not isinstance(ray, str):
         raise TypeError(f"ray must be 'local', an address or None, got {ray!r:.100}")
-    name = f"{len(calls)} {what}{'s' * (len(calls) > 1)}"
-    with Progress(name, len(calls), progress) as bar, contextlib.ExitStack() as stack:
+    with Progress(what, len(calls), progress) as bar, contextlib.ExitStack() as stack:
         results: Any = ((place, call()) for place, call in enumerate(calls))
         if calls and (ray is not None or count > 1):
             joblib = _imported("joblib", "workers > 1 needs the package joblib", "evaluation")

@@ -170,7 +170,7 @@ def evaluate_cases(
     jobs = [(case, seeds) for case in left for seeds in portions]
     calls = [partial(_play, policies[case], case, seeds) for case, seeds in jobs]
     played: dict[Case, dict[int, Episodes]] = {case: {} for case in left}
-    for job, part in finished(calls, "portion of episodes", **how):
+    for job, part in finished(calls, "evaluation", **how):
         case, seeds = jobs[job]
         played[case][seeds.start] = part
         if len(played[case]) == len(portions):
@@ -195,7 +195,7 @@ def bounds_of(
     bounds = {name: bound for name, bound in known.items() if bound is not None}
     left = [each for each in searches if each.name not in bounds]
     calls = [partial(success_bound, each.scenario, each.drones) for each in left]
-    for job, bound in finished(calls, "bound", **how):
+    for job, bound in finished(calls, "bounds", **how):
         bounds[left[job].name] = bound
         folder.save(f"{left[job].name}.bound", bound)
     return bounds
