@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import pickle
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -58,14 +57,6 @@ def test_curves_are_plotted(tmp_path: Path) -> None:
     assert (tmp_path / "first.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(KeyError, match="reward"):
         training.plot_curve(paths[0], columns=["reward"])
-
-
-def test_without_matplotlib_the_plot_names_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(ImportError, match=r'pip install "DroneSwarmSearchEnvironment\[evaluation'):
-        training.plot_curve(tmp_path / "curve.csv")
 
 
 def test_a_trained_policy_samples_allowed_actions_by_its_seed() -> None:
