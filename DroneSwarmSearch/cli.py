@@ -210,6 +210,7 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
         if name == "evaluate":
             parser.usage, whom = "%(prog)s POLICY SEARCH [SEARCH ...] [options]", "the policy"
             own = f"a policy of this package, or {OWN_POLICY}"
+            parser.set_defaults(policies=[])
             add("policy", metavar="POLICY", nargs="?", help=own)
             add("--list", action="store_true", help="list the policies and the searches")
             add("--csv", action="store_true", help="print the estimates as CSV")

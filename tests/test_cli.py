@@ -187,7 +187,7 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     with np.load("mine.npz") as file:
         np.savez("mine.npz", **{name: -file[name] for name in file})
     refused = refusal(capsys, "evaluate", "mine.npz", *arguments)
-    assert "its policies: mine.npz: sha256 is '" in refused
+    assert "its policy mine.npz: sha256 is '" in refused
     (other,) = rows_of(capsys, "evaluate", "mine.npz", *arguments[:-2])
     assert other["success"] != mine["success"]
 

@@ -622,9 +622,9 @@ def test_a_policy_in_memory_plays_again(played, tmp_path):
     [
         ({"episodes": 5}, "its episodes is 4, got 5"),
         ({"seed": 1}, "its seed is 0, got 1"),
-        ({"search": named(disperse_constant=3)}, "its searches: small is '"),
-        ({"view": View(bayesian_update=True)}, "view: bayesian_update is None, got True"),
-        ({"text": OWN.format(5)}, "policies: mine: sha256 is '"),
+        ({"search": named(disperse_constant=3)}, "its search small is '"),
+        ({"view": View(bayesian_update=True)}, "policy mine: bayesian_update is None, got True"),
+        ({"text": OWN.format(5)}, "policy mine: sha256 is '"),
     ],
 )
 def test_the_folder_of_another_run_is_refused(played, tmp_path, changes, message):

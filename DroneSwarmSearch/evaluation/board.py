@@ -133,12 +133,7 @@ def leaderboard(
     for each in named:
         cases += [Case.of(spec, each, view, deterministic) for spec in own]
         cases += [Case.of(spec, each) for spec in package]
-    evaluations = evaluate_cases(
-        *(cases, episodes, seed),
-        out=out,
-        workers=workers,
-        ray=ray,
-        progress=progress,
-        bounded=named if checks.boolean("bounds", bounds) else [],
-    )
+    bounded = named if checks.boolean("bounds", bounds) else []
+    how = episodes, seed, out, workers, ray, progress
+    evaluations = evaluate_cases(cases, *how, bounded=bounded)
     return Leaderboard(evaluations)
