@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
 import pytest
 from helpers import data_of
-from test_exact import PERSONS, curve_of, named
+from test_exact import PERSONS, Recorder, curve_of, named
 
-from DroneSwarmSearch import Action, Drift, Ending, Person, Scenario
+from DroneSwarmSearch import Drift, Ending, Person, Scenario
 from DroneSwarmSearch.evaluation import (
     Evaluation,
     NamedSearch,
@@ -49,47 +48,6 @@ class Mixed:
         return np.where(self._coins[shown["row"], None] == 0, *actions)
 
 
-class Tosses:
-    """Searches or moves on, by the toss of a coin in every step; one drone, in any view."""
-
-    def __init__(self, view: str = "swarm") -> None:
-        self._view = view
-
-    @staticmethod
-    def tosses(seed: int) -> np.ndarray:
-        return np.random.default_rng([3, seed]).integers(2, size=LIMIT)
-
-    def reset(self, seed: Any = None, rows: Any = None) -> None:
-        seeds = seed if isinstance(seed, list) else [seed]
-        self._tosses, self._step = np.array([self.tosses(each) for each in seeds]), 0
-        self._rows = np.arange(len(seeds))
-
-    def __call__(self, shown: Any) -> Any:
-        rows = shown["row"] if self._view == "swarm" else self._rows
-        moves = Action.RIGHT if self._step % 2 == 0 else Action.LEFT
-        chosen = np.where(self._tosses[rows, self._step], int(Action.SEARCH), int(moves))
-        # A search leaves the drone where it is, so the other move may be the possible one.
-        x = {"swarm": lambda: shown["positions"][:, 0, 0], "drone": lambda: shown["position"][:, 0]}
-        at = (
-            x[self._view]() if self._view in x else np.array([shown["drone0"]["observation"][0][0]])
-        )
-        chosen = np.where((chosen == Action.LEFT) & (at == 0), int(Action.RIGHT), chosen)
-        self._step += 1
-        if self._view == "parallel":
-            return {"drone0": int(chosen[0])}
-        return chosen[:, None] if self._view == "swarm" else chosen
-
-
-def actions_of(tosses: Any, x: int = 0) -> list[int]:
-    """The actions of `Tosses`."""
-    actions = []
-    for step, toss in enumerate(tosses):
-        move = Action.RIGHT if step % 2 == 0 or x == 0 else Action.LEFT
-        actions.append(int(Action.SEARCH if toss else move))
-        x += 0 if toss else {Action.RIGHT: 1, Action.LEFT: -1}[move]
-    return actions
-
-
 def evaluated(policy: Any, search: NamedSearch, **options: Any) -> Evaluation:
     return evaluate(policy, search, **{"episodes": 60, "progress": False, **options})
 
@@ -113,27 +71,18 @@ def test_a_mixture_of_two_policies(person: str, bayesian_update: bool) -> None:
     assert got.success.value == pytest.approx(got.success_by_time[-1])
 
 
-@pytest.mark.parametrize("person", ["missed", "hypotheses"])
-def test_tosses_in_every_step(person: str) -> None:
-    """Against a forward pass for every path, and the mean over all paths."""
-    search = named(person, drones=((0, 1),), timestep_limit=6)
-    got = evaluated(Tosses(), search, episodes=200)
-    curves = {
-        tosses: curve_of(search, [[action] for action in actions_of(tosses)])
-        for tosses in itertools.product((0, 1), repeat=6)
-    }
-    for seed, curve in enumerate(got.curves):
-        expected = curves[tuple(Tosses.tosses(seed)[:6].tolist())]
-        np.testing.assert_allclose(curve, expected, rtol=0, atol=1e-12)
-    mean = np.mean([*curves.values()], axis=0)
-    assert got.success.low <= mean[-1] <= got.success.high
-    assert 0.0 < got.success.low < got.success.high < 1.0
-    assert got.time.low <= (1 - mean[:-1]).sum() <= got.time.high
+@pytest.mark.parametrize("view", ["swarm", "parallel"])
+@pytest.mark.parametrize("person", PERSONS)
+def test_every_episode_has_the_success_of_its_path(person: str, view: str) -> None:
+    search = named(person, bayesian_update=True, timestep_limit=8)
+    policy = Recorder(make("random", search.scenario))
+    episodes = play(policy, search, range(20), View(view))
+    for curve, actions in zip(episodes.curves, policy.actions, strict=True):
+        np.testing.assert_allclose(curve, curve_of(search, actions), rtol=0, atol=1e-12)
+    assert np.ptp(episodes.curves[:, -1]) > 0.0
 
 
-@pytest.mark.parametrize(
-    "persons", [("known", "missed"), ("missed", "hypotheses"), ("known", "missed", "hypotheses")]
-)
+@pytest.mark.parametrize("persons", [("known", "missed"), ("known", "missed", "hypotheses")])
 def test_several_persons(persons: tuple[str, ...]) -> None:
     """Sampled until one person is missing."""
     search, n = named(*persons, timestep_limit=30), 300
@@ -159,16 +108,6 @@ def test_all_persons_found_in_one_step() -> None:
     still = lambda shown: np.full((len(shown["row"]), 1), 4)  # noqa: E731
     curves = play(still, search, [1, 2], View()).curves
     assert curves.tolist() == [[0.0, 1.0, 1.0, 1.0, 1.0]] * 2
-
-
-def test_every_view_gives_the_same_curves() -> None:
-    search = named("missed", drones=((0, 1),), bayesian_update=True)
-    curves = [
-        play(Tosses(view), search, range(5, 9), View(view)).curves
-        for view in ("swarm", "drone", "parallel")
-    ]
-    assert len({each.tobytes() for each in curves}) == 1
-    assert np.ptp(curves[0][:, -1]) > 0.0
 
 
 # The batch in which the last person is not found.

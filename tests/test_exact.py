@@ -256,12 +256,6 @@ def test_a_policy_that_is_not_deterministic_is_refused(view: str, mission: str) 
         evaluate(drawn, search, view=view, episodes=4, deterministic=True, progress=False)
 
 
-def test_the_random_policy_is_refused() -> None:
-    """With the same seeds it would act in the same way again."""
-    with pytest.raises(ValueError, match="deterministic must be False"):
-        evaluate("random", named("known"), episodes=4, deterministic=True, progress=False)
-
-
 def test_coverage_missions_are_exact_for_any_number_of_persons() -> None:
     search = named("known", "missed", "hypotheses", mission="coverage")
     got = evaluate(Climber, search, episodes=4, progress=False)
