@@ -27,7 +27,6 @@ __all__ = [
     "boolean",
     "cell",
     "cell_numbers",
-    "cells",
     "choice",
     "finite",
     "fits",
@@ -193,22 +192,6 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
     return x, y
-
-
-def cells(name: str, given: NDArray[Any], grid_size: int) -> Ints:
-    """`cell` for an array of numbers of shape (..., 2).
-
-    Returns:
-        int64, of the same shape.
-    """
-    with np.errstate(invalid="ignore"):  # NaN and large numbers become other integers
-        whole = given.astype(np.int64)
-    wrong = (whole != given) | (whole < 0) | (whole >= grid_size)
-    if wrong.any():
-        *where, _ = np.argwhere(wrong)[0].tolist()
-        place = "".join(f"[{index}]" for index in where)
-        cell(f"{name}{place}", given[tuple(where)].tolist(), grid_size)
-    return whole
 
 
 def numbers(name: str, value: object, what: str) -> NDArray[Any]:
