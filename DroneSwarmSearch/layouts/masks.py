@@ -41,7 +41,11 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
         TypeError: the cells or the grid size are not integers.
         ValueError: they are out of their limits, or of another shape.
     """
-    places = _checked_cells(cells, grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
+    what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
+    places = checks.integer_array("cells", cells, what, 0, size**2 - 1)
+    if not places.ndim:
+        raise ValueError(f"cells must be {what}, got {cells!r}")
     checks.boolean("right_of_way", right_of_way)
     n = places.shape[-1]
     by_swarm = places.reshape(math.prod(places.shape[:-1]), n)
@@ -111,21 +115,6 @@ def choose_in_turn(
         actions[:, drone] = chosen
         closed[swarms, ahead[swarms, chosen]] = True
     return actions, masks
-
-
-def _checked_cells(cells: ArrayLike, grid_size: int) -> Ints:
-    """The drones' cells: int64, shape (..., n)."""
-    size = checks.integer("grid_size", grid_size, 2)
-    what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
-    places = checks.array("cells", cells, what)
-    if places.dtype.kind not in "iu":
-        raise TypeError(f"cells must be {what}, got {places.dtype}")
-    if not places.ndim:
-        raise ValueError(f"cells must be {what}, got {cells!r}")
-    wrong = places[(places < 0) | (places >= size**2)]
-    if wrong.size:
-        raise ValueError(f"cells must be {what}, got {wrong[0]}")
-    return places.astype(np.int64, copy=False)
 
 
 def _closed(cells: NDArray[np.integer], grid_size: int) -> Flags:
