@@ -58,9 +58,7 @@ class Progress:
             return
         self._last = now
         share = min(done / self._total, 1.0)
-        left = "time left unknown"
-        if done:
-            left = _left((now - self._start) * (self._total - done) / done)
+        left = _left((now - self._start) * (1 / share - 1)) if share else "time left unknown"
         text = f"{share:.0%}, {left}, {note}" if note else f"{share:.0%}, {left}"
         if is_terminal:
             self._has_bar = True
