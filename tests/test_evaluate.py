@@ -340,7 +340,7 @@ def test_actions_are_validated(returned, view, error, message):
     [
         ({"episodes": 0}, ValueError, "episodes must be an integer of at least 1, got 0"),
         ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
-        ({"view": 3}, TypeError, "view must be a View or one of swarm, drone, parallel, got 3"),
+        ({"view": 3}, TypeError, "view must be one of 'swarm', 'drone', 'parallel', got 3"),
         ({"policy": "ppo", "view": MASKED}, ValueError, "view must be .* without masks, for ppo"),
         ({"workers": 0}, ValueError, "workers must be an integer of at least 1, got 0"),
         ({"ray": True}, TypeError, "ray must be 'local', an address or None, got True"),

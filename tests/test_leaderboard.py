@@ -167,7 +167,6 @@ def test_an_added_policy_can_see_the_posterior() -> None:
         ({"searches": ["pond", "fog", "pond"]}, "different names, got pond, fog, pond"),
         ({"policies": ["randm"]}, "did you mean random"),
         ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
-        ({"bounds": 1}, "bounds must be True or False, got 1"),
     ],
 )
 def test_bad_input_is_refused(arguments: dict[str, Any], words: str) -> None:

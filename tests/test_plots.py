@@ -30,9 +30,7 @@ def evaluation(
     return made_evaluation(found, where, policy=policy, bound=bound)
 
 
-def draw() -> Any:
-    """A plot of two policies."""
-    return plots.success_by_search([evaluation("planner", bound=0.9), evaluation("random")])
+TWO = [evaluation("planner", bound=0.9), evaluation("random")]
 
 
 def texts(figure: Any) -> str:
@@ -109,10 +107,10 @@ def test_rows_show_success_interval_and_bound() -> None:
 def test_equal_plots_make_equal_files_in_both_themes(tmp_path: Path) -> None:
     import matplotlib
 
-    files = plots.save(draw, tmp_path / "new" / "curves")
+    files = plots.save(plots.success_by_search, TWO, tmp_path / "new" / "curves")
     assert [path.name for path in files] == ["curves-light.svg", "curves-dark.svg"]
     with matplotlib.rc_context({"font.size": 20, "lines.linewidth": 9}):  # of the user
-        again = plots.save(draw, tmp_path / "again")
+        again = plots.save(plots.success_by_search, TWO, tmp_path / "again")
         assert matplotlib.rcParams["font.size"] == 20
     colours = ("#d55e00", "#ff8f4d")  # of the planner
     for one, other, colour in zip(files, again, colours, strict=True):
@@ -127,7 +125,7 @@ def test_equal_plots_make_equal_files_in_both_themes(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(StorageError, match=r"curves-light\.svg"):
-        plots.save(draw, tmp_path / "file" / "curves")
+        plots.save(plots.success_by_search, TWO, tmp_path / "file" / "curves")
 
 
 def test_labels_name_the_measure_of_the_mission() -> None:
