@@ -33,9 +33,6 @@ PATIENCE = 60.0
 
 OWN = """
 import os
-import time
-import types
-from pathlib import Path
 import numpy as np
 
 class Still:
@@ -234,6 +231,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
         (["record", "all", "--out", "all.gif"], "search must be one of pond"),
         (["bound"], "the following arguments are required: SEARCH"),
+        (["bound", "no.json"], "search must name a file, but there is no 'no.json'"),
     ],
 )
 def test_wrong_arguments_are_refused(capsys, arguments, message):
@@ -346,15 +344,11 @@ def test_a_closed_pipe_ends_the_command_quietly(own):
     ],
 )
 def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered, tmp_path):
+    unbuffered = ["-u"] * (not buffered)
     with Path("/dev/full").open("w") as full:
         process = subprocess.run(
-            [
-                sys.executable,
-                *["-u"] * (not buffered),
-                "-m",
-                "DroneSwarmSearch",
-                *arguments.format(folder=tmp_path).split(),
-            ],
+            [sys.executable, *unbuffered, "-m", "DroneSwarmSearch"]
+            + arguments.format(folder=tmp_path).split(),
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -475,3 +469,10 @@ def test_the_error_of_a_policy_is_no_wrong_argument(arguments, tmp_path, monkeyp
     with pytest.raises(ValueError, match="shapes differ"):
         command.main([*arguments, "failing_policies:failing", "--", "pond"])
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("package", "how"), [("joblib", ["--workers", 2]), ("ray", ["--ray"])])
+def test_a_missing_package_is_named(capsys, monkeypatch, package, how):
+    monkeypatch.setitem(sys.modules, package, None)
+    output = answer(capsys, "evaluate", "random", "pond", "--episodes", 2, *how, code=1)
+    assert re.search(f"(?i)needs the package {package}: pip install", output.err)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -560,15 +559,6 @@ def test_workers_have_no_effect(search, tmp_path, monkeypatch):
         one, two = (evaluate(policy, search, episodes=10, workers=each) for each in (1, 2))
         assert two.summary == one.summary
         assert data_of(two) == data_of(one)
-
-
-@pytest.mark.parametrize(
-    ("package", "how"), [("joblib", {"workers": 2}), ("ray", {"ray": "local"})]
-)
-def test_a_missing_package_is_named(monkeypatch, package, how):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ImportError, match=f"(?i)needs the package {package}"):
-        evaluate("random", named(), episodes=2, **how)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers import data_of
 
-from DroneSwarmSearch import Action, Drift, Person, Scenario
+from DroneSwarmSearch import Action, Drift, Ending, Person, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import (
     Evaluation,
@@ -216,6 +216,8 @@ def test_samples_agree(name: str, persons: tuple[str, ...]) -> None:
     off = got.time.value - sampled.time.value
     assert abs(off) < 4 * sampled.times.std() / np.sqrt(count) + 1e-9
     assert data_of(got) == data_of(sampled)
+    found = got.endings[Ending.FOUND] / count
+    assert abs(found - share) < 4 * np.sqrt(share * (1 - share) / count)
 
 
 # Which evaluations are exact.

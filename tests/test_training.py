@@ -15,7 +15,7 @@ import pytest
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.evaluation import View
-from DroneSwarmSearch.training.curve import moving_mean, read_columns
+from DroneSwarmSearch.training.curve import read_columns
 
 ROOT = Path(__file__).parents[1]
 
@@ -38,12 +38,6 @@ def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFix
     columns = read_columns(path)
     assert columns["steps"].tolist() == [123_456_789, 123_456_790]
     assert columns["found"].tolist() == pytest.approx([math.nan, 1 / 3], abs=1e-6, nan_ok=True)
-
-
-def test_the_moving_mean_covers_a_twentieth() -> None:
-    values = np.arange(100.0)
-    assert moving_mean(values)[:6].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 3.0]
-    assert moving_mean(values[:20]).tolist() == values[:20].tolist()
 
 
 def test_curves_are_plotted(tmp_path: Path) -> None:
