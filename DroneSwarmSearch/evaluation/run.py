@@ -108,7 +108,8 @@ class Case:
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        named, spec, shown = as_named(search), PolicySpec.of(policy, name), View.of(view)
+        named, spec = as_named(search), PolicySpec.of(policy, name)
+        shown = view if isinstance(view, View) else View(view)
         if shown.bayesian_update is not None:
             named = named.with_posterior(shown.bayesian_update)
         if issubclass(spec.kind, BatchPolicy) and (

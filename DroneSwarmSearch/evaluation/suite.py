@@ -96,8 +96,7 @@ class NamedSearch:
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
         """The same search, in which drones see the posterior (True) or the prior."""
-        flag = checks.boolean("bayesian_update", bayesian_update)
-        return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
+        return replace(self, scenario=self.scenario.replace(bayesian_update=bayesian_update))
 
 
 def search(name: str) -> NamedSearch:
