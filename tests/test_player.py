@@ -5,18 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.player import (
-    Player,
-    Recording,
-    Score,
-    score_row,
-)
+from DroneSwarmSearch.rendering.player import Player, Recording
 from DroneSwarmSearch.rules import Action, Ending
 
 LAST = 10
@@ -303,10 +297,3 @@ class TestFlying:
         for _ in range(LAST):
             player.press("space")
         assert "step" in [each.meaning for each in player.keys]
-
-
-def test_scores_as_rows() -> None:
-    last = replace(frame(LAST), probability_of_success=0.417, total_return=-1234.5)
-    row = ("you", "not found in 10 steps", "41.7%", "-1,234")
-    assert score_row(Score("you", last)) == row
-    assert score_row(Score("you", replace(last, probability_of_success=None)))[2] == ""

@@ -78,25 +78,25 @@ def draw(
 
 def cell_of(picture: NDArray[np.int64], grid_size: int, x: int, y: int) -> NDArray[np.int64]:
     """Return the pixels of a cell, shape (side, side, 3)."""
-    side = SearchMap(grid_size).side // grid_size
+    side = SearchMap(grid_size, Look()).side // grid_size
     top, left = MAP_TOP + y * side, LEFT + x * side
     return picture[top : top + side, left : left + side]
 
 
 def panel_left(grid_size: int) -> int:
     """The left edge of the panel."""
-    return SearchMap(grid_size).size[0] + GAP
+    return SearchMap(grid_size, Look()).size[0] + GAP
 
 
 def map_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
     """Return the pixels of the map, shape (side, side, 3)."""
-    side = SearchMap(grid_size).side
+    side = SearchMap(grid_size, Look()).side
     return picture[MAP_TOP : MAP_TOP + side, LEFT : LEFT + side]
 
 
 def head_of(picture: NDArray[np.int64], grid_size: int) -> NDArray[np.int64]:
     """The pixels of the headline above the map."""
-    side = SearchMap(grid_size).side
+    side = SearchMap(grid_size, Look()).side
     return picture[:HEAD, LEFT : LEFT + side]
 
 
@@ -294,7 +294,7 @@ class TestCells:
     def test_grid_lines_are_between_cells_only(self, grid_size: int) -> None:
         frame = bare(make_frame(grid_size))
         changed = (draw(frame, grid=True) != draw(frame)).any(axis=2)
-        side = SearchMap(grid_size).side // grid_size
+        side = SearchMap(grid_size, Look()).side // grid_size
         board = changed[MAP_TOP : MAP_TOP + side * grid_size, LEFT : LEFT + side * grid_size]
         expected = np.zeros_like(board)
         expected[side::side] = True
@@ -335,7 +335,7 @@ class TestSymbols:
     def test_25_adjacent_drones_differ(self, grid_size: int) -> None:
         drones = tuple((i % grid_size, i // grid_size) for i in range(25))
         picture = draw(make_frame(grid_size, drones=drones, persons=()))
-        side = SearchMap(grid_size).side // grid_size
+        side = SearchMap(grid_size, Look()).side // grid_size
         middles = np.array(
             [
                 cell_of(picture, grid_size, x, y)[side // 2 - 1 : side // 2 + 2].mean(axis=(0, 1))
@@ -360,7 +360,7 @@ class TestSymbols:
     def test_a_drone_over_a_person_hides_neither(self, grid_size: int) -> None:
         frame = make_frame(grid_size, drones=((1, 1), (0, 0)), persons=((1, 1),))
         pictures = [
-            map_of(draw(other), grid_size)[SearchMap(grid_size).side // grid_size :]
+            map_of(draw(other), grid_size)[SearchMap(grid_size, Look()).side // grid_size :]
             for other in (
                 frame,
                 replace(frame, drones=((0, 0), (1, 1))),  # a drone of another colour
@@ -417,7 +417,7 @@ class TestEndScreens:
     ) -> None:
         picture = draw(make_frame(grid_size, ending=ending), palette=palette)
         colour = FOUND if ending in (Ending.FOUND, Ending.COVERED) else NOT_FOUND
-        side = SearchMap(grid_size).side
+        side = SearchMap(grid_size, Look()).side
         assert (head_of(picture, grid_size) == colour).all(axis=2).mean() > 0.4
         assert (picture[MAP_TOP - 3, LEFT : LEFT + side] == colour).all()
         assert (picture[MAP_TOP : MAP_TOP + side, LEFT + side + 2] == colour).all()
@@ -519,7 +519,7 @@ class TestMotion:
         assert (pictures[0] == painter.pixels(before)).all()
         changed = (pictures[1] != pictures[0]).any(axis=2)
         rows, columns = changed.nonzero()
-        side = SearchMap(20).side // 20
+        side = SearchMap(20, Look()).side // 20
         assert MAP_TOP + 3 * side - 3 <= rows.min() <= rows.max() <= MAP_TOP + 4 * side + 3
         assert LEFT + 3 * side - 3 <= columns.min() <= columns.max() <= LEFT + 5 * side + 3
 
@@ -560,7 +560,7 @@ class TestPainter:
     def test_sizes_are_even_and_reasonable(self, grid_size: int) -> None:
         width, height = Painter(grid_size).size
         assert width % 2 == 0 and height % 2 == 0
-        assert 480 <= SearchMap(grid_size).side <= 1000
+        assert 480 <= SearchMap(grid_size, Look()).side <= 1000
         assert width <= 1400 and height <= 1100
 
     def test_off_screen_only_the_font_is_started(self) -> None:
