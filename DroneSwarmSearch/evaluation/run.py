@@ -121,9 +121,7 @@ class Case:
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        named = as_named(search)
-        if view.bayesian_update is not None:
-            named = named.with_posterior(view.bayesian_update)
+        named = as_named(search).with_posterior(view.bayesian_update)
         spec = PolicySpec.of(policy, name)
         if spec.is_batch_policy:
             view.check_package_policy(spec.name)

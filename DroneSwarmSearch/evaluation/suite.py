@@ -112,7 +112,9 @@ class NamedSearch:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
-        """The same search, in which drones see the posterior (True) or the prior."""
+        """The same search, in which drones see the posterior (True), the prior (False), or as now."""
+        if bayesian_update is None:
+            return self
         flag = checks.boolean("bayesian_update", bayesian_update)
         return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
 
