@@ -96,7 +96,7 @@ class NamedSearch:
         return hashlib.sha256(json.dumps(self.data, sort_keys=True).encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
-        """The same search; drones see the posterior (True), the prior (False), or as before (None)."""
+        """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
         if bayesian_update is None:
             return self
         flag = checks.boolean("bayesian_update", bayesian_update)
