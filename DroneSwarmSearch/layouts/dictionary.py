@@ -57,4 +57,5 @@ class JointDictLayout(Layout):
         out: dict[str, NDArray[Any]],
     ) -> None:
         out["positions"][...] = positions
-        out["probability_matrix"][...] = matrices
+        if out["probability_matrix"] is not matrices:
+            out["probability_matrix"][...] = matrices
