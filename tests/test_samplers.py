@@ -69,6 +69,20 @@ def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
     assert len(different) > 30
 
 
+def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step() -> None:
+    batch = SearchBatch(2, sampler=everything_sampled, **{**SAMPLED, "timestep_limit": 400})
+    batch.reset([1, 2])
+    for _ in range(100):  # row 1 flies on, beyond the steps that a new table begins with
+        batch.step([[5, 5]] * 2)
+    before = batch.scenario_of(1).situation
+    for _ in range(1100):  # more episodes than a catalogue lasts
+        batch.reset(rows=np.array([0]))
+        frame = batch.frame(1)
+    assert batch.scenario_of(1).situation == before
+    batch.step([[5, 5], [4, 4]])
+    assert frame.step == 100 and frame.matrix.sum() > 0.1
+
+
 def test_what_is_not_sampled_is_as_the_batch_was_given_it() -> None:
     batch = SearchBatch(
         3,

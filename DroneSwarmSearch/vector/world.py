@@ -155,6 +155,7 @@ class BatchState:
         self.situation[going] = catalogue.choices + place
         self._entries[:, going] = catalogue.numbers.take(self.situation[going], axis=1)
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
+        catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
         if self.beliefs is not None:
             self.beliefs.pad(catalogue.forecasts.hypotheses)
         self.catalogue = catalogue
