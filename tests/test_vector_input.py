@@ -174,25 +174,3 @@ def test_shared_parameters_have_the_single_environments_messages(
 def test_a_batch_has_a_whole_number_of_rows(rows: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match="num_rows must be an integer of at least 1"):
         SearchBatch(rows)
-
-
-@pytest.mark.parametrize(
-    ("receiver", "error", "came"),
-    [
-        ([0.0], TypeError, r"got \[0.0\]"),
-        (np.zeros((2, 7, 7)), ValueError, r"got float64 of shape \(2, 7, 7\)"),
-        (np.zeros((2, 7, 14), np.float32)[..., ::2], ValueError, "got one with gaps or in"),
-    ],
-)
-def test_the_output_array_for_matrices_is_validated(
-    receiver: Any, error: type[Exception], came: str
-) -> None:
-    batch = SearchBatch(2)
-    batch.reset([1, 2])
-    before = pickle.dumps(batch)
-    actions = [[Action.SEARCH], [Action.RIGHT]]
-    wanted = r"matrices must be a writeable C-contiguous float32 array of shape \(2, 7, 7\), "
-    for write in (batch.write_matrices, lambda given: batch.step(actions, given)):
-        with pytest.raises(error, match=wanted + came):
-            write(receiver)
-        assert pickle.dumps(batch) == before

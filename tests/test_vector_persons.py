@@ -211,7 +211,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"situations": CATALOGUE, "situation": 3}, ValueError, "integer from 0 to 2, got 3"),
     ({"situations": CATALOGUE, "situation": 1.0}, TypeError, "integer from 0 to 2, got 1.0"),
     ({"situations": CATALOGUE, "situation": [0, 1]}, ValueError, r"array of shape \(3,\)"),
-    ({"situations": CATALOGUE, "situation": [0, 1, 3]}, ValueError, r"situation\[2\] .* got 3"),
+    ({"situations": CATALOGUE, "situation": [0, 1, 3]}, ValueError, "situation must be .* got 3"),
 ]
 
 

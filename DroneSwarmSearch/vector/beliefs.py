@@ -137,13 +137,13 @@ class Beliefs:
             counted: bool, (persons, rows).
             out: float32, (rows, N, N).
         """
-        flat = out.reshape(len(out), -1)
         for first, tile in zip(self._firsts(), self._mass, strict=True):
             rows = slice(first, first + self._width)
             if self.begun[rows].any():
                 here = counted[:, rows]
                 maps = [over_hypotheses(mass)[:, : here.shape[1]] for mass in tile]
-                flat[rows] = means_over_missing(maps, here).astype(np.float32).T
+                matrices = means_over_missing(maps, here).astype(np.float32).T
+                out[rows] = matrices.reshape(-1, self._size, self._size)
 
     def matrices(self, rows: Ints, counted: Flags) -> Singles:
         """The matrices of some rows with beliefs: float32, (n, N, N); `counted` is of these."""

@@ -143,7 +143,6 @@ class SearchBatch:
         y, x = np.divmod(np.arange(scenario.grid_size**2, dtype=np.int32), scenario.grid_size)
         self._positions = np.stack([x, y], axis=1)  # of every cell
         self._neighbours = rules.neighbours_of_all(scenario.grid_size)
-        self._collided = rules.Collisions(rows, n, np.int64)
         self._counters: Words = np.zeros((4, rows), np.uint64)  # stream keys plus episodes
         self._seeded = np.zeros(rows, np.bool_)
         self._changing = False  # stays True after an interrupted step or reset
@@ -308,17 +307,15 @@ class SearchBatch:
         Raises:
             ResetNeeded: before the first `reset`, after an interrupted step or reset, or for
                 rows that have ended if `autoreset` is False.
-            TypeError: the actions are not integers, or `matrices` is not an array.
-            ValueError: an action is out of range, or a shape is wrong. After any error of
-                the input the batch is unchanged.
+            TypeError: the actions are not integers.
+            ValueError: an action is out of range, or their shape is wrong. After these errors
+                the batch is unchanged.
         """
         if self._changing:
             raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")
         if not self._seeded.all():
             raise ResetNeeded("step: not all episodes have begun; call reset() first")
         chosen = checked_actions(actions, self.cells.shape, np.int64)
-        if matrices is not None:
-            self._check_output(matrices)
         beginning = self.ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(
@@ -343,7 +340,7 @@ class SearchBatch:
         found = world.search(rows, cells, searches)
         rows_found = self._row_of.take(found)
         left_grid = (targets.reshape(-1) == OFF_GRID).nonzero()[0]
-        collided = self._collided(targets)
+        collided = rules.collisions(targets)
         last = (world.step == scenario.timestep_limit - 1).nonzero()[0]
         timed_out = last[:0]
         if scenario.mission == "rescue":
@@ -503,18 +500,8 @@ class SearchBatch:
     # The matrices.
 
     def write_matrices(self, out: Singles) -> None:
-        """Write the matrix of every row: float32, (E, N, N), C-contiguous, indexed [y, x].
-
-        Raises:
-            TypeError: `out` is not an array.
-            ValueError: `out` has another shape, dtype or order, or is read-only.
-        """
-        self._check_output(out)
+        """Write the matrix of every row: float32, (E, N, N), indexed [y, x]."""
         self._world.write_matrices(out)
-
-    def _check_output(self, matrices: Singles) -> None:
-        size = self._scenario.grid_size
-        checks.output_array("matrices", matrices, (self.num_rows, size, size), np.float32)
 
     def matrices_of(self, rows: ArrayLike) -> Singles:
         """The matrices of some rows: float32, (n, N, N), indexed [y, x].

@@ -283,7 +283,7 @@ class BatchState:
         return out
 
     def write_matrices(self, out: Singles) -> None:
-        """Write the matrix of every row: float32, shape (rows, N, N), C-contiguous."""
+        """Write the matrix of every row: float32, shape (rows, N, N)."""
         if self._shown is not None:
             self._shown.write_matrices(shown_persons(self.missing), out)
             others = (~self._shown.begun).nonzero()[0]
