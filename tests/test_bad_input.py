@@ -25,7 +25,6 @@ from DroneSwarmSearch import (
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
     FlatObservation,
     ScaledRewards,
@@ -592,4 +591,3 @@ def test_forecasts_reject_invalid_steps(ask, step, error):
 @pytest.mark.parametrize("scale", [1e304, 1.7e308])
 def test_scales_that_make_rewards_infinite_are_rejected(scale):
     refused(lambda: ScaledRewards(DroneSwarmSearch(), scale), ValueError, "scale must", "got")
-    refused(lambda: SwarmVectorEnv(reward_scale=scale), ValueError, "reward_scale must", "got")
