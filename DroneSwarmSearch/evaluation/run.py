@@ -108,10 +108,8 @@ class Case:
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        named, spec = as_named(search), PolicySpec.of(policy, name)
-        shown = view if isinstance(view, View) else View(view)
-        if shown.bayesian_update is not None:
-            named = named.with_posterior(shown.bayesian_update)
+        spec, shown = PolicySpec.of(policy, name), view if isinstance(view, View) else View(view)
+        named = as_named(search).with_posterior(shown.bayesian_update)
         if issubclass(spec.kind, BatchPolicy) and (
             shown.form == "drone" or shown.observation != "dict" or shown.action_mask
         ):

@@ -95,7 +95,9 @@ class NamedSearch:
         return hashlib.sha256(json.dumps(self.data, sort_keys=True).encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
-        """The same search, in which drones see the posterior (True) or the prior."""
+        """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
+        if bayesian_update is None:
+            return self
         return replace(self, scenario=self.scenario.replace(bayesian_update=bayesian_update))
 
 
