@@ -88,12 +88,14 @@ class PolicySpec:
             source["sha256"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
         return cls(name or policy, source, found)
 
-    def make(self, scenario: Scenario) -> Any:
+    def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""
-        policy: Any = self.policy
-        if isinstance(policy, str):
-            return PPOPolicy(scenario, policy)
-        return policy(scenario) if inspect.isclass(policy) else policy
+        if isinstance(self.policy, str):
+            return PPOPolicy(scenario, self.policy)
+        if not inspect.isclass(self.policy):
+            return self.policy
+        kind: Callable[..., Callable[..., Any]] = self.policy
+        return kind(scenario)
 
 
 def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
