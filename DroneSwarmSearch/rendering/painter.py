@@ -36,12 +36,7 @@ CAPTIONS = "prior: the drift alone", "posterior: given the searches"
 
 
 class Painter:
-    """Draws frames of one grid size; needs no display and starts none.
-
-    Args:
-        grid_size: cells along each side.
-        look: how the cells are drawn.
-        view: a key of `SIDES`.
+    """Draws frames of one grid size in a view of `SIDES`; needs no display and starts none.
 
     Attributes:
         size: width and height of the pictures in pixels; both even, as video codecs require.

@@ -40,8 +40,7 @@ COMPASS = 62
 SYMBOL_LEAST, SYMBOL_MOST = 15, 24
 LABEL_GAP = 6
 
-FINDERS_NAMED = 4
-"""Drones named as finders; of more, only the first ones."""
+FINDERS_NAMED = 4  # of more drones that found somebody, only the first ones are named
 
 
 def panel_size(least_height: int) -> tuple[int, int]:
@@ -50,13 +49,9 @@ def panel_size(least_height: int) -> tuple[int, int]:
 
 
 def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) -> None:
-    """Draw all sections, one below the other.
+    """Draw all sections, one below the other, on a surface of `panel_size`.
 
-    Args:
-        canvas: a surface of `panel_size`, filled with the background.
-        frame: a frame.
-        look: how the cells of the map are drawn.
-        symbol: side of a drone on the map in pixels; the legend shows it at this size.
+    The legend shows symbols in about the size that they have on the map, `symbol`.
     """
     symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
     write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))

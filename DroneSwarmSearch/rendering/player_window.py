@@ -23,20 +23,12 @@ LONGEST_PAUSE = 0.1
 ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}
 """The keypad's names of keys."""
 
-FONT, LINE = 20, 30
-"""The size of the text, and the height of a line with its margins."""
-
-STRIP = FONT // 2 + 2 * LINE
-"""The height of the strip."""
+FONT, LINE, STRIP = 20, 30, 70
+"""The size of the text, and the heights of a line with its margins and of the strip."""
 
 
 class PlayerWindow(Window):
-    """Shows a player, and passes it keys and time.
-
-    Args:
-        grid_size: cells along each side of the searches.
-        look: how their cells are drawn.
-    """
+    """Shows a player, and passes it keys and time."""
 
     def __init__(self, grid_size: int, look: Look) -> None:
         self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
