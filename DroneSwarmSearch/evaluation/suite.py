@@ -12,7 +12,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -159,10 +158,10 @@ def _named(data: Mapping[str, Any]) -> NamedSearch:
     return NamedSearch(name, reason, scenario, cells, scale and Scale(**scale))
 
 
-def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
+def _read(path: Path) -> tuple[str, dict[str, NamedSearch]]:
     data = json.loads(path.read_text("utf-8"))
     named = [_named(entry) for entry in data["searches"]]
-    return data["version"], MappingProxyType({each.name: each for each in named})
+    return data["version"], {each.name: each for each in named}
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))
