@@ -158,7 +158,6 @@ class ProbabilityMatrix(DriftModel):
         return Drifter(np.empty(self.state_shape))
 
     def matrices(self, step: int) -> tuple[Floats, Floats]:
-        """The transition matrices of a step along x and y: shape (M, N, N), from [i] to [j]."""
         if step not in self._matrices:
             stays, higher, lower = self._moves(step).swapaxes(1, 2)  # each (2, M, N)
             here = np.arange(self.grid_size)
@@ -221,7 +220,7 @@ class ProbabilityMatrix(DriftModel):
 
     @classmethod
     def together(cls, models: Sequence[Any], **options: Any) -> ForecastTables:
-        return ForecastTables([model.person for model in models], models, **options)
+        return ForecastTables(models, **options)
 
     # The tables.
 
