@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from helpers import bound_by_time
+from helpers import made_evaluation
 
-from DroneSwarmSearch.evaluation import SUITE, Episodes, Evaluation, StorageError, View, evaluate
-from DroneSwarmSearch.evaluation.episodes import Reliability
+from DroneSwarmSearch.evaluation import SUITE, Evaluation, StorageError, evaluate
 from DroneSwarmSearch.policies import POLICIES
 
 pytest.importorskip("matplotlib")
@@ -28,21 +25,10 @@ def evaluation(
     policy: str, search: str = "pond", *, share: float = 0.5, bound: float | None = None
 ) -> Evaluation:
     """40 episodes, of which a share succeeds, each in a different step."""
-    where = SUITE[search]
-    limit, n = where.scenario.timestep_limit, 40
-    found = np.zeros((n, len(where.scenario.situation)), np.int64)
-    for episode in range(round(share * n)):
-        found[episode] = 1 + episode % limit
-    endings = np.where(found[:, 0] > 0, 1, 4)
-    at = np.where(found[:, :1] > 0, found[:, :1], np.inf)
-    curves = (np.arange(limit + 1) >= at) * 1.0
-    steps = np.full(n, limit)
-    none = np.zeros(n, np.int64)
-    episodes = Episodes(found, endings, steps, none, none, none, Reliability.empty(), curves)
-    upper = None
-    if bound is not None:
-        upper = bound_by_time(np.linspace(0.0, bound, limit + 1))
-    return Evaluation(policy, where, 0, View(), episodes, False, upper)
+    where, found = SUITE[search], np.arange(1, 41)[:, None]
+    found = np.where(found <= round(share * 40), found, 0)
+    found = found.repeat(len(where.scenario.situation), axis=1)
+    return made_evaluation(found, where, policy=policy, bound=bound)
 
 
 def draw() -> Any:
@@ -159,20 +145,6 @@ class TestFiles:
         (tmp_path / "file").touch()
         with pytest.raises(StorageError, match=r"curves-light\.svg"):
             plots.save(draw, tmp_path / "file" / "curves")
-
-    def test_without_matplotlib_there_is_a_hint(self) -> None:
-        code = (
-            "import importlib, sys\n"
-            "sys.modules['matplotlib'] = None\n"
-            "try:\n"
-            "    importlib.import_module('DroneSwarmSearch.evaluation.plots')\n"
-            "except ImportError as error:\n"
-            "    print(error)\n"
-        )
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        assert done.stdout.count("DroneSwarmSearchEnvironment[evaluation]") == 1
 
 
 def test_labels_name_the_measure_of_the_mission() -> None:

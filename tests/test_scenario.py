@@ -105,7 +105,7 @@ def test_replace_changes_the_named_parameters():
     other = Scenario().replace(**OTHER)
     assert other == Scenario(**OTHER) != Scenario()
     assert other.replace(n_drones=3).replace(n_drones=2) == other
-    with pytest.raises(TypeError, match=r"parameters grid_size, .* got 'drones'"):
+    with pytest.raises(TypeError, match="drones"):
         other.replace(drones=3)
 
 

@@ -30,7 +30,7 @@ from helpers import EVENTS, INTENTS, SCHEMES, inside, planned_actions, target_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, rules
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
 from DroneSwarmSearch._internal.streams import (
     episode_keys,
     numbers,
@@ -245,7 +245,6 @@ class Case:
     rows: int
     parameters: dict[str, Any]
     tile_rows: int
-    few_drones: int  # up to this many are compared in pairs, see `rules.Collisions`
     plans: list[list[int]]
     seed: int
     steps: int
@@ -283,7 +282,6 @@ def random_case(rng: random.Random) -> Case:
         rows,
         parameters,
         tile_rows=rng.choice([1, 2, 3, 256]),
-        few_drones=rng.choice([0, 32]),
         plans=[[rng.choice(INTENTS) for _ in range(rng.randint(1, 6))] for _ in range(n)],
         seed=rng.randrange(2**32),
         steps=rng.randint(4, 28),
@@ -309,7 +307,6 @@ def check_case(case: Case) -> Counter[str]:
     """Compare a batch with its environments; returns how often each event happened."""
     rng, events = random.Random(case.seed), Counter[str]()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rules, "_FEW_DRONES", case.few_drones)
         use_tiles(patch, case)
         twins = Twins(case.rows, case.parameters)
         twins.reset([rng.randrange(2**20) for _ in range(case.rows)])

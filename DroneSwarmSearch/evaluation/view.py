@@ -67,11 +67,3 @@ class View:
     def masks(self) -> bool | None:
         """Whether the masks have right of way; None without masks."""
         return self.right_of_way if self.action_mask else None
-
-    def check_package_policy(self, name: str) -> None:
-        """Raise a ValueError unless the package's policies can read this view."""
-        if self.form == "drone" or self.observation != "dict" or self.action_mask:
-            raise ValueError(
-                f"view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
-                f"for {name}, got {self!r}"
-            )

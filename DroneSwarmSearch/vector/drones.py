@@ -42,7 +42,6 @@ class BatchDrones:
         self._neighbours = rules.neighbours_of_all(scenario.grid_size)
         y, x = np.divmod(np.arange(scenario.grid_size**2, dtype=np.int32), scenario.grid_size)
         self._positions = np.stack([x, y], axis=1)  # of every cell
-        self._collided = rules.Collisions(rows, n, np.int64)
         self.cells: Ints = np.zeros((rows, n), np.int64)
         self.chosen: Ints = np.full((rows, n), Action.IDLE, np.int64)
         self.row_of = np.arange(rows).repeat(n)
@@ -105,7 +104,7 @@ class BatchDrones:
         """
         scenario = self._scenario
         left_grid = (targets.reshape(-1) == OFF_GRID).nonzero()[0]
-        collided = self._collided(targets)
+        collided = rules.collisions(targets)
         last = (steps == scenario.timestep_limit - 1).nonzero()[0]
         timed_out = last[:0]
         if scenario.mission == "rescue":
