@@ -25,23 +25,12 @@ TABLE = (
     (2.0, 0.864665, 0.987811),
 )
 
-# Sweep width in metres, and the two PODs of a straight crossing of a cell of 130 m.
-CROSSINGS = ((100, 0.537, 0.665), (130, 0.632, 0.790), (185, 0.759, 0.926))
-
 
 @pytest.mark.parametrize(("coverage", "random", "cube"), TABLE)
 def test_published_probabilities(coverage, random, cube):
     assert detection.random_search(coverage) == pytest.approx(random, abs=5e-7)
     assert detection.inverse_cube(coverage) == pytest.approx(cube, abs=5e-7)
     assert detection.definite_range(coverage) == min(coverage, 1)
-
-
-@pytest.mark.parametrize(("sweep_width", "random", "cube"), CROSSINGS)
-def test_a_drone_that_crosses_a_cell(sweep_width, random, cube):
-    coverage = detection.coverage(sweep_width, speed=10, time=13, area=130**2)
-    assert coverage == pytest.approx(sweep_width / 130)
-    assert detection.random_search(coverage) == pytest.approx(random, abs=5e-4)
-    assert detection.inverse_cube(coverage) == pytest.approx(cube, abs=5e-4)
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
