@@ -567,17 +567,7 @@ def test_large_grids_are_accepted_if_the_memory_size_is_unknown(monkeypatch, err
 @pytest.mark.parametrize("ask", ["at", "joint", "marginals", "exact", "moves"])
 @pytest.mark.parametrize(
     ("step", "error"),
-    [
-        ("x", TypeError),
-        (2.0, TypeError),
-        (np.float64(2), TypeError),
-        (True, TypeError),
-        (np.True_, TypeError),
-        (None, TypeError),
-        ([1], TypeError),
-        (-1, ValueError),
-        (np.int64(-1), ValueError),
-    ],
+    [("x", TypeError), (2.0, TypeError), (np.True_, TypeError), (np.int64(-1), ValueError)],
 )
 def test_forecasts_reject_invalid_steps(ask, step, error):
     forecast = forecast_of(7)

@@ -151,7 +151,14 @@ class DriftModel(ABC):
 
     @abstractmethod
     def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
-        """`walk` for many persons and one step; states and draws have shape (n,)."""
+        """`walk` for many persons and one step.
+
+        Args:
+            states: the persons' states, shape (n,).
+            step: completed steps.
+            draws_x: a uniform draw from [0, 1) for each person.
+            draws_y: another one for each person.
+        """
 
     @abstractmethod
     def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:

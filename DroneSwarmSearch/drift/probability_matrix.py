@@ -106,7 +106,7 @@ class ProbabilityMatrix(DriftModel):
     # The forecast.
 
     def matrix(self, step: int) -> Singles:
-        block = self._block_of(step)
+        block, step = self._block_of(step), int(step)
         if step not in block.matrices:
             if block.steps.joint is None:
                 matrix = matrices_of(self._factors(step))
