@@ -167,7 +167,7 @@ class DroneSwarmSearch(SearchSpaces):
         # The episode, see `reset`.
         self._search: Scenario | None = None  # its parameters
         self._world: WorldState
-        self._drones = Drones(self._names, self._scenario)
+        self._drones = Drones(self._scenario)
         self._ending: Ending | None = None
 
     @classmethod
@@ -310,7 +310,13 @@ class DroneSwarmSearch(SearchSpaces):
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
-        return observations, Rewards(rewards), flags, flags.copy(), infos
+        return (
+            observations,
+            Rewards(zip(self._names, rewards, strict=True)),
+            flags,
+            flags.copy(),
+            infos,
+        )
 
     # The rest of PettingZoo's API.
 
