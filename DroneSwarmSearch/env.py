@@ -359,7 +359,10 @@ class DroneSwarmSearch(SearchSpaces):
         """
         cells, world = self._cells_and_world()
         missing = [world.person_cell(person) for person in world.missing if world.is_rescue]
-        return state_planes(world.matrix(), cells, missing)
+        persons = np.array([missing], np.int64)
+        planes = state_planes(world.matrix()[None], np.array([cells]), persons, persons >= 0)
+        state: NDArray[np.float32] = planes[0]
+        return state
 
     # Beyond PettingZoo's API.
 

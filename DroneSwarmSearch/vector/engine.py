@@ -29,7 +29,7 @@ from DroneSwarmSearch.drift.belief import mean_over_missing
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.observations import batch_state_planes
+from DroneSwarmSearch.observations import state_planes
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
 from DroneSwarmSearch.scenario import (
     REPLACED,
@@ -505,7 +505,7 @@ class SearchBatch:
         if self._scenario.mission == "coverage":  # it has no persons
             missing[:] = False
         matrices = self.matrices_of(self._rows)
-        return batch_state_planes(matrices, self.cells, self.person_cells, missing)
+        return state_planes(matrices, self.cells, self.person_cells, missing)
 
     def probabilities(self, rows: ArrayLike, cells: ArrayLike) -> Singles:
         """The matrix entries of one cell in each of some rows: float32, (n,).
