@@ -325,9 +325,17 @@ def test_reset_starts_a_new_episode() -> None:
             "probability_matrix must have the length of positions, 3, got 2",
         ),
         ({"row": np.array([0, 1])}, ValueError, "row must have the length of positions, 3, got 2"),
-        ({"row": np.array([0, 1, 1])}, ValueError, r"row must be all different, got \[0, 1"),
-        ({"row": np.array([0, 1, -1])}, ValueError, "row must be integers of at least 0, got -1"),
-        ({"row": np.array([0.0, 1, 2])}, TypeError, "row must be integers .*, got float64"),
+        (
+            {"row": np.array([0, 1, 1])},
+            ValueError,
+            "row must be different integers of at least 0, of",
+        ),
+        ({"row": np.array([0, 1, -1])}, ValueError, "row must be different integers of"),
+        (
+            {"row": np.array([0.0, 1, 2])},
+            TypeError,
+            "row must be different integers .*, got float64",
+        ),
     ],
 )
 @pytest.mark.parametrize("kind", [Historian, RandomPolicy])
@@ -357,9 +365,9 @@ def test_rejects_observations_without_a_matrix_or_of_another_size() -> None:
         ({"seed": 1.5}, TypeError, "seed must be an integer of at least 0, got 1.5"),
         ({"seed": [1, "a"]}, TypeError, r"seed\[1\] must be an integer .*, got 'a'"),
         ({"seed": [1, 2], "rows": [3]}, ValueError, "seed must be 1 integers, one for each row"),
-        ({"rows": [-3]}, ValueError, "rows must be integers of at least 0, got -3"),
-        ({"rows": [1.5]}, TypeError, "rows must be integers of at least 0, got float64"),
-        ({"rows": [2, 2]}, ValueError, r"rows must be all different, got \[2, 2\]"),
+        ({"rows": [-3]}, ValueError, "rows must be different integers .*-3"),
+        ({"rows": [1.5]}, TypeError, "rows must be different integers .*, got float64"),
+        ({"rows": [2, 2]}, ValueError, r"rows must be different integers .*\[2, 2\]"),
     ],
 )
 @pytest.mark.parametrize("name", NAMES)
