@@ -8,10 +8,11 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from DroneSwarmSearch import demo
-from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
@@ -22,14 +23,9 @@ PROGRAM = "python -m DroneSwarmSearch"
 
 COMMANDS = {
     "play": "watch a search in a window or in the terminal, or fly a drone; the default",
-    "evaluate": "evaluate a policy on searches of the suite",
-    "leaderboard": "compare all policies on the suite: tables, plots, files",
-    "bound": "compute upper bounds on the success of any policy",
-    "record": "record a video of a search: the prior and the posterior",
-    "export": "write episodes of a search as JSON, to play them in a browser",
-}
+    "evaluate": """\
+evaluate a policy on searches of the suite
 
-EVALUATE = """\
 Evaluate a policy on searches of the suite or of files. Success is the share of episodes in
 which every person is found by the time limit; time is the restricted mean time to find
 (failures count with the limit); return is the mean return of the team; crashes are episodes in
@@ -37,88 +33,77 @@ which drones collided or left the grid. Coverage missions are judged by the prob
 (POS) of the searches made; coverage and repetition are the different cells searched and the
 repeated searches, both divided by the number of cells. Success and time are exact for
 deterministic policies and one person; other figures have 95% intervals.
-"""
 
-EVALUATE_MORE = """\
 examples:
   python -m DroneSwarmSearch evaluate --list
   python -m DroneSwarmSearch evaluate greedy-posterior classic man-overboard --bound
   python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
-  python -m DroneSwarmSearch evaluate my_network.py:policy pond --view drone --observation flat
 
-Your own policy is a callable from observations to actions, or a class that is instantiated with
-the search's Scenario. Its file or module is executed: only name code that you trust. A file of a
-search, .json, holds the data of Scenario.to_dict, and may hold the start cells of the drones,
-"drones_positions". The guide "Evaluation" of the documentation explains both.
+The file or module of your own policy is executed: only name code that you trust. The guide
+"Evaluation" of the documentation explains policies, and the files of searches.
 
 Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
-"""
+""",
+    "leaderboard": """\
+compare all policies on the suite: tables, plots, files
+
+Evaluate every policy on every search of the suite, in the same episodes; print tables, and write
+leaderboard.csv and plots to DIR (default: leaderboard).
+
+examples:
+  python -m DroneSwarmSearch leaderboard
+  python -m DroneSwarmSearch leaderboard --episodes 200 --searches pond fog --workers 2
+  python -m DroneSwarmSearch leaderboard --add my_policies.py:MyPolicy --out mine
+""",
+    "bound": """\
+compute upper bounds on the success of any policy
+
+Compute a certified upper bound on the probability that any policy finds every person, within
+the time limit and within each earlier step. In a coverage mission it is a bound on the
+probability of success (POS) of any searches.
+
+examples:
+  python -m DroneSwarmSearch bound pond harbour
+  python -m DroneSwarmSearch bound all --workers 2 --out bounds
+""",
+    "record": """\
+record a video of a search: the prior and the posterior
+
+Record a video of the episode that `evaluate` plays with the same seed: the prior, which only
+follows the drift, on the left, and the posterior given the searches made on the right.
+
+examples:
+  python -m DroneSwarmSearch record classic --policy greedy-posterior --out classic.gif
+  python -m DroneSwarmSearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
+""",
+    "export": """\
+write episodes of a search as JSON, to play them in a browser
+
+Write the episodes of some policies on a search as JSON: actions, persons, probability of success,
+returns, prior and posterior of every step. The page "Play a search" of the documentation plays
+such files; `evaluation.export` documents their format.
+
+examples:
+  python -m DroneSwarmSearch export harbour --policies planner ppo --seeds 0 1 --out harbour.json
+  python -m DroneSwarmSearch export fog --policies my_policy.py:MyPolicy planner --out fog.json
+""",
+}
+"""The commands: a summary, a description and examples of each."""
 
 OWN_POLICY = (
     "your own: weights.npz of examples/train_ppo.py, module:attribute or file.py:attribute, "
     "whose code is executed; each also after name="
 )
 
-ANY_POLICY = f"of {', '.join(POLICIES)}, or {OWN_POLICY}"
+FORMAT: Any = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
 
 SEARCH = "of the suite, or a file of a search, .json"
 
-LEADERBOARD = """\
-Evaluate every policy on every search of the suite, in the same episodes; print tables, and write
-leaderboard.csv and plots to DIR (default: leaderboard).
-"""
-
-LEADERBOARD_MORE = """\
-examples:
-  python -m DroneSwarmSearch leaderboard
-  python -m DroneSwarmSearch leaderboard --episodes 200 --searches pond fog --workers 2
-  python -m DroneSwarmSearch leaderboard --add my_policies.py:MyPolicy --out mine
-"""
-
-BOUND = """\
-Compute a certified upper bound on the probability that any policy finds every person, within
-the time limit and within each earlier step. In a coverage mission it is a bound on the
-probability of success (POS) of any searches.
-"""
-
-BOUND_MORE = """\
-examples:
-  python -m DroneSwarmSearch bound pond harbour
-  python -m DroneSwarmSearch bound all --workers 2 --out bounds
-"""
-
-RECORD = """\
-Record a video of the episode that `evaluate` plays with the same seed: the prior, which only
-follows the drift, on the left, and the posterior given the searches made on the right.
-"""
-
-RECORD_MORE = """\
-examples:
-  python -m DroneSwarmSearch record classic --policy greedy-posterior --out classic.gif
-  python -m DroneSwarmSearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
-"""
-
-EXPORT = """\
-Write the episodes of some policies on a search as JSON: actions, persons, probability of success,
-returns, prior and posterior of every step. The page "Play a search" of the documentation plays
-such files; `evaluation.export` documents their format.
-"""
-
-EXPORT_MORE = """\
-examples:
-  python -m DroneSwarmSearch export harbour --policies planner ppo --seeds 0 1 --out harbour.json
-  python -m DroneSwarmSearch export fog --policies my_policy.py:MyPolicy planner --out fog.json
-"""
+POSTERIOR = "show policies the posterior, not the prior"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Args:
-        argv: the arguments; None for those of the process.
-
-    Returns:
-        The exit code.
+    """Run a command with the arguments, by default those of the process; returns the exit code.
 
     Raises:
         SystemExit: help was requested (code 0), or an argument is wrong (code 2).
@@ -147,131 +132,92 @@ def _run(argv: Sequence[str]) -> int:
         return demo.main(rest)
     if command.startswith("-") and command not in ("-h", "--help"):
         return demo.main(argv)
-    parser = _parser()
-    if not command.startswith("-") and command not in COMMANDS:
-        hint = did_you_mean(command, COMMANDS)
-        print(f"no such command: {command!r:.100}{hint}\n", file=sys.stderr)
-        parser.print_help(sys.stderr)
-        return 2
-    options = parser.parse_args(argv)
+    options = _parser().parse_args(argv)
     from DroneSwarmSearch.evaluation import commands  # here, so that `play` starts faster
 
     return commands.run(options)
 
 
-def _format(prog: str) -> argparse.HelpFormatter:
-    return argparse.RawDescriptionHelpFormatter(prog, max_help_position=28)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        formatter_class=_format,
+        formatter_class=FORMAT,
         usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
-    commands.add_parser("play", help=COMMANDS["play"], add_help=False)
-
-    def add(name: str, description: str, more: str) -> argparse.ArgumentParser:
+    for name, text in COMMANDS.items():
+        if name == "play":  # the demo has a parser of its own
+            commands.add_parser(name, help=text, add_help=False)
+            continue
+        summary, description, more = text.split("\n\n", 2)
         command = commands.add_parser(
-            name,
-            help=COMMANDS[name],
-            description=description,
-            epilog=more,
-            formatter_class=_format,
+            name, help=summary, description=description, epilog=more, formatter_class=FORMAT
         )
         command.set_defaults(command=name, parser=command)
-        return command
-
-    _add_evaluate(add("evaluate", EVALUATE, EVALUATE_MORE))
-    _add_leaderboard(add("leaderboard", LEADERBOARD, LEADERBOARD_MORE))
-    bound = add("bound", BOUND, BOUND_MORE)
-    bound.add_argument("searches", metavar="SEARCH", nargs="+", help=f"{SEARCH}, or all")
-    _add_mission(bound)
-    _add_work(bound)
-    _add_record(add("record", RECORD, RECORD_MORE))
-    _add_export(add("export", EXPORT, EXPORT_MORE))
+        if name in ("record", "export"):
+            _add_files(command, name)
+        else:
+            _add_results(command, name)
     return parser
 
 
-def _add_evaluate(parser: argparse.ArgumentParser) -> None:
-    add, parser.usage = parser.add_argument, "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
-    add("policy", metavar="POLICY", nargs="?", help=f"a policy of this package, or {OWN_POLICY}")
-    add("searches", metavar="SEARCH", nargs="*", help=f"{SEARCH}, or all")
-    _add_mission(parser)
-    add("--list", action="store_true", help="list the policies and the searches")
-    add("--bound", action="store_true", help="also show the upper bound, and the share reached")
-    _add_episodes(parser, "the policy")
-    _add_work(parser)
-    add("--csv", action="store_true", help="print the estimates as CSV")
+def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add the options of commands that write episodes."""
+    add = parser.add_argument
+    add("search", metavar="SEARCH", help=SEARCH)
+    policies = f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)"
+    if name == "record":
+        add("--policy", metavar="POLICY", default="planner", help=policies)
+        add("--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)")
+        add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
+    else:
+        add("--policies", metavar="POLICY", nargs="+", default=["planner"], help=policies)
+        add("--seeds", metavar="N", nargs="+", type=int, default=[0], help="(default: 0)")
+    kind = "the video, .gif or .mp4" if name == "record" else "the file, .json"
+    add("--out", metavar="FILE", required=True, help=kind)
+    add("--posterior", action="store_true", default=None, help=POSTERIOR)
 
 
-def _add_leaderboard(parser: argparse.ArgumentParser) -> None:
-    add, parser.usage, names = parser.add_argument, "%(prog)s [options]", ", ".join(POLICIES)
-    add("--searches", metavar="NAME", nargs="+", default=["all"], help=f"{SEARCH} (default: all)")
-    add("--policies", metavar="NAME", nargs="+", help=f"of {names} (default: all)")
-    own = f"{OWN_POLICY}; may be repeated"
-    add("--add", metavar="POLICY", action="append", default=[], help=own)
-    add("--no-bound", dest="bound", action="store_false", help="leave the bounds out: much faster")
-    _add_episodes(parser, "your own policies")
-    _add_work(parser)
+def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add the options of commands that compute results."""
+    add = parser.add_argument
+    if name == "leaderboard":
+        parser.usage = "%(prog)s [options]"
+        searches = f"{SEARCH} (default: all)"
+        add("--searches", metavar="NAME", nargs="+", default=["all"], help=searches)
+        add("--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)}; default: all")
+        own = f"{OWN_POLICY}; may be repeated"
+        add("--add", metavar="POLICY", action="append", default=[], help=own)
+        add("--no-bound", dest="bound", action="store_false", help="without bounds: much faster")
+    else:
+        if name == "evaluate":
+            parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
+            own = f"a policy of this package, or {OWN_POLICY}"
+            parser.set_defaults(policies=[])
+            add("policy", metavar="POLICY", nargs="?", help=own)
+            add("--list", action="store_true", help="list the policies and the searches")
+            add("--csv", action="store_true", help="print the estimates as CSV")
+            add("--bound", action="store_true", help="also show the bound, and the share of it")
+        count = "+" if name == "bound" else "*"
+        add("searches", metavar="SEARCH", nargs=count, help=f"{SEARCH}, or all")
+        add("--mission", choices=MISSIONS, help="of all searches (default: that of each)")
+    if name != "bound":
+        add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
+        add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
+        add("--posterior", action="store_true", default=None, help=POSTERIOR)
+        add("--view", default="swarm", help="what your policy sees: swarm, drone, parallel (swarm)")
+        add("--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)")
+        add("--action-mask", action="store_true", help="also show it masks of valid actions")
+        add("--right-of-way", action="store_true", help="these masks prevent all collisions")
+        alike = "it always acts alike after the same observations: exact success and time"
+        add("--deterministic", action="store_true", default=None, help=alike)
     has_joblib = importlib.util.find_spec("joblib") is not None
-    parser.set_defaults(out=Path("leaderboard"), workers=(os.cpu_count() or 1) if has_joblib else 1)
-
-
-def _add_record(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("search", metavar="SEARCH", help=SEARCH)
-    add("--policy", metavar="POLICY", default="planner", help=f"{ANY_POLICY} (default: planner)")
-    add("--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)")
-    add("--out", metavar="FILE", required=True, help="the video, .gif or .mp4")
-    add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
-    _add_posterior(parser, "the policy")
-
-
-def _add_export(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("search", metavar="SEARCH", help=SEARCH)
-    which = f"{ANY_POLICY} (default: planner)"
-    add("--policies", metavar="POLICY", nargs="+", default=["planner"], help=which)
-    seeds = "of the episodes (default: 0)"
-    add("--seeds", metavar="N", nargs="+", type=int, default=[0], help=seeds)
-    add("--out", metavar="FILE", required=True, help="the file, .json")
-    _add_posterior(parser, "the policies")
-
-
-def _add_mission(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--mission", choices=MISSIONS, help="of all searches (default: that of each search)"
-    )
-
-
-def _add_posterior(parser: argparse.ArgumentParser, whom: str) -> None:
-    text = f"show {whom} the posterior, not the prior"
-    parser.add_argument("--posterior", action="store_true", help=text)
-
-
-def _add_episodes(parser: argparse.ArgumentParser, whom: str) -> None:
-    """Add the options for the episodes and for what a policy sees."""
-    add, layouts = parser.add_argument, ", ".join(LAYOUTS)
-    add("--episodes", metavar="N", type=int, default=2000, help="of each search (default: 2000)")
-    add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
-    _add_posterior(parser, whom)
-    add("--view", default="swarm", help="what your policy sees: swarm, drone or parallel (swarm)")
-    add("--observation", default="dict", help=f"its layout: {layouts} (dict)")
-    add("--action-mask", action="store_true", help="also show your policy masks of valid actions")
-    add("--right-of-way", action="store_true", help="these masks prevent all collisions")
-    alike = "your policy always acts alike after the same observations: exact success and time"
-    add("--deterministic", action="store_true", default=None, help=alike)
-
-
-def _add_work(parser: argparse.ArgumentParser) -> None:
-    """Add the options of commands that take long."""
-    add = parser.add_argument
-    workers = "processes; the results do not depend on them (default: %(default)s)"
-    add("--workers", metavar="N", type=int, default=1, help=workers)
+    workers = (os.cpu_count() or 1) if name == "leaderboard" and has_joblib else 1
+    text = "processes; the results do not depend on them (default: %(default)s)"
+    add("--workers", metavar="N", type=int, default=workers, help=text)
     ray = "run on Ray: on this machine, or on the cluster at ADDRESS"
     add("--ray", metavar="ADDRESS", nargs="?", const="local", help=ray)
+    folder = Path("leaderboard") if name == "leaderboard" else None
     out = "write the results to DIR, and resume from it after an interruption"
-    add("--out", metavar="DIR", type=Path, help=out)
+    add("--out", metavar="DIR", type=Path, default=folder, help=out)

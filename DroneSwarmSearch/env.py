@@ -88,29 +88,14 @@ class DroneSwarmSearch(SearchSpaces):
     environment neither reads nor changes global random states.
 
     Args:
-        grid_size: cells along each side of the square grid; an integer of at least 2.
+        grid_size: see `Scenario` for this and the other parameters of the search: `n_drones`,
+            `vector`, `person_initial_position`, `disperse_constant`, `timestep_limit`,
+            `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`.
         render_mode: "human" (a window), "ansi" (`render` returns text), "rgb_array"
             (`render` returns a picture) or None.
         render_grid: draw lines between the cells.
         render_gradient: colour the cells smoothly, else in three steps.
-        n_drones: the number of drones; from 1 to grid_size².
-        vector: drift in cells per step, (x, y), y increasing downward; finite. `reset` can
-            change it.
-        person_initial_position: a person's cell (x, y) at step 0, or several cells, one for
-            each person. The mission is to find all persons.
-        disperse_constant: how quickly the persons may stray from the drift; at least 0.
-        timestep_limit: the number of steps in an episode; at least 1.
-        probability_of_detection: the probability that a search of a person's cell finds the
-            person, from 0 to 1; one number, or one for each person.
-        bayesian_update: whether the matrix is the exact posterior given the searches so far,
-            or the drift forecast alone.
-        reward_scheme: the figures of the reward table.
-        persons: persons whose start or drift is uncertain, see `Person`; in place of
-            `vector`, `person_initial_position`, `disperse_constant` and
-            `probability_of_detection`.
-        mission: "rescue", to find all persons; or "coverage", to gain as much probability of
-            success as possible: nobody is found, and searches pay what they add to it.
-        scenario: all parameters but the render settings, instead of the arguments above.
+        scenario: all parameters of the search, instead of these arguments.
         palette: the colours of the map: "classic" (dark red, yellow, bright green) or
             "sea" (pale to deep blue).
 
@@ -168,19 +153,14 @@ class DroneSwarmSearch(SearchSpaces):
         self.render_gradient = checks.boolean("render_gradient", render_gradient)
         checks.choice("palette", palette, tuple(PALETTES))
         self.palette = palette
-        look = Look(self.render_grid, self.render_gradient, self.palette)
-        fps = self.metadata["render_fps"]
-        self._display = Display(self._scenario.grid_size, look, fps=fps)
+        look = Look(render_grid, render_gradient, palette)
+        self._display = Display(self.grid_size, look, fps=self.metadata["render_fps"])
 
-        n = self._scenario.n_drones
-        self.possible_agents = [f"drone{i}" for i in range(n)]
+        self.possible_agents = [f"drone{i}" for i in range(self.n_drones)]
         self.agents: list[str] = []
         self._names = tuple(self.possible_agents)
         self._read = Reader(self._names)
-        self._neighbours, self._positions = grid_of(self._scenario.grid_size)
-        self._all_false = dict.fromkeys(self._names, False)
-        self._all_true = dict.fromkeys(self._names, True)
-        self._start_cells = list(range(n))
+        self._neighbours, self._positions = grid_of(self.grid_size)
         self._streams: Streams | None = None
         self._episode = 0  # episodes since the seed
 
@@ -234,8 +214,8 @@ class DroneSwarmSearch(SearchSpaces):
                 Overrides the option. Not with `persons`, which have their own.
 
         Returns:
-            The observations and the infos of all drones, as a tuple. The tuple also answers
-            the drones' names with their observations, as the 2023 package's `reset` did.
+            The observations and the infos of all drones, as a tuple that also answers the
+            drones' names with their observations, as the 2023 package's `reset` did.
 
         Raises:
             TypeError: an argument is of the wrong type.
@@ -244,22 +224,21 @@ class DroneSwarmSearch(SearchSpaces):
                 the environment unchanged.
         """
         scenario = search = self._scenario
-        cells = self._start_cells
+        cells = list(range(self.n_drones))
         if seed is not None:
             seed = checks.integer("seed", seed, 0)
-        changes = {}  # for this episode only
+        changes: dict[str, Any] = {}  # for this episode only
         if options is not None:
             options = checks.known_options(options, _OPTIONS, stacklevel=2)
-            for name in ("person_initial_position", "persons"):
-                if options.get(name) is not None:
-                    changes[name] = options[name]
+            names = ("person_initial_position", "persons")
+            changes = {name: options[name] for name in names if options.get(name) is not None}
             if drones_positions is None:
                 drones_positions = options.get("drones_positions")
             if vector is None:
                 vector = options.get("vector")
         if vector is not None:
             scenario = search = scenario.replace(vector=vector)
-            if changes and vector is not None:
+            if changes:
                 changes["vector"] = vector  # an error together with persons
         if changes:
             search = search.replace(**changes)
@@ -301,8 +280,7 @@ class DroneSwarmSearch(SearchSpaces):
             The observations, rewards, terminations, truncations and infos of all drones.
 
         Raises:
-            ResetNeeded: before the first `reset`, after the end of an episode, and after an
-                exception (such as Ctrl-C) interrupted a step or a reset.
+            ResetNeeded: no episode is running: it has not begun, has ended or was interrupted.
             TypeError: `actions` is not a mapping, or an action is not an integer.
             ValueError: an action is missing, out of range, or for an unknown drone. Errors
                 leave the environment unchanged.
@@ -321,12 +299,10 @@ class DroneSwarmSearch(SearchSpaces):
         rewards, ending = drones.resolve(chosen, targets, world)
         # 3. The persons and the matrix drift.
         matrix = world.advance()
+        self._ending = ending
         if ending is None:
-            flags = self._all_false
             self.agents = agents
-        else:
-            flags = self._all_true
-            self._ending = ending
+        flags = dict.fromkeys(self._names, ending is not None)
         # 4. The drones observe the new state.
         if self.render_mode == "human":
             self._display.show(self.frame())
@@ -334,7 +310,7 @@ class DroneSwarmSearch(SearchSpaces):
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
-        return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
+        return observations, Rewards(rewards), flags, flags.copy(), infos
 
     # The rest of PettingZoo's API.
 

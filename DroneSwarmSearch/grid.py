@@ -1,13 +1,14 @@
 """Look-up tables for the cells of a square grid, numbered y * grid_size + x.
 
-Entries are computed on first use. All environments of a grid size share the tables, because a
-look-up is faster than arithmetic with coordinates.
+All environments of a grid size share the tables, because a look-up is faster than arithmetic with
+coordinates.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from DroneSwarmSearch.rules import neighbours
 
@@ -16,39 +17,37 @@ __all__ = ["Neighbours", "Positions", "grid_of"]
 Entry = TypeVar("Entry")
 
 
-class _Table(dict[int, Entry]):
-    """A table by cell, computed on first use. Copying or unpickling it returns the shared table."""
+class CellTable(dict[int, Entry], Generic[Entry]):
+    """A table by cell; computes entries from the cell and the grid size when they are needed."""
 
-    def __init__(self, grid_size: int) -> None:
+    def __init__(self, entry: Callable[[int, int], Entry], grid_size: int) -> None:
         super().__init__()
-        self._grid_size = grid_size
+        self._entry, self._grid_size = entry, grid_size
+
+    def __missing__(self, cell: int) -> Entry:
+        self[cell] = entry = self._entry(cell, self._grid_size)
+        return entry
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _shared, (type(self), self._grid_size)
+        return _table, (self._entry, self._grid_size)  # copies share it, too
 
 
-class Neighbours(_Table[tuple[int, ...]]):
-    """``neighbours[cell][action]`` is the target cell of an action, or OFF_GRID."""
+Neighbours = CellTable[tuple[int, ...]]
+"""``neighbours[cell][action]`` is the target cell of an action, or OFF_GRID."""
 
-    def __missing__(self, cell: int) -> tuple[int, ...]:
-        self[cell] = around = neighbours(cell, self._grid_size)
-        return around
-
-
-class Positions(_Table[tuple[int, int]]):
-    """``positions[cell]`` is the cell's (x, y)."""
-
-    def __missing__(self, cell: int) -> tuple[int, int]:
-        y, x = divmod(cell, self._grid_size)
-        self[cell] = position = (x, y)
-        return position
+Positions = CellTable[tuple[int, int]]
+"""``positions[cell]`` is the cell's (x, y)."""
 
 
 def grid_of(grid_size: int) -> tuple[Neighbours, Positions]:
     """The shared tables of a grid size."""
-    return _shared(Neighbours, grid_size), _shared(Positions, grid_size)
+    return _table(neighbours, grid_size), _table(_position, grid_size)
 
 
-@lru_cache(maxsize=32)
-def _shared(kind: Any, grid_size: int) -> Any:
-    return kind(grid_size)
+def _position(cell: int, grid_size: int) -> tuple[int, int]:
+    return cell % grid_size, cell // grid_size
+
+
+@lru_cache(maxsize=64)
+def _table(entry: Any, grid_size: int) -> Any:
+    return CellTable(entry, grid_size)

@@ -23,7 +23,7 @@ persons are found, and with step number L. In the coverage mission nobody is fou
 the time limit does not apply, and the episode also ends once less than 1% is left to find.
 
 `reward` implements the table for one drone; `RewardScheme` holds its figures. Each rule has a
-scalar form and, in the plural, an array form for many searches.
+scalar form and, beside it, an array form for many searches.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 
 __all__ = [
     "OFF_GRID",
     "Action",
-    "Collisions",
     "Ending",
     "RewardScheme",
+    "collisions",
     "ending",
     "endings",
     "is_success",
@@ -58,8 +58,6 @@ __all__ = [
     "uneventful_reward",
 ]
 
-Drones = NDArray[np.int64]
-
 
 class Action(IntEnum):
     """The actions of a drone; y increases downward, so UP is towards row 0."""
@@ -70,6 +68,13 @@ class Action(IntEnum):
     DOWN = 3
     SEARCH = 4
     IDLE = 5
+
+
+MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1), (0, 0), (0, 0))
+"""The step (x, y) of each action, indexed by `Action`."""
+
+OFF_GRID = -1
+"""The target of a move that leaves the grid."""
 
 
 class Ending(IntEnum):
@@ -98,18 +103,8 @@ _DESCRIPTIONS = {
 COVERED_AT = 0.99
 """The coverage mission ends above this probability of success."""
 
-OFF_GRID = -1
-"""The target of a move that leaves the grid."""
-
 _LARGEST = 1e100
 """The largest figure of a scheme."""
-
-_NOT_ZERO = ("find", "expected_finds")
-
-_FEW_DRONES = 32
-"""Up to this many drones, comparing all pairs is faster than sorting the cells."""
-
-_NO_DRONES: Drones = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True)
@@ -149,26 +144,18 @@ class RewardScheme:
 
     def __post_init__(self) -> None:
         checks.boolean("RewardScheme.expected_finds", self.expected_finds)
-        for field in fields(self)[:-1]:
-            name = f"RewardScheme.{field.name}"
-            number = checks.real(name, getattr(self, field.name), -_LARGEST, _LARGEST)
-            object.__setattr__(self, field.name, number)
+        for each in fields(self)[:-1]:
+            figure = getattr(self, each.name)
+            figure = checks.real(f"RewardScheme.{each.name}", figure, -_LARGEST, _LARGEST)
+            object.__setattr__(self, each.name, figure)
 
     def largest(self, timestep_limit: int) -> float:
-        """The largest absolute reward of a drone in one step.
-
-        Args:
-            timestep_limit: the number of steps in an episode.
-        """
-        usual = max(
-            abs(self.step),
-            abs(self.search),
-            abs(self.search_unlikely),
-            abs(self.find) + abs(self.find_early),
-        )
+        """The largest absolute reward of a drone in one step of an episode of this length."""
         crash = max(abs(self.leave_grid), abs(self.collision))
         if self.expected_finds:
             return max(abs(self.step), abs(self.find), crash)
+        find = abs(self.find) + abs(self.find_early)
+        usual = max(abs(self.step), abs(self.search), abs(self.search_unlikely), find)
         return max(abs(self.timeout) + usual * timestep_limit, crash)
 
     @classmethod
@@ -193,51 +180,36 @@ class RewardScheme:
     @classmethod
     def _zeros(cls) -> dict[str, Any]:
         """All figures but `find` as 0."""
-        return {field.name: 0.0 for field in fields(cls) if field.name not in _NOT_ZERO}
+        return {each.name: 0.0 for each in fields(cls)[:-1] if each.name != "find"}
 
 
-def neighbours(cell: int, grid_size: int) -> tuple[int, int, int, int, int, int]:
-    """The target cell of each action, indexed by `Action`.
+def neighbours(cell: int, grid_size: int) -> tuple[int, ...]:
+    """The target of each action from a cell, y * grid_size + x, indexed by `Action`.
 
-    Args:
-        cell: y * grid_size + x.
-        grid_size: cells along each side.
-
-    Returns:
-        Six cells; OFF_GRID for moves that leave the grid. SEARCH and IDLE stay.
+    OFF_GRID for moves that leave the grid.
     """
     y, x = divmod(cell, grid_size)
-    return (
-        cell - 1 if x > 0 else OFF_GRID,
-        cell + 1 if x < grid_size - 1 else OFF_GRID,
-        cell - grid_size if y > 0 else OFF_GRID,
-        cell + grid_size if y < grid_size - 1 else OFF_GRID,
-        cell,
-        cell,
+    inside = range(grid_size)
+    return tuple(
+        (y + dy) * grid_size + x + dx if x + dx in inside and y + dy in inside else OFF_GRID
+        for dx, dy in MOVES
     )
 
 
-def neighbours_of_all(grid_size: int) -> NDArray[np.int64]:
+def neighbours_of_all(grid_size: int) -> Ints:
     """`neighbours` of all cells: int64, shape (grid_size², 6), indexed [cell, action].
 
     Raises:
         ValueError: the table does not fit in memory.
     """
-    # Six integers of eight bytes for each cell, and as much again while they are stacked.
-    checks.fits("the table of the cells' neighbours", 96 * grid_size**2, grid_size=grid_size)
-    cells = np.arange(grid_size**2)
-    y, x = np.divmod(cells, grid_size)
-    return np.stack(
-        [
-            np.where(x > 0, cells - 1, OFF_GRID),
-            np.where(x < grid_size - 1, cells + 1, OFF_GRID),
-            np.where(y > 0, cells - grid_size, OFF_GRID),
-            np.where(y < grid_size - 1, cells + grid_size, OFF_GRID),
-            cells,
-            cells,
-        ],
-        axis=1,
-    )
+    # Four such tables of eight bytes an entry: the result, x, y and the cells.
+    needed = 32 * len(MOVES) * grid_size**2
+    checks.fits("the table of the cells' neighbours", needed, grid_size=grid_size)
+    dx, dy = np.array(MOVES).T
+    y, x = np.divmod(np.arange(grid_size**2)[:, None], grid_size)
+    x, y = x + dx, y + dy
+    inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)
+    return np.where(inside, y * grid_size + x, OFF_GRID)
 
 
 def same_cell(targets: Sequence[int]) -> set[int]:
@@ -252,73 +224,23 @@ def same_cell(targets: Sequence[int]) -> set[int]:
     return {cell for cell in counts if counts[cell] > 1 and cell != OFF_GRID}
 
 
-class Collisions:
-    """`same_cell` for many searches: finds the drones that collided.
+def collisions(targets: Ints) -> Ints:
+    """The drones in a cell of `same_cell`, for many searches.
 
     Args:
-        rows: the number of searches.
-        drones: the drones in each.
-        dtype: the integer type of the cells.
+        targets: the cell that each drone tried to enter, or OFF_GRID: shape (rows, drones).
+
+    Returns:
+        row * drones + drone for each of them, in ascending order.
     """
-
-    def __init__(self, rows: int, drones: int, dtype: DTypeLike) -> None:
-        self._arguments = rows, drones, dtype
-        if drones > _FEW_DRONES:
-            return
-        # With the drones as the first axis, one call compares pairs in all rows.
-        self._by_drone = np.empty((drones, rows), dtype)
-        lower, higher = np.triu_indices(drones, 1)
-        order = np.argsort(higher - lower, kind="stable")
-        self._pairs = np.stack([higher, lower])[:, order]  # by their distance
-        self._equal = np.empty((len(order), rows), np.bool_)
-        ends = np.arange(drones - 1, 0, -1).cumsum()
-        self._comparisons = [
-            (self._by_drone[apart:], self._by_drone[:-apart], equal)
-            for apart, equal in enumerate(np.split(self._equal, ends[:-1]), 1)
-        ]
-        # NumPy calculates faster with 0-d arrays than with Python numbers.
-        self._rows, self._drones = np.array(rows), np.array(drones)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self._arguments  # no state outlives a call
-
-    def __call__(self, targets: NDArray[Any]) -> Drones:
-        """Return the drones that share a cell with another drone after moving.
-
-        Args:
-            targets: the cell that each drone tried to enter, or OFF_GRID: shape
-                (rows, drones).
-
-        Returns:
-            row * drones + drone for each of them; unordered, possibly with repetitions.
-        """
-        drones = targets.shape[1]
-        if drones == 1:
-            return _NO_DRONES
-        if drones > _FEW_DRONES:
-            return self._sorted(targets)
-        self._by_drone[...] = targets.T
-        for one, other, equal in self._comparisons:
-            np.equal(one, other, out=equal)
-        together = self._equal.reshape(-1).nonzero()[0]
-        if not together.size:
-            return _NO_DRONES
-        pairs, rows = np.divmod(together, self._rows)
-        both: Drones = self._pairs.take(pairs, axis=1)
-        both += np.multiply(rows, self._drones)
-        cells = targets.take(both[0])
-        if np.minimum.reduce(cells) == OFF_GRID:  # drones off the grid do not collide
-            both = both[:, cells != OFF_GRID]
-        return both.reshape(-1)
-
-    def _sorted(self, targets: NDArray[Any]) -> Drones:
-        cells = np.sort(targets, axis=1)
-        equal = (cells[:, 1:] == cells[:, :-1]) & (cells[:, 1:] != OFF_GRID)
-        rows = np.logical_or.reduce(equal, axis=1).nonzero()[0]
-        order = targets[rows].argsort(axis=1, kind="stable") + (rows * targets.shape[1])[:, None]
-        equal = equal[rows]
-        drones: Drones = np.concatenate([order[:, 1:][equal], order[:, :-1][equal]])
-        return drones
+    by_drone = np.ascontiguousarray(targets.T)  # comparing long rows is faster
+    collided = np.zeros(by_drone.shape, np.bool_)
+    for apart in range(1, len(by_drone)):
+        equal = by_drone[apart:] == by_drone[:-apart]
+        collided[apart:] |= equal
+        collided[:-apart] |= equal
+    collided &= by_drone != OFF_GRID
+    return collided.T.reshape(-1).nonzero()[0]
 
 
 def reward(
@@ -337,7 +259,7 @@ def reward(
     """The reward of one drone in one step: the first line of the table that applies.
 
     Args:
-        scheme: the figures.
+        scheme: the figures of the table.
         collided: whether another drone is in its cell after moving.
         left_grid: whether it tried to leave the grid.
         found: whether its search found a person in this step.
@@ -376,27 +298,30 @@ def rewards(
     scheme: RewardScheme,
     drones: int,
     *,
-    searched: Drones,
+    searched: Ints,
     probability: Floats,
-    timed_out: Drones,
+    timed_out: Ints,
     return_so_far: Floats,
-    found: Drones,
-    steps_before: Drones,
+    found: Ints,
+    steps_before: Ints,
     timestep_limit: int,
-    left_grid: Drones,
-    collided: Drones,
+    left_grid: Ints,
+    collided: Ints,
 ) -> Floats:
     """`reward` for many drones; applies the lines from last to first, so the first one wins.
 
+    The drones that each line may concern are given by number; `probability`, `return_so_far`
+    and `steps_before` belong to the drones above them.
+
     Args:
-        scheme: the figures.
-        drones: the number of drones, n; the arrays below hold numbers of drones.
+        scheme: the figures of the table.
+        drones: the number of drones, n.
         searched: the drones that searched.
-        probability: for each of these, as in `reward`.
+        probability: as in `reward`.
         timed_out: the drones at the time limit that found nobody before this step.
-        return_so_far: for each of these, the sum of its rewards before this step.
+        return_so_far: as in `reward`.
         found: the drones whose search found a person.
-        steps_before: for each of these, steps completed before this one.
+        steps_before: as in `reward`.
         timestep_limit: the number of steps in an episode.
         left_grid: the drones that tried to leave the grid.
         collided: the drones with another drone in their cell after moving.
@@ -404,22 +329,16 @@ def rewards(
     Returns:
         float64, shape (n,).
     """
-    points = np.empty(drones)
-    points.fill(scheme.step)
+    points = np.full(drones, scheme.step)
     if scheme.expected_finds:
         points[searched] = scheme.find * probability
     else:
-        likely = scheme.search * probability
-        np.putmask(likely, probability <= scheme.search_threshold, scheme.search_unlikely)
-        points[searched] = likely
-    if timed_out.size and not scheme.expected_finds:
+        likely = probability > scheme.search_threshold
+        points[searched] = np.where(likely, scheme.search * probability, scheme.search_unlikely)
         points[timed_out] = scheme.timeout - return_so_far
-    if found.size and not scheme.expected_finds:
         points[found] = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-    if left_grid.size:
-        points[left_grid] = scheme.leave_grid
-    if collided.size:
-        points[collided] = scheme.collision
+    points[left_grid] = scheme.leave_grid
+    points[collided] = scheme.collision
     return points
 
 
@@ -430,7 +349,7 @@ def ending(
     any_left_grid: bool,
     time_limit_reached: bool,
 ) -> Ending | None:
-    """How the episode ends with this step; success takes precedence over crashes.
+    """How the episode ends with this step, or None; success takes precedence over crashes.
 
     Args:
         all_found: whether all persons have been found.
@@ -438,9 +357,6 @@ def ending(
         any_collided: whether drones have collided.
         any_left_grid: whether a drone has left the grid.
         time_limit_reached: whether this is step number `timestep_limit`.
-
-    Returns:
-        The ending, or None if the episode continues.
     """
     if all_found:
         return Ending.FOUND
@@ -456,24 +372,16 @@ def ending(
 def endings(
     searches: int,
     *,
-    all_found: Drones,
-    covered: Drones,
-    any_collided: Drones,
-    any_left_grid: Drones,
-    time_limit_reached: Drones,
+    all_found: Ints,
+    covered: Ints,
+    any_collided: Ints,
+    any_left_grid: Ints,
+    time_limit_reached: Ints,
 ) -> NDArray[np.int8]:
-    """`ending` for many searches.
-
-    Args:
-        searches: the number of searches, n; the arrays below hold numbers of searches.
-        all_found: the searches in which all persons have been found.
-        covered: the searches whose coverage mission is complete.
-        any_collided: the searches in which drones have collided.
-        any_left_grid: the searches in which a drone has left the grid.
-        time_limit_reached: the searches at the time limit.
+    """`ending` for many searches, given the numbers of those that each fact holds for.
 
     Returns:
-        int8, shape (n,): each an `Ending`, or 0.
+        int8, shape (searches,): each an `Ending`, or 0.
     """
     ended = np.zeros(searches, np.int8)
     for where, reason in (  # in ascending order of precedence
@@ -483,8 +391,7 @@ def endings(
         (covered, Ending.COVERED),
         (all_found, Ending.FOUND),
     ):
-        if where.size:
-            ended[where] = reason
+        ended[where] = reason
     return ended
 
 
@@ -498,17 +405,9 @@ def is_success(ending: Ending | None) -> bool:
 
 
 _WELL = frozenset({Ending.FOUND, Ending.COVERED})
-_SUCCESSES = np.array([False, *map(is_success, Ending)])
-"""`is_success` by the number of the ending."""
+_SUCCESSES = np.array([False, *map(is_success, Ending)])  # by the number of the ending
 
 
 def successes(endings: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """`is_success` for many searches.
-
-    Args:
-        endings: each an `Ending`, or 0; shape (n,).
-
-    Returns:
-        bool, shape (n,).
-    """
+    """`is_success` for many searches; endings are the numbers of an `Ending`, or 0."""
     return _SUCCESSES.take(endings)

@@ -1,12 +1,8 @@
-"""The parameters of a search: meaning, units, defaults and limits.
-
-`Scenario.drone_cells_of_rows` is the array form of `drone_cells`: it validates the cells of all
-rows of a batch at once.
-"""
+"""The parameters of a search: meaning, units, defaults and limits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -28,13 +24,6 @@ _DRONE_BYTES = 900
 
 Cell = tuple[int, int]
 """(x, y): column and row; y grows downward."""
-
-_INDEPENDENT: dict[str, Callable[[str, object], object]] = {
-    "vector": checks.pair,
-    "disperse_constant": lambda name, value: checks.real(name, value, 0),
-    "timestep_limit": lambda name, value: checks.integer(name, value, 1, checks.LARGEST_EXACT),
-}
-"""The rules of parameters whose limits do not depend on other parameters."""
 
 REPLACED = ("vector", "person_initial_position", "disperse_constant", "probability_of_detection")
 """The parameters whose place `persons` takes."""
@@ -96,44 +85,39 @@ class Scenario:
 
     def __post_init__(self) -> None:
         size = checks.integer("grid_size", self.grid_size, 2)
-        drones = checks.integer("n_drones", self.n_drones, 1, size**2)
-        updates = checks.boolean("bayesian_update", self.bayesian_update)
-        mission = checks.choice("mission", self.mission, MISSIONS)
         cells = _cells(self.person_initial_position, size)
-        beliefs = len(cells)
-        persons = None
+        values = {
+            "grid_size": size,
+            "n_drones": checks.integer("n_drones", self.n_drones, 1, size**2),
+            "vector": checks.pair("vector", self.vector),
+            "person_initial_position": cells,
+            "disperse_constant": checks.real("disperse_constant", self.disperse_constant, 0),
+            "timestep_limit": checks.integer(
+                "timestep_limit", self.timestep_limit, 1, checks.LARGEST_EXACT
+            ),
+            "probability_of_detection": _detection(self.probability_of_detection, cells),
+            "bayesian_update": checks.boolean("bayesian_update", self.bayesian_update),
+            "mission": checks.choice("mission", self.mission, MISSIONS),
+        }
+        if not isinstance(self.reward_scheme, RewardScheme):
+            raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
+        if values["mission"] == "coverage" and self.reward_scheme == RewardScheme():
+            values["reward_scheme"] = RewardScheme.expected()
         if self.persons is not None:
-            persons = checked_persons("persons", self.persons, size)
-            beliefs = sum(len(person.weights) for person in persons)
+            values["persons"] = checked_persons("persons", self.persons, size)
             for name in REPLACED:
-                if not is_default(name, getattr(self, name)):
+                if values[name] != getattr(Scenario, name):
                     raise ValueError(
                         f"{name} cannot be given together with persons, got "
                         f"{getattr(self, name)!r}; each Person has its own"
                     )
-        # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
-        cell_bytes = 8 + 16 * beliefs * updates
-        checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
-        checks.fits("the drones", _DRONE_BYTES * drones, n_drones=drones)
-        if not isinstance(self.reward_scheme, RewardScheme):
-            raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
-        scheme = self.reward_scheme
-        if mission == "coverage" and scheme == RewardScheme():
-            scheme = RewardScheme.expected()
-        values = {
-            "grid_size": size,
-            "n_drones": drones,
-            "person_initial_position": cells,
-            "probability_of_detection": _detection(self.probability_of_detection, cells),
-            "bayesian_update": updates,
-            "reward_scheme": scheme,
-            "persons": persons,
-            "mission": mission,
-        }
-        for name, rule in _INDEPENDENT.items():
-            values[name] = rule(name, getattr(self, name))
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
+        beliefs = sum(len(person.weights) for person in self.persons or ()) or len(cells)
+        cell_bytes = 8 + 16 * beliefs * self.bayesian_update
+        checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
+        checks.fits("the drones", _DRONE_BYTES * self.n_drones, n_drones=self.n_drones)
 
     def __getstate__(self) -> dict[str, Any]:
         """The parameters, without what is cached."""
@@ -149,33 +133,15 @@ class Scenario:
             TypeError: a value is of the wrong type, or there is no such parameter.
             ValueError: a value is out of its limits, or is given together with `persons`.
         """
-        if self.persons is not None or not changes.keys() <= _INDEPENDENT.keys():
-            _check_names(changes, TypeError)
-            if changes.get("persons") is not None:
-                changes = {name: getattr(_DEFAULT, name) for name in REPLACED} | changes
-            return replace(self, **changes)
-        # Every reset of an environment with a new vector comes here: validate only that.
-        other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__)
-        other.__dict__.pop("situation", None)  # cached
-        for name, value in changes.items():
-            object.__setattr__(other, name, _INDEPENDENT[name](name, value))
-        return other
+        if changes.get("persons") is not None:
+            changes = {name: getattr(Scenario, name) for name in REPLACED} | changes
+        return replace(self, **changes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters as plain data for JSON; `from_dict` reads it."""
-        data = {each.name: getattr(self, each.name) for each in fields(self)}
-        detection = self.probability_of_detection
-        return {
-            **data,
-            "vector": list(self.vector),
-            "person_initial_position": [list(cell) for cell in self.person_initial_position],
-            "probability_of_detection": (
-                list(detection) if isinstance(detection, tuple) else detection
-            ),
-            "reward_scheme": asdict(self.reward_scheme),
-            "persons": None if self.persons is None else [p.to_dict() for p in self.persons],
-        }
+        scheme = asdict(self.reward_scheme)
+        persons = None if self.persons is None else [each.to_dict() for each in self.persons]
+        return {**self.__getstate__(), "reward_scheme": scheme, "persons": persons}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scenario:
@@ -187,15 +153,10 @@ class Scenario:
         """
         if not isinstance(data, Mapping):
             raise TypeError(f"data must be a mapping of parameters, got {data!r}")
-        _check_names(data, ValueError)
+        _check_names("a scenario has the parameters", data, cls)
         scheme = data.get("reward_scheme", RewardScheme())
         if isinstance(scheme, Mapping):
-            known = [each.name for each in fields(RewardScheme)]
-            unknown = [name for name in scheme if name not in known]
-            if unknown:
-                raise ValueError(
-                    f"reward_scheme has the figures {', '.join(known)}, got {unknown[0]!r}"
-                )
+            _check_names("reward_scheme has the figures", scheme, RewardScheme)
             scheme = RewardScheme(**scheme)
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
@@ -269,7 +230,7 @@ class Scenario:
         """Validate the drones' start cells.
 
         Args:
-            drones_positions: a cell (x, y) for each drone.
+            drones_positions: a different cell (x, y) for each drone.
             name: the parameter's name in error messages.
 
         Returns:
@@ -307,7 +268,7 @@ class Scenario:
         Returns:
             int64, shape (rows, n_drones).
         """
-        name, n, size = "drones_positions", self.n_drones, self.grid_size
+        name, n = "drones_positions", self.n_drones
         given = checks.numbers(name, drones_positions, f"{n} cells (x, y), one for each drone")
         if given.ndim < 3:
             return np.tile(np.array(self.drone_cells(drones_positions), np.int64), (rows, 1))
@@ -316,12 +277,7 @@ class Scenario:
                 f"{name} must have the shape {(n, 2)}, or {(rows, n, 2)} with cells for each "
                 f"search; got {given.shape}"
             )
-        x, y = np.moveaxis(checks.cells(name, given, size), -1, 0)
-        cells: Ints = y * size + x
-        ordered = np.sort(cells, axis=1)
-        for row in (ordered[:, 1:] == ordered[:, :-1]).any(axis=1).nonzero()[0]:
-            self.drone_cells(given[row], f"{name}[{row}]")
-        return cells
+        return np.array([self.drone_cells(each, f"{name}[{k}]") for k, each in enumerate(given)])
 
 
 def checked_scenario(scenario: object) -> Scenario:
@@ -355,38 +311,21 @@ def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Sce
 
 def is_default(name: str, value: Any) -> bool:
     """Whether a value is the parameter's default, in any accepted form."""
-    default = getattr(_DEFAULT, name)
-    if default is None or value is None:
-        return value is default
-    if isinstance(default, RewardScheme) or isinstance(value, (str, RewardScheme)):
-        return bool(value == default)
     try:
-        given = np.asarray(value)
-        usual = np.asarray(default)
-        return given.shape in (usual.shape, usual.shape[1:]) and bool((given == usual).all())
-    except (TypeError, ValueError):  # such as rows that differ in length
+        return bool(getattr(Scenario(**{name: value}), name) == getattr(Scenario, name))
+    except (TypeError, ValueError):
         return False
 
 
-def _check_names(given: Iterable[str], error: type[Exception]) -> None:
-    known = [each.name for each in fields(Scenario)]
+def _check_names(what: str, given: Mapping[str, Any], made: type[Any]) -> None:
+    known = [each.name for each in fields(made)]
     for name in given:
         if name not in known:
-            raise error(f"a scenario has the parameters {', '.join(known)}, got {name!r}")
+            raise ValueError(f"{what} {', '.join(known)}, got {name!r}")
 
 
 def checked_persons(name: str, value: object, grid_size: int) -> tuple[Person, ...]:
-    """Validate persons: one `Person`, or a sequence of them.
-
-    Args:
-        name: the parameter's name in error messages.
-        value: the persons.
-        grid_size: cells along each side.
-
-    Raises:
-        TypeError: they are not persons.
-        ValueError: there is none, or a start does not fit on the grid.
-    """
+    """Validate persons: one `Person`, or a sequence of them, whose starts fit on the grid."""
     what = "a Person or a sequence of them"
     persons = [value] if isinstance(value, Person) else checks.items(name, value, what)
     if not persons:
@@ -437,6 +376,3 @@ def _detection(value: object, persons: tuple[Cell, ...]) -> float | tuple[float,
     return tuple(
         checks.real(f"{name}[{index}]", entry, 0, 1) for index, entry in enumerate(entries)
     )
-
-
-_DEFAULT = Scenario()

@@ -209,4 +209,4 @@ class WorldState:
     def _shared_model(self, persons: Sequence[int]) -> DriftModel | None:
         """The model that some persons share, or None if theirs differ."""
         first, *others = (self._models[person] for person in persons)
-        return first if all(other.is_same(first) for other in others) else None
+        return first if all(other.key == first.key for other in others) else None

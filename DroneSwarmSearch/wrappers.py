@@ -27,12 +27,10 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.layouts import Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.crops import CropsLayout
-from DroneSwarmSearch.layouts.dictionary import DictLayout
-from DroneSwarmSearch.layouts.flat import FlatLayout
-from DroneSwarmSearch.layouts.layout import own_first, scaled_positions
+from DroneSwarmSearch.layouts.layout import own_first
 from DroneSwarmSearch.layouts.masks import action_masks, mask_space, swarm_masks
-from DroneSwarmSearch.layouts.planes import PlanesLayout
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
 from DroneSwarmSearch.mappings import Infos, Rewards
 from DroneSwarmSearch.rules import Ending
 
@@ -60,9 +58,6 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
 
     Attributes that the wrapper lacks are those of the wrapped environment: `scenario`,
     `frame`, `state_space` and so on.
-
-    Args:
-        env: the environment.
 
     Raises:
         TypeError: `env` is not such an environment in its parallel form.
@@ -110,12 +105,20 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
     @property
     def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
         """`observation_space` of every drone."""
-        return {agent: self.observation_space(agent) for agent in self.possible_agents}
+        return {agent: self.observation_space(agent) for agent in self._names}
 
     @property
     def action_spaces(self) -> dict[str, spaces.Space[Any]]:
         """`action_space` of every drone."""
         return {agent: self.action_space(agent) for agent in self.possible_agents}
+
+    def _refuse_masks(self) -> None:
+        inner = self.env.observation_space(self._names[0])
+        if isinstance(inner, spaces.Dict) and "action_mask" in inner.spaces:
+            raise ValueError(
+                "env must not have masks in its observations; put "
+                f"ActionMask(in_observation=True) around {type(self).__name__}, got {self.env}"
+            )
 
     def _drones(self) -> NDArray[np.int32]:
         """Every drone's (x, y), shape (n, 2)."""
@@ -136,7 +139,7 @@ class LayoutObservation(SearchWrapper):
         options: its arguments besides the grid size and the number of drones.
 
     Raises:
-        TypeError: `env` is not such an environment, or an option is of the wrong type.
+        TypeError: as for `SearchWrapper`, or an option is of the wrong type.
         ValueError: an option is out of its limits, or `env` has masks in its observations.
     """
 
@@ -144,12 +147,7 @@ class LayoutObservation(SearchWrapper):
         self, env: ParallelEnv[str, Any, int], layout: type[Layout], **options: Any
     ) -> None:
         super().__init__(env)
-        inner = env.observation_space(self.possible_agents[0])
-        if isinstance(inner, spaces.Dict) and "action_mask" in inner.spaces:
-            raise ValueError(
-                f"env must not have masks in its observations, which {type(self).__name__} "
-                f"would replace; put ActionMask(in_observation=True) around it, got {env}"
-            )
+        self._refuse_masks()
         self.layout = layout(self._search.grid_size, self._search.n_drones, **options)
         self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
 
@@ -179,13 +177,6 @@ class DictObservation(LayoutObservation):
 
     The position is int32, shape (2,). The matrix is float32, shape (N, N), indexed [y, x],
     and sums to 1.
-
-    Args:
-        env: the environment.
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
-        ValueError: it has masks in its observations.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -198,29 +189,21 @@ class FlatObservation(LayoutObservation):
     Its own x and y, then those of the other drones in the order of their names, with the
     grid scaled to 1; the remaining time fraction, 1 at the start; the matrix row by row,
     with its maximum scaled to 1.
-
-    Args:
-        env: the environment.
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
-        ValueError: `env` has masks in its observations.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env, FlatLayout)
         size = self._search.grid_size
-        self._scaled = np.empty((size**2, 2), np.float32)  # x and y of each cell
-        cells = [self._positions[cell] for cell in range(size**2)]
-        scaled_positions(np.array(cells), size, self._scaled)
-        self._order = own_first(self._search.n_drones)
+        positions = np.stack(np.divmod(np.arange(size**2), size)[::-1], axis=1)  # of each cell
+        self._scaled = (positions / (size - 1)).astype(np.float32)
+        self._orders = own_first(self._search.n_drones)
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         # `FlatLayout.write` for one search, which saves a sixth of a step.
         cells, world = self._search._cells_and_world()
         n, limit, matrix = len(cells), self._search.timestep_limit, world.matrix()
         [vectors] = self._empty(self.layout.space)
-        vectors[:, : 2 * n] = self._scaled[cells][self._order].reshape(n, -1)
+        vectors[:, : 2 * n] = self._scaled[cells][self._orders].reshape(n, -1)
         vectors[:, 2 * n] = (limit - world.step) / limit
         vectors[:, 2 * n + 1 :] = (matrix / matrix.max()).reshape(-1)
         return dict(zip(self._names, vectors, strict=True))
@@ -236,31 +219,20 @@ class PlanesObservation(LayoutObservation):
         env: the environment.
         channels_last: shape (N, N, 4), indexed [y, x, plane], as RLlib expects images. PyTorch
             expects channels first.
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or `channels_last`
-            is not a bool.
-        ValueError: `env` has masks in its observations.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], channels_last: bool = False) -> None:
         super().__init__(env, PlanesLayout)
         self.channels_last = checks.boolean("channels_last", channels_last)
         if self.channels_last:
-            size = self.unwrapped.grid_size
-            self._spaces = {
-                agent: spaces.Box(0.0, 1.0, (size, size, 4), np.float32)
-                for agent in self.possible_agents
-            }
+            shape = (*self.layout.space.shape[1:], 4)  # type: ignore[index]
+            self._spaces = {agent: spaces.Box(0.0, 1.0, shape) for agent in self._names}
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         shown = super()._observed(observations, infos)
         if not self.channels_last:
             return shown
-        return {
-            agent: np.ascontiguousarray(planes.transpose(1, 2, 0))
-            for agent, planes in shown.items()
-        }
+        return {agent: planes.transpose(1, 2, 0).copy() for agent, planes in shown.items()}
 
 
 class TopCellsObservation(LayoutObservation):
@@ -275,10 +247,6 @@ class TopCellsObservation(LayoutObservation):
     Args:
         env: the environment.
         k: the number of cells; from 1 to grid_size².
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one, or k is not an integer.
-        ValueError: k is out of its limits, or `env` has masks in its observations.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
@@ -288,15 +256,7 @@ class TopCellsObservation(LayoutObservation):
 class CropsObservation(LayoutObservation):
     """Each drone observes the matrix and the other drones in windows around itself.
 
-    float32, shape (202,), for every grid size and number of drones; see `CropsLayout`. The
-    policy "ppo" uses this layout.
-
-    Args:
-        env: the environment.
-
-    Raises:
-        TypeError: `env` is not a `DroneSwarmSearch` or a wrapper of one.
-        ValueError: it has masks in its observations.
+    float32, shape (202,), for every grid size and number of drones; see `CropsLayout`.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -313,7 +273,7 @@ class OtherDrones(SearchWrapper):
         env: the environment, with its own observations or those of `DictObservation`.
 
     Raises:
-        TypeError: `env` is not such an environment.
+        TypeError: as for `SearchWrapper`.
         ValueError: its observations are of another form.
     """
 
@@ -321,17 +281,13 @@ class OtherDrones(SearchWrapper):
         super().__init__(env)
         n, size = self._search.n_drones, self._search.grid_size
         self._others = own_first(n)[:, 1:]
-        for agent in self.possible_agents:
+        self._refuse_masks()
+        for agent in self._names:
             inner = env.observation_space(agent)
             if not isinstance(inner, spaces.Dict) or "other_drones" in inner.spaces:
                 raise ValueError(
                     "env must not show the other drones already, as all layouts but "
                     f"DictObservation do, got observations in {inner}"
-                )
-            if "action_mask" in inner.spaces:
-                raise ValueError(
-                    "env must not have masks in its observations; put "
-                    f"ActionMask(in_observation=True) around OtherDrones, got {env}"
                 )
             others = spaces.Box(0, size - 1, (n - 1, 2), np.int32)
             self._spaces[agent] = spaces.Dict({**inner.spaces, "other_drones": others})
@@ -364,7 +320,7 @@ class ScaledRewards(SearchWrapper):
         scale: the constant; above 0. Rewards are rounded unless it is a power of two.
 
     Raises:
-        TypeError: `env` is not such an environment, or `scale` is not a number.
+        TypeError: as for `SearchWrapper`, or `scale` is not a number.
         ValueError: `scale` is not finite, is not above 0, or makes rewards overflow.
     """
 
@@ -393,12 +349,6 @@ class SeparateFlags(SearchWrapper):
     terminated if all persons are found, drones collide or a drone leaves the grid, even in
     the last step, and truncated if only the time limit ends it. Learners need this if they
     bootstrap values. The vector environments do the same with separate_flags=True.
-
-    Args:
-        env: the environment.
-
-    Raises:
-        TypeError: `env` is not such an environment.
     """
 
     def step(self, actions: Mapping[str, int]) -> Step:
@@ -424,9 +374,6 @@ class ActionMask(SearchWrapper):
             "action_mask": the mask}, too. TorchRL needs the mask in one place only: False.
         right_of_way: also mask moves to where a drone with a lower number may be after the
             step; drones that follow their masks then never collide.
-
-    Raises:
-        TypeError: `env` is not such an environment, or a flag is not a bool.
     """
 
     def __init__(

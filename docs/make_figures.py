@@ -132,7 +132,7 @@ class Sampling(NamedTuple):
     episodes: int
 
 
-FULL, SHORT = Sampling(4000), Sampling(200)
+FULL, SHORT = Sampling(4000), Sampling(50)
 
 Drawing = Callable[[Theme, Sampling], Figure]
 REGISTRY: dict[str, Drawing] = {}
@@ -976,11 +976,8 @@ YARDSTICKS = "greedy-forecast", "greedy-posterior", "greedy-matrix", "random"
 
 
 @cache
-def yardsticks(example: str) -> dict[str, float]:
-    """The success of baselines on the searches of a training example."""
-    if example == "own_loop":  # on random searches, see tests/benchmarks/own_loop.py
-        with (TRAINING / "own_loop.csv").open(encoding="utf-8", newline="") as file:
-            return {row["policy"]: float(row["success"]) for row in csv.DictReader(file)}
+def yardsticks() -> dict[str, float]:
+    """The success of baselines on the task of the training examples."""
     task = Scenario(**TRAINING_TASK)
     return {
         name: evaluate(name, task, episodes=200, progress=False).success.value
@@ -994,10 +991,13 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     chart = Figure(figsize=(WIDTH, 4.4), layout="constrained")
     panels = chart.subplots(2, 3, sharey=True)
     colours = dict(zip(YARDSTICKS, (*theme.series[3:0:-1], theme.grey), strict=True))
+    with (TRAINING / "own_loop.csv").open(encoding="utf-8", newline="") as file:
+        random_searches = {row["policy"]: float(row["success"]) for row in csv.DictReader(file)}
     for axes, (example, title) in zip(panels.flat, EXAMPLES.items(), strict=True):
         axes.set_title(title)
+        levels = random_searches if example == "own_loop" else yardsticks()
         for name, colour in colours.items():
-            if (level := yardsticks(example).get(name)) is not None:
+            if (level := levels.get(name)) is not None:
                 axes.axhline(level, color=colour, linestyle=(0, (4, 2)), linewidth=1.2)
         for path in sorted(TRAINING.glob(f"{example}-*.csv")):
             columns = read_columns(path)

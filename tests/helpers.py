@@ -16,8 +16,10 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, demo
+from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
 
@@ -204,6 +206,33 @@ def bound_by_time(by_time: Any, *, gap: float = 0.0, confidence: float = 1.0) ->
     return SuccessBound(values, relaxed=float(values[-1]), gap=gap, confidence=confidence)
 
 
+def made_evaluation(
+    found_at: Any,
+    search: NamedSearch,
+    *,
+    policy: str = "mine",
+    seed: int = 0,
+    bound: float | None = None,
+    is_exact: bool = False,
+) -> Evaluation:
+    """A made-up evaluation in which the persons are found in these steps, or never for 0.
+
+    The steps have the shape (n, persons); the bound grows in proportion to time.
+    """
+    found, limit = np.array(found_at), search.scenario.timestep_limit
+    last = np.where((found > 0).all(axis=1), found.max(axis=1), limit + 1)
+    curves = (np.arange(limit + 1) >= last[:, None]) * 1.0
+    episodes = replace(
+        Episodes.empty(len(found), found.shape[1], limit),
+        found_at=found,
+        endings=np.where(last <= limit, Ending.FOUND, Ending.TIME_LIMIT),
+        steps=np.minimum(last, limit),
+        curves=curves.mean(axis=0, keepdims=True) if is_exact else curves,
+    )
+    known = None if bound is None else bound_by_time(np.linspace(0.0, bound, limit + 1))
+    return Evaluation(policy, search, seed, View(), episodes, is_exact, known)
+
+
 def module_at(path: Path) -> ModuleType:
     """Import a script as a module."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -212,6 +241,19 @@ def module_at(path: Path) -> ModuleType:
     sys.modules[path.stem] = module  # dataclasses look up their module
     spec.loader.exec_module(module)
     return module
+
+
+def few_pictures(patch: pytest.MonkeyPatch) -> None:
+    """Let videos show the first and the last frame only."""
+    for module in (demo, recording):
+
+        def write(
+            path: Path, painter: Any, frames: Any, *, write: Any = module.write_video, **how: Any
+        ) -> None:
+            every = [*frames]
+            write(path, painter, iter([every[0], every[-1]]), **how)
+
+        patch.setattr(module, "write_video", write)
 
 
 def tables_of(page: str) -> list[list[list[str]]]:
@@ -231,5 +273,5 @@ def tables_of(page: str) -> list[list[list[str]]]:
 
 def data_of(evaluation: Any) -> dict[str, Any]:
     """What happened in the episodes of an evaluation, without the curves, as plain data."""
-    arrays = evaluation.episodes.arrays
+    arrays = vars(evaluation.episodes)
     return {name: array.tolist() for name, array in arrays.items() if name != "curves"}

@@ -8,12 +8,12 @@ import pytest
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import (
     Belief,
-    after_drift,
     mean_over_missing,
     means_over_missing,
     normalise,
     shown_persons,
 )
+from DroneSwarmSearch.drift.model import forecasts_of
 
 
 def four_cells(detection: float) -> Belief:
@@ -86,20 +86,21 @@ def mixture(velocity: float) -> Person:
     )
 
 
-def test_drift_of_batches() -> None:
-    forecasts = [ProbabilityMatrix(9, mixture(velocity)) for velocity in (-0.4, 0.0, 0.9)]
-    t = 6
-    batch = after_drift(
-        np.stack([forecast.joint(t) for forecast in forecasts], axis=-1),
-        *(
-            np.stack(tables, axis=-1)
-            for tables in zip(*(forecast.moves(t) for forecast in forecasts), strict=True)
-        ),
-    )
-    for k, forecast in enumerate(forecasts):
-        np.testing.assert_allclose(batch[..., k], forecast.joint(t + 1), atol=1e-14)
-        alone = forecast.drift(forecast.joint(t), t)
-        np.testing.assert_array_equal(batch[..., k], alone)
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_drift_of_batches(kind: type) -> None:
+    models = [ProbabilityMatrix(9, mixture(velocity)) for velocity in (-0.4, 0.0, 0.9)]
+    forecasts, numbers = forecasts_of(models, last=7, hypotheses=3, keeps_matrices=False)
+    forecasts.reach(7)
+    joints = forecasts.joint(6 * len(models) + numbers)
+    batch = np.ascontiguousarray(np.moveaxis(joints, 0, -1), kind)
+    forecasts.drift(batch, 6 * len(models) + numbers)
+    for model, after in zip(models, np.moveaxis(batch, -1, 0), strict=True):
+        np.testing.assert_allclose(
+            after[:2], model.joint(7), atol=1e-14 if kind is np.float64 else 1e-7
+        )
+        assert not after[2].any()
+        if kind is np.float64:
+            np.testing.assert_array_equal(after[:2], model.drift(model.joint(6), 6))
 
 
 @pytest.mark.parametrize("size", [2, 3, 9, 50])

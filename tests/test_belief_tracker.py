@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from small_searches import uncertain_persons
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.drift.belief import after_drift
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 
 
@@ -203,6 +202,6 @@ def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission: st
             if step in (2, 3):
                 cell = 2 * step - 2  # (2, 2), then (4, 4)
                 mass[:, cell, cell] *= 1 - person.probability_of_detection
-            mass = after_drift(mass, *forecast.moves(step))
+            mass = forecast.drift(mass, step)
         expected += person.probability_of_detection * mass.sum(axis=0) / 2
     np.testing.assert_allclose(outlook.success[8], expected, rtol=1e-9, atol=1e-15)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -91,37 +90,6 @@ def test_a_case_counts_the_steps_that_it_makes(case: cases.BenchmarkCase) -> Non
         assert 100 * num_envs < made < 200 * num_envs, "rows that reset do not count"
     else:
         assert made == 200 * num_envs
-
-
-def test_random_actions_differ_from_row_to_row() -> None:
-    rows = cases.random_actions(3, 2)
-    assert {row.shape for row in rows} == {(3, 2)}
-    assert set(np.unique(rows)) == set(range(6))
-    assert not any(np.shares_memory(a, b) for a, b in pairwise(rows))
-
-
-@pytest.mark.parametrize("grid_size", range(2, 9))
-def test_drones_start_in_distinct_cells(grid_size: int) -> None:
-    for n_drones in range(1, grid_size**2 + 1):
-        cells = cases.spread_cells(grid_size, n_drones)
-        assert len(cells) == len(set(cells)) == n_drones
-        assert all(0 <= x < grid_size and 0 <= y < grid_size for x, y in cells)
-
-
-def test_cases_take_turns_in_alternating_order() -> None:
-    turns: list[str] = []
-
-    def case(name: str) -> timing.Run:
-        def run(steps: int) -> int:
-            turns.append(name)
-            return 7 * steps
-
-        return run
-
-    runs = {"a": case("a"), "b": case("b")}
-    rates = timing.take_turns(runs, rounds=3, seconds=1e-9, warm_up=5)
-    assert turns == [*"aabb", *"ab", *"ba", *"ab"]
-    assert {key: len(each) for key, each in rates.items()} == {"a": 3, "b": 3}
 
 
 def test_spread_is_the_median_and_the_quartiles() -> None:

@@ -23,7 +23,7 @@ from helpers import bound_by_time
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal import progress
-from DroneSwarmSearch.evaluation import SUITE, View, evaluate, run
+from DroneSwarmSearch.evaluation import SUITE, View, evaluate
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
@@ -33,9 +33,6 @@ PATIENCE = 60.0
 
 OWN = """
 import os
-import time
-import types
-from pathlib import Path
 import numpy as np
 
 class Still:
@@ -54,8 +51,6 @@ def refuses(shown):
 def interrupts(shown):
     raise KeyboardInterrupt
 
-def wrong(shown):
-    return [0]
 """
 
 
@@ -104,13 +99,11 @@ def test_every_command_has_help(capsys):
         assert stop.value.code == 0
         assert f"usage: python -m DroneSwarmSearch {name}" in output
         assert f"\n  python -m DroneSwarmSearch {name} " in output  # an example
+        assert ("executed" in output) == (name != "bound")
 
 
-def test_an_unknown_command_suggests_similar_commands(capsys):
-    output = answer(capsys, "evalaute", code=2)
-    assert output.out == ""
-    assert "no such command: 'evalaute'; did you mean evaluate?" in output.err
-    assert "commands:" in output.err
+def test_an_unknown_command_is_refused(capsys):
+    assert "invalid choice: 'evalaute'" in refusal(capsys, "evalaute")
 
 
 @pytest.mark.parametrize("arguments", [[], ["play"], ["--text"]])
@@ -128,20 +121,6 @@ def test_the_list_has_all_policies_and_searches(capsys):
     for name, each in SUITE.items():
         assert re.search(rf"^  {name} +{re.escape(each.outline)}$", text, re.MULTILINE)
         assert each.reason in text
-
-
-def test_evaluate_prints_a_table(capsys):
-    output = answer(capsys, "evaluate", "random", "pond", "harbour", "--episodes", 20, "--seed", 3)
-    lines = output.out.splitlines()
-    got = evaluate("random", "harbour", episodes=20, seed=3)
-    share, low, high = (100 * each for each in got.success)
-    assert lines[0].split()[:2] == ["policy", "search"]
-    assert lines[2].split()[:2] == ["random", "pond"]
-    assert lines[3].split()[:2] == ["random", "harbour"]
-    assert f"{share:.1f} ({low:.1f}-{high:.1f})" in lines[3]
-    assert f"{got.time.value:.1f} ({got.time.low:.1f}-{got.time.high:.1f})" in lines[3]
-    assert lines[5].startswith("20 episodes of each search, seeds from 3, suite v1")
-    assert output.err == ""
 
 
 def rows_of(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[dict[str, str]]:
@@ -164,34 +143,19 @@ def test_all_means_the_whole_suite(capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("name", "reaches"),
-    [
-        ("evaluate", True),
-        ("evaluate", False),
-        ("leaderboard", True),
-        ("bound", True),
-        ("record", True),
-        ("export", True),
-    ],
+    ("name", "reaches"), [("evaluate", True), ("evaluate", False), ("export", True)]
 )
 def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(capsys, tmp_path, name, reaches):
     person = Person(Drift((3, 3), start_sd=0.3, vector=(0.3 if reaches else 0.0, 0)))
     storm = tmp_path / "storm.json"
-    data = Scenario(7, timestep_limit=10, persons=person).to_dict()
-    storm.write_text(json.dumps(data), "utf-8")
-    few = ["--episodes", 2]
+    storm.write_text(json.dumps(Scenario(7, timestep_limit=10, persons=person).to_dict()), "utf-8")
     arguments = {
-        "evaluate": ["random", storm, *few],
-        "leaderboard": ["--policies", "random", "greedy-matrix", "--no-bound", "--workers", 1]
-        + ["--searches", storm, "--out", tmp_path / "board", *few],
-        "bound": [storm],
-        "record": [storm, "--policy", "random", "--out", tmp_path / "storm.gif"],
+        "evaluate": ["random", storm, "--episodes", 2],
         "export": [storm, "--policies", "random", "--out", tmp_path / "out.json"],
     }
     printed = answer(capsys, name, *arguments[name]).err
     warning = "warning: storm: 4.8% of a person's forecast lies beyond the grid of 7 x 7 cells"
-    assert (warning in printed) == reaches
-    assert ("warning" in printed) == reaches
+    assert (warning in printed) == ("warning" in printed) == reaches
 
 
 def test_policies_can_come_from_files_and_modules(capsys, own, monkeypatch):
@@ -205,25 +169,20 @@ def test_policies_can_come_from_files_and_modules(capsys, own, monkeypatch):
 def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copy(DEFAULT_WEIGHTS, "mine.npz")
-    played: list[Any] = []
-    original = run.play
-    monkeypatch.setattr(
-        run, "play", lambda *args, **how: played.append(args[2]) or original(*args, **how)
-    )
-    arguments = ("pond", "--episodes", 20, "--seed", 0)
-    (mine,) = rows_of(capsys, "evaluate", "mine.npz", *arguments, "--out", "results")
-    answer(capsys, "evaluate", "mine.npz", *arguments, "--out", "results")
-    assert len(played) == 3, "the second run reads the result"
+    pond = json.loads(json.dumps(SUITE["pond"].data)) | {"timestep_limit": 12}
+    Path("short.json").write_text(json.dumps(pond))
+    arguments = ("short.json", "--episodes", 2, "--out", "results")
+    (mine,) = rows_of(capsys, "evaluate", "mine.npz", *arguments)
     (named,) = rows_of(capsys, "evaluate", "my-own=mine.npz", *arguments)
     (boxed,) = rows_of(capsys, "evaluate", "ppo", *arguments)
     assert (mine["policy"], named["policy"]) == ("mine.npz", "my-own")
-    assert mine["success"] == boxed["success"]
+    assert mine["success"] == named["success"] == boxed["success"]
 
     with np.load("mine.npz") as file:
         np.savez("mine.npz", **{name: -file[name] for name in file})
-    refused = refusal(capsys, "evaluate", "mine.npz", *arguments, "--out", "results")
-    assert "its policies: mine.npz: sha256 is '" in refused
-    (other,) = rows_of(capsys, "evaluate", "mine.npz", *arguments)
+    refused = refusal(capsys, "evaluate", "mine.npz", *arguments)
+    assert "its policy mine.npz: sha256 is '" in refused
+    (other,) = rows_of(capsys, "evaluate", "mine.npz", *arguments[:-2])
     assert other["success"] != mine["success"]
 
 
@@ -242,22 +201,13 @@ def test_view_and_observation_are_options(capsys, tmp_path):
     assert row["time_limit"] == "2"
 
 
-def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypatch):
-    played: list[Any] = []
-    original = run.play
-    monkeypatch.setattr(
-        run, "play", lambda *args, **how: played.append(args[2]) or original(*args, **how)
-    )
+def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
     out = tmp_path / "out"
     arguments = ("evaluate", f"{own}:Still", "pond", "fog", "--episodes", 6, "--out", out)
-    first = answer(capsys, *arguments)
-    number = len(played)
-    assert number
-    again = answer(capsys, *arguments)
+    first, again = answer(capsys, *arguments), answer(capsys, *arguments)
     assert again.out == first.out
     stem = re.sub(r"[^\w.-]", "-", f"{own}-Still").strip(".-")
     assert first.err == f"written to {out / stem}.csv\n"
-    assert len(played) == number
     assert files_in(out) == {"manifest.json", "finished", f"{stem}.csv"}
     assert "bayesian_update is None, got True" in refusal(capsys, *arguments, "--posterior")
     own.write_text(OWN + "\n# changed\n", "utf-8")
@@ -267,46 +217,22 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["evaluate"], "POLICY and SEARCH are needed; `evaluate --list` lists them"),
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
         (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
         (["evaluate", "nofile.py:act", "pond"], "'nofile.py' does not exist"),
-        (["evaluate", "nofile.npz", "pond"], "'nofile.npz' does not exist"),
         (["evaluate", "no.module:act", "pond"], "there is no 'no.module'"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
-        (["evaluate", "random", "pond", "--episodes", "0"], "episodes must be an integer of at"),
         (["evaluate", "random", "pond", "--episodes", "x"], "--episodes: invalid int value: 'x'"),
-        (["evaluate", "random", "pond", "--seed", "-1"], "seed must be an integer of at least 0"),
-        (["evaluate", "random", "pond", "--workers", "0"], "workers must be an integer of at"),
-        (["evaluate", "random", "pond", "--view", "x"], "view must be one of 'swarm', 'drone'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
-        (
-            ["evaluate", "ppo", "pond", "--observation", "flat"],
-            "with observation='dict' and without",
-        ),
-        (
-            ["evaluate", "DroneSwarmSearch.policies:GreedyPolicy", "pond", "--view", "drone"],
-            "without masks, for DroneSwarmSearch.policies:GreedyPolicy",
-        ),
-        (["leaderboard", "--add", "own=ppo", "--view", "drone"], "view must be 'swarm' or"),
-        (["evaluate", "/.npz", "pond"], "'/.npz' does not exist"),
-        (["bound", "harbor"], "got 'harbor'; did you mean harbour"),
-        (["evaluate", "random", "x" * 1000], f"got '{'x' * 99} (`python"),
         (["record", "all", "--out", "all.gif"], "search must be one of pond"),
         (["bound"], "the following arguments are required: SEARCH"),
+        (["bound", "no.json"], "search must name a file, but there is no 'no.json'"),
     ],
 )
 def test_wrong_arguments_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
-
-
-@pytest.mark.parametrize("command_name", ["evaluate", "leaderboard", "record", "export"])
-def test_help_says_that_code_is_executed(capsys, command_name):
-    with pytest.raises(SystemExit):
-        command.main([command_name, "--help"])
-    assert "executed" in capsys.readouterr().out
 
 
 def test_folders_and_damaged_weights_are_refused(capsys, tmp_path, monkeypatch):
@@ -323,7 +249,6 @@ def test_folders_and_damaged_weights_are_refused(capsys, tmp_path, monkeypatch):
         ("array.npz", "array.npz must hold a network's weights"),
     ):
         assert message in refusal(capsys, "evaluate", text, "pond")
-        assert message in refusal(capsys, "leaderboard", "--add", text)
     Path("out").write_text("a file", "utf-8")
     for arguments in (("evaluate", "random", "pond"), ("bound", "pond")):
         output = answer(capsys, *arguments, "--out", "out", code=1)
@@ -332,14 +257,9 @@ def test_folders_and_damaged_weights_are_refused(capsys, tmp_path, monkeypatch):
         assert output.err.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("environment", "policy"),
-    [
-        ({"PYTHONIOENCODING": "ascii"}, "n\xe9=\xe9.py:act"),
-        ({"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, "\xe9.py:act"),
-    ],
-)
-def test_an_ascii_terminal_shows_replacements(tmp_path, environment, policy):
+def test_an_ascii_terminal_shows_replacements(tmp_path):
+    environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    policy = "\xe9.py:act"
     (tmp_path / "\xe9.py").write_text("def act(shown):\n    return [[4]] * len(shown['row'])\n")
     arguments = ("evaluate", policy, "pond", "--episodes", "2", "--csv", "--out", "r\xe9sultats")
     home = str(Path(command.__file__).parents[1])
@@ -355,14 +275,8 @@ def test_an_ascii_terminal_shows_replacements(tmp_path, environment, policy):
     assert done.stdout.isascii()
 
 
-def test_wrong_actions_are_reported_in_a_line(capsys, own):
-    refused = refusal(capsys, "evaluate", f"{own}:wrong", "pond", "--episodes", 2)
-    assert "the policy's actions must have the shape (2, 1)" in refused
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_errors_of_a_policy_are_raised(own, workers):
-    arguments = ("evaluate", f"{own}:refuses", "pond", "--episodes", "2", "--workers", str(workers))
+def test_errors_of_a_policy_are_raised(own):
+    arguments = ("evaluate", f"{own}:refuses", "pond", "--episodes", "2", "--workers", "2")
     with pytest.raises(LookupError, match="no chart"):
         command.main(arguments)
 
@@ -418,26 +332,20 @@ def test_a_closed_pipe_ends_the_command_quietly(own):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device is always full")
-@pytest.mark.parametrize("buffered", [False, True])
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "buffered"),
     [
-        "evaluate --list",
-        "evaluate random pond --episodes 2",
-        "export pond --policies random --out {folder}/a.json",
-        "play pond --text",
+        ("evaluate --list", True),
+        ("evaluate --list", False),
+        ("export pond --policies random --out {folder}/a.json", True),
     ],
 )
 def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered, tmp_path):
+    unbuffered = ["-u"] * (not buffered)
     with Path("/dev/full").open("w") as full:
         process = subprocess.run(
-            [
-                sys.executable,
-                *["-u"] * (not buffered),
-                "-m",
-                "DroneSwarmSearch",
-                *arguments.format(folder=tmp_path).split(),
-            ],
+            [sys.executable, *unbuffered, "-m", "DroneSwarmSearch"]
+            + arguments.format(folder=tmp_path).split(),
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -447,12 +355,6 @@ def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered
     assert process.returncode == 1
     (line,) = process.stderr.splitlines()
     assert "No space left on device" in line
-
-
-def test_without_ray_there_is_a_hint(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "ray", None)
-    output = answer(capsys, "evaluate", "random", "pond", "--episodes", 2, "--ray", code=1)
-    assert output.err.startswith("ray needs the package Ray: pip install")
 
 
 # Bounds.
@@ -472,26 +374,24 @@ def bounds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return asked
 
 
-def test_bound_prints_a_table(capsys, bounds, tmp_path):
+def test_bounds_are_shown_and_read_from_the_folder(capsys, bounds, tmp_path):
     lines = answer(capsys, "bound", "pond", "fog", "--out", tmp_path).out.splitlines()
     assert lines[2].split() == ["pond", "40", "12.50", "25.00", "37.50", "50.00", "0.40", "exact"]
     assert lines[3].split()[:2] == ["fog", "100"]
     assert bounds == ["10:1", "20:4"]
-    again = answer(capsys, "bound", "fog", "--out", tmp_path).out.splitlines()
-    assert again[2].split() == lines[3].split()
-    assert len(bounds) == 2  # read from the folder
-
-
-def test_evaluate_shows_the_share_of_the_bound(capsys, bounds, tmp_path):
     arguments = ("evaluate", "random", "pond", "--episodes", 20, "--bound", "--out", tmp_path)
-    lines = answer(capsys, *arguments).out.splitlines()
+    output = answer(capsys, *arguments)
+    got = evaluate("random", "pond", episodes=20)
+    lines = output.out.splitlines()
+    share, low, high = (100 * each for each in got.success)
     assert lines[0].split()[-6:] == ["bound,", "%", "share", "of", "it,", "%"]
-    assert " 50.0 " in lines[2]
+    assert lines[2].split()[:2] == ["random", "pond"]
+    assert f"{share:.1f} ({low:.1f}-{high:.1f})" in lines[2] and " 50.0 " in lines[2]
+    assert f"{got.time.value:.1f} ({got.time.low:.1f}-{got.time.high:.1f})" in lines[2]
+    assert lines[4].startswith("20 episodes of each search, seeds from 0, suite v1")
     (row,) = csv.DictReader((tmp_path / "random.csv").read_text("utf-8").splitlines())
-    assert float(row["bound"]) == 0.5
-    assert float(row["share_of_bound"]) == pytest.approx(float(row["success"]) / 0.5)
-    answer(capsys, "bound", "pond", "--out", tmp_path)
-    assert bounds == ["10:1"]  # read from the folder
+    assert (row["bound"], float(row["share_of_bound"])) == ("0.5", share / 50)
+    assert len(bounds) == 2
 
 
 # Progress.
@@ -537,47 +437,39 @@ def test_a_terminal_shows_a_bar_after_two_seconds(monkeypatch, clock, shown):
 
 
 @pytest.mark.parametrize(
-    ("share", "before", "seconds", "words"),
+    ("share", "seconds", "words"),
     [
-        (0.0, 0.0, 35.0, "time left unknown"),
-        (0.5, 0.0, 35.0, "about 35 s left"),
-        (0.5, 0.0, 60.0, "about 1 min 00 s left"),
-        (0.75, 0.5, 60.0, "about 1 min 00 s left"),
-        (0.01, 0.0, 100.0, "about 2 h 45 min left"),
-        (1.0, 0.0, 35.0, "about 0 s left"),
+        (0.0, 35.0, "time left unknown"),
+        (0.5, 60.0, "about 1 min 00 s left"),
+        (0.01, 100.0, "about 2 h 45 min left"),
     ],
 )
-def test_the_time_left_follows_from_the_work_of_this_run(
-    capsys, clock, share, before, seconds, words
-):
-    with progress.Progress("work", 1.0, done=before) as bar:
+def test_the_time_left_follows_from_the_work_done(capsys, clock, share, seconds, words):
+    with progress.Progress("work", 1.0) as bar:
         clock[0] += seconds
         bar(share)
     assert capsys.readouterr().err == f"work: {share:.0%}, {words}\n"
 
 
-class TestErrorsOfAPolicy:
-    """A policy that fails is no wrong argument."""
+@pytest.mark.parametrize(
+    "arguments",
+    [["record", "--out", "a.gif", "--policy"], ["export", "--out", "a.json", "--policies"]],
+)
+def test_the_error_of_a_policy_is_no_wrong_argument(arguments, tmp_path, monkeypatch):
+    def failing(observations: object) -> None:
+        raise ValueError("shapes differ")
 
-    @pytest.mark.parametrize("error", [ValueError("shapes differ"), LookupError("weights")])
-    @pytest.mark.parametrize(
-        "arguments",
-        [["record", "--out", "a.gif", "--policy"], ["export", "--out", "a.json", "--policies"]],
-    )
-    def test_its_error_is_raised(
-        self,
-        error: Exception,
-        arguments: list[str],
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        def failing(observations: object) -> None:
-            raise error
+    module = types.ModuleType("failing_policies")
+    module.failing = failing  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="shapes differ"):
+        command.main([*arguments, "failing_policies:failing", "--", "pond"])
+    assert not list(tmp_path.iterdir())
 
-        module = types.ModuleType("failing_policies")
-        module.failing = failing  # type: ignore[attr-defined]
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-        monkeypatch.chdir(tmp_path)
-        with pytest.raises(type(error), match=str(error)):
-            command.main([*arguments, "failing_policies:failing", "--", "pond"])
-        assert not list(tmp_path.iterdir())
+
+@pytest.mark.parametrize(("package", "how"), [("joblib", ["--workers", 2]), ("ray", ["--ray"])])
+def test_a_missing_package_is_named(capsys, monkeypatch, package, how):
+    monkeypatch.setitem(sys.modules, package, None)
+    output = answer(capsys, "evaluate", "random", "pond", "--episodes", 2, *how, code=1)
+    assert re.search(f"(?i)needs the package {package}: pip install", output.err)

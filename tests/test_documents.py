@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from helpers import few_pictures
 from trainer_examples import QUIET_RAY
 
 from DroneSwarmSearch import cli
@@ -46,7 +47,7 @@ QUICK_COMMANDS = ("bound", "evaluate", "export", "play", "record")
 
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
 
-MOST = {"--episodes": 50, "--searches": 1}
+MOST = {"--episodes": 10, "--searches": 1}
 """Commands play at most this many episodes, in at most this many sampled searches."""
 
 OUTPUT = {
@@ -111,9 +112,14 @@ def blocks(language: str) -> list[Block]:
 
 
 def block_params() -> list[object]:
-    """The Python blocks as test parameters; those that start Ray or plan for long are slow."""
+    """The Python blocks as test parameters; those that start Ray or plan for long are slow.
+
+    Those of the tutorial share names: they are the cells of its notebook, see test_notebook.
+    """
     params: list[object] = []
     for block in blocks("python"):
+        if block.name.startswith("docs/tutorial.md"):
+            continue
         marks = [pytest.mark.slow] * ("ray" in block.optional_packages or LONG_PLAN in block.text)
         if block.output is not None and "planner" in block.text:
             marks.append(pytest.mark.good_plans)  # the page shows what such plans reach
@@ -259,10 +265,8 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     arguments = list(command.arguments)
     if command.needs_ray:
         skip_without("ray")
-    elif "--record" in arguments:
-        arguments += ["--fps", "25"]  # a picture for each step
     elif command.script == "examples/random_searches.py":
-        arguments += ["--seed", "1"]  # a small search
+        arguments += ["--seed", "11"]  # a small search
     for option, most in MOST.items():
         if option in arguments:
             place = arguments.index(option) + 1
@@ -319,7 +323,8 @@ def run_here(arguments: list[str], folder: Path, patch: pytest.MonkeyPatch) -> s
 
 
 def hide_the_display(patch: pytest.MonkeyPatch) -> None:
-    """Let drawings go to files only."""
+    """Let drawings go to files only, and videos show two frames."""
+    few_pictures(patch)
     patch.delenv("DISPLAY", raising=False)
     patch.setenv("MPLBACKEND", "Agg")
     if sys.platform in ("darwin", "win32"):  # they always have a display

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,10 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Sc
 from DroneSwarmSearch.evaluation import (
     Evaluation,
     NamedSearch,
-    compare,
     evaluate,
     save_csv,
 )
 from DroneSwarmSearch.evaluation.statistics import bounded_mean
-from DroneSwarmSearch.planning import success_bound
-from DroneSwarmSearch.vector import SwarmVectorEnv
 
 DRONES = ((2, 2), (4, 3))
 LIMIT = 15
@@ -120,18 +116,6 @@ def test_two_drones_that_stay_where_they_are() -> None:
     assert got.time.value == pytest.approx(1 + 0.2 + 0.04 + 0.008 * (LIMIT - 3))
 
 
-def test_success_is_the_mean_probability_of_success() -> None:
-    got = evaluated(Wanderer(), mission())
-    curves = got.curves
-    assert got.success == pytest.approx(bounded_mean(curves[:, -1]))
-    assert got.success.low < got.success.value < got.success.high
-    assert got.success_by_time == pytest.approx(curves.mean(axis=0))
-    assert got.time == bounded_mean((1 - curves[:, :-1]).sum(axis=1), most=LIMIT)
-    assert "POS" in repr(got)
-    assert not got.episodes.found_at.any()
-    assert not got.reliability.searches.any()
-
-
 def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
     """The policy acts alike in both missions until the person is found."""
     scenario = mission(timestep_limit=8).scenario
@@ -143,7 +127,7 @@ def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
                 mission(mission=name, timestep_limit=8, persons=person, bayesian_update=True),
                 episodes=episodes,
             )
-            for name, episodes in (("rescue", 2000), ("coverage", 2))
+            for name, episodes in (("rescue", 2), ("coverage", 2))
         )
         assert coverage.is_exact
         assert 0.2 < coverage.success.value < 0.99
@@ -152,28 +136,6 @@ def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
             continue
         assert rescue.success_by_time == pytest.approx(coverage.success_by_time, abs=1e-12)
         assert rescue.time.value == pytest.approx(coverage.time.value)
-
-
-def test_comparisons_are_paired() -> None:
-    first, second = (evaluated(each, mission()) for each in (Wanderer(), still))
-    got = compare(first, second)
-    one, other = (each.curves for each in (first, second))
-    assert got.success == bounded_mean(one[:, -1] - other[:, -1], -1.0)
-    assert got.time == bounded_mean(first.times - second.times, -LIMIT, LIMIT)
-    same = compare(first, evaluated(Wanderer(), mission()))
-    unseen = bounded_mean([0.0] * 30).high  # the largest share of other differences
-    assert same.success == pytest.approx((0.0, -unseen, unseen))
-    assert same.time == pytest.approx((0.0, -unseen * LIMIT, unseen * LIMIT))
-    with pytest.raises(ValueError, match="second must be of the same search as first"):
-        compare(first, evaluated(Wanderer(), mission(mission="rescue")))
-
-
-def test_share_of_the_bound() -> None:
-    search = mission(timestep_limit=6)
-    bound = success_bound(search.scenario, search.drones, sample=500, gap=0.1, horizons=1)
-    got = replace(evaluated("planner", search, episodes=2), bound=bound)
-    assert got.share_of_bound is not None
-    assert got.share_of_bound.value == pytest.approx(got.success.value / bound.by_limit)
 
 
 def test_files_hold_the_measures_of_coverage(tmp_path: Any) -> None:
@@ -185,12 +147,3 @@ def test_files_hold_the_measures_of_coverage(tmp_path: Any) -> None:
     assert first["coverage_rate"] == second["calibration_error"] == ""
     assert float(second["coverage_rate"]) == got.coverage_rate.value
     assert float(second["repetition_rate_high"]) == got.repetition_rate.high
-
-
-def test_the_infos_of_vector_environments_are_the_source() -> None:
-    search = mission()
-    envs = SwarmVectorEnv(3, autoreset_mode="Disabled", **search.parameters)
-    envs.reset(seed=0)
-    _, _, _, _, infos = envs.step(np.full((3, 2), int(Action.SEARCH)))
-    got = evaluated(still, search, episodes=3)
-    np.testing.assert_array_equal(got.curves[:, 1], infos["probability_of_success"])

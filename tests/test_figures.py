@@ -63,13 +63,6 @@ def test_figures_are_drawn(name: str, theme: Any) -> None:
     assert BACKGROUNDS[theme.name] in drawn
 
 
-def test_figures_are_deterministic() -> None:
-    theme = figures.THEMES[0]
-    first = figures.svg("survival", theme, figures.SHORT)
-    assert figures.svg("survival", theme, figures.SHORT) == first
-    assert b"dc:date" not in first
-
-
 @pytest.mark.pictures
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("theme", THEMES)
@@ -102,21 +95,6 @@ def test_the_first_pages_state_the_results_of_the_leaderboard(page: str) -> None
     results = figures.suite_results()
     for name in ("bound", "planner", "ppo", "greedy-posterior", "random"):
         assert float(stated[name]) == round(100 * results[name].mean())
-
-
-def test_unknown_names_are_errors(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        figures.main(["gaussain"])
-    assert "no figure is called gaussain" in capsys.readouterr().err
-
-
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    figures.main(["survival", "--short", "--into", str(tmp_path)])
-    written = sorted(path.name for path in tmp_path.iterdir())
-    assert written == ["survival-dark.svg", "survival-light.svg"]
-    for theme, background in BACKGROUNDS.items():
-        assert background in (tmp_path / f"survival-{theme}.svg").read_bytes()
-    assert "survival-light.svg" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("detection", [0.4, 0.8])
@@ -153,22 +131,6 @@ def test_a_shifted_matrix_is_above_the_floor() -> None:
     shifted = seen._replace(matrix=np.roll(seen.matrix, 2, axis=2))
     floor = calibration.floor(shifted.matrix[24], 1500)
     assert calibration.distances(shifted)[24] > floor + margin(1500)
-
-
-def test_the_floor_is_the_mean_distance_of_samples() -> None:
-    rng = np.random.default_rng(3)
-    forecast = rng.dirichlet(np.ones(50) / 2)
-    samples = rng.multinomial(400, forecast, size=20_000) / 400
-    sampled = (np.abs(samples - forecast).sum(axis=1) / 2).mean()
-    assert calibration.floor(forecast, 400) == pytest.approx(sampled, rel=0.003)
-
-
-def test_persons_outside_the_grid_count_for_no_cell() -> None:
-    seen = calibration.empty(0)
-    seen.matrix[0, 3, 3] = 1.0
-    seen.counts[0, 3, 3] = 6
-    seen.outside[0] = 2
-    assert calibration.distances(seen) == pytest.approx([0.25])
 
 
 def test_other_rows_of_the_file_are_kept(

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import module_at
+from helpers import few_pictures, module_at
+from test_documents import blocks
 
 from DroneSwarmSearch import DroneSwarmSearch
 
@@ -43,16 +44,28 @@ def test_the_notebook_is_up_to_date() -> None:
 def test_the_cells_run_in_order(
     notebook: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """They print what the tutorial shows."""
     pytest.importorskip("matplotlib")
     pytest.importorskip("PIL")
+    few_pictures(monkeypatch)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     names: dict[str, Any] = {"__name__": "__main__"}
-    shown = []
+    outputs = {
+        block.text.strip(): block.output
+        for block in blocks("python")
+        if block.name.startswith("docs/tutorial.md")
+    }
+    shown, ran = [], set()
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":
-            with contextlib.redirect_stdout(io.StringIO()):
-                shown.append(run_cell("".join(cell["source"]), names))
+            source = "".join(cell["source"])
+            with contextlib.redirect_stdout(io.StringIO()) as printed:
+                shown.append(run_cell(source, names))
+            ran.add(source)
+            if outputs.get(source) is not None:
+                assert printed.getvalue().rstrip() == outputs[source].rstrip()
+    assert outputs.keys() <= ran
     env, video = (value for value in shown if value is not None)
     assert isinstance(env, DroneSwarmSearch)
     assert video.path.read_bytes().startswith(b"GIF89a")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from helpers import module_at
 
-from DroneSwarmSearch import Drift, Person, RewardScheme, Scale
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, search
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
 from DroneSwarmSearch.scenario import Scenario
@@ -35,24 +33,7 @@ FINGERPRINTS = {
 
 maker = module_at(Path(__file__).parents[1] / "docs" / "make_suite.py")
 
-AT_SEA = [name for name, each in SUITE.items() if each.scale is not None]
-
-
-def scenario(**changes: object) -> Scenario:
-    return Scenario(
-        **{
-            "grid_size": 5,
-            "n_drones": 2,
-            "vector": (0, 0),
-            "person_initial_position": (2, 2),
-            "disperse_constant": 1,
-            "timestep_limit": 9,
-            "probability_of_detection": 1,
-            "bayesian_update": False,
-            "reward_scheme": RewardScheme(),
-            **changes,
-        }
-    )
+TWO_DRONES = Scenario(5, n_drones=2, person_initial_position=(2, 2), timestep_limit=9)
 
 
 def test_the_suite_never_changes():
@@ -64,50 +45,6 @@ def test_the_suite_never_changes():
 def test_the_file_is_what_its_script_writes():
     assert maker.FILE.read_text("utf-8") == maker.text()
     assert maker.FILE.stat().st_size < 200_000
-
-
-def test_every_parameter_changes_the_fingerprint():
-    usual = search("harbour")
-    changed = [
-        dataclasses.replace(usual, scenario=dataclasses.replace(usual.scenario, **change))
-        for change in (
-            {"grid_size": 26},
-            {"vector": (-0.2, 0.1000001)},
-            {"person_initial_position": ((1, 17),)},
-            {"person_initial_position": ((1, 18), (1, 18))},
-            {"disperse_constant": 4.5},
-            {"timestep_limit": 101},
-            {"probability_of_detection": 0.99},
-            {"bayesian_update": True},
-            {"reward_scheme": RewardScheme(step=2)},
-            {"mission": "coverage"},
-        )
-    ]
-    changed.append(dataclasses.replace(usual, drones=((0, 0), (0, 1))))
-    words = {each.fingerprint for each in [usual, *changed]}
-    assert len(words) == 12
-    for change in ({"name": "other"}, {"reason": "other"}, {"scale": Scale(100, 10)}):
-        assert dataclasses.replace(usual, **change).fingerprint == usual.fingerprint
-
-
-def test_what_is_uncertain_changes_the_fingerprint():
-    def fingerprint(probability_of_detection: float = 1.0, **changes: object) -> str:
-        first = Drift((1.5, 2), **{"start_sd": 1, "vector": (0.1, 0), "adrift": 2, **changes})
-        person = Person([first, Drift(np.eye(5))], probability_of_detection)
-        return NamedSearch("mine", "Mine.", Scenario(5, persons=person)).fingerprint
-
-    changes = [
-        {"probability_of_detection": 0.5},
-        {"start_sd": 2},
-        {"vector": (0.1, 0.1)},
-        {"vector_sd": 0.1},
-        {"diffusion": 0.1},
-        {"adrift": 3},
-        {"weight": 2},
-    ]
-    words = {fingerprint(), *(fingerprint(**change) for change in changes)}
-    assert len(words) == 8
-    assert fingerprint() in words
 
 
 @pytest.mark.parametrize("name", list(SUITE))
@@ -123,54 +60,6 @@ def test_every_search_can_be_played_and_has_a_reason(name):
     assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
 
 
-@pytest.mark.parametrize("name", AT_SEA)
-def test_searches_at_sea_have_plausible_sizes(name):
-    scenario, scale = search(name).scenario, search(name).scale
-    assert 100 <= scale.metres_per_cell <= 400
-    assert 10 <= scale.metres_per_cell / scale.seconds_per_step <= 25
-    assert 25 <= scale.seconds(scenario.timestep_limit) / 60 <= 120
-    assert scenario.timestep_limit <= 400 and scenario.grid_size <= 60
-    for person in scenario.persons:
-        for drift in person.drifts:
-            assert not drift.starts_in_known_cell
-            speed = np.hypot(*scale.velocity(drift.vector))
-            assert 0.05 < speed < 1.0
-            assert 1 < scale.diffusivity(drift.diffusion) <= 10
-
-
-def test_the_suite_has_what_real_searches_have():
-    assert len(AT_SEA) >= 6
-    persons = [person for name in AT_SEA for person in search(name).scenario.persons]
-    drifts = [drift for person in persons for drift in person.drifts]
-    assert any(len(search(name).scenario.persons) > 1 for name in AT_SEA)
-    assert any(len(person.drifts) > 2 for person in persons)
-    assert any(person.probability_of_detection < 0.3 for person in persons)
-    assert any(drift.prior is not None for drift in drifts)
-    hours = [
-        drift.adrift * search(name).scale.seconds_per_step / 3600
-        for name in AT_SEA
-        for drift in search(name).scenario.persons[0].drifts
-    ]
-    assert max(hours) == pytest.approx(6)
-
-
-@pytest.mark.parametrize("name", [name for name in SUITE if name not in ("pond", "harbour")])
-def test_the_grid_holds_the_forecast(name):
-    """The pond and the harbour have shores."""
-    scenario = search(name).scenario
-    steps = range(0, scenario.timestep_limit + 1, 10)
-    assert max(scenario.mass_beyond_grid(step) for step in steps) < 0.02
-
-
-def test_the_published_baseline_has_its_published_parameters():
-    each = search("dsse-2024")
-    assert each.drones == ((20, 0), (39, 20), (20, 39), (0, 20))
-    scenario = each.scenario
-    assert (scenario.grid_size, scenario.n_drones, scenario.timestep_limit) == (40, 4, 100)
-    assert scenario.person_initial_position == ((20, 20),)
-    assert (scenario.vector, scenario.disperse_constant) == ((0.083, 0.08), 0.65)
-
-
 def test_an_outline_has_the_main_parameters():
     assert search("fog").outline == (
         "20 x 20 cells; 4 drones; 1 person; probability of detection 0.4; 100 steps"
@@ -179,10 +68,6 @@ def test_an_outline_has_the_main_parameters():
         "30 x 30 cells of 200 m; 3 drones; 2 persons with up to 2 hypotheses; "
         "probability of detection 0.94, 0.51; 150 steps of 10 s (25 minutes)"
     )
-
-
-def test_reasons_are_all_different():
-    assert len({each.reason for each in SUITE.values()}) == len(SUITE)
 
 
 def test_an_unknown_name_suggests_similar_names():
@@ -194,8 +79,6 @@ def test_an_unknown_name_suggests_similar_names():
         search("Classic")
     with pytest.raises(ValueError, match="got 'xyzzy' "):
         search("xyzzy")
-    with pytest.raises(TypeError, match="search must be the name of a search, got 3"):
-        search(3)  # type: ignore[arg-type]
 
 
 def test_with_posterior_only_changes_what_drones_see():
@@ -206,15 +89,8 @@ def test_with_posterior_only_changes_what_drones_see():
         search("fog").with_posterior(1)
 
 
-def test_searches_are_frozen():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        search("pond").name = "puddle"  # type: ignore[misc]
-    with pytest.raises(TypeError):
-        SUITE["pond"] = search("fog")  # type: ignore[index]
-
-
 def test_a_scenario_becomes_a_named_search():
-    named = as_named(scenario())
+    named = as_named(TWO_DRONES)
     assert named.drones == ((0, 0), (1, 0))
     assert as_named(named) is named
     assert as_named("pond") is SUITE["pond"]
@@ -233,20 +109,4 @@ def test_a_scenario_becomes_a_named_search():
 )
 def test_drones_that_do_not_fit_are_refused(drones, message):
     with pytest.raises(ValueError, match=message):
-        NamedSearch("mine", "Mine.", scenario(), drones)
-
-
-def test_drones_may_be_an_array():
-    named = NamedSearch("mine", "Mine.", scenario(), np.array([[3, 4], [1, 2]]))
-    assert named.drones == ((3, 4), (1, 2))
-
-
-def test_a_search_needs_a_scenario():
-    with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
-        NamedSearch("mine", "Mine.", None)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"scale must be a Scale or None, got \(100, 10\)"):
-        NamedSearch("mine", "Mine.", scenario(), scale=(100, 10))  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="name must be a string, got 1"):
-        NamedSearch(1, "Mine.", scenario())  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"drones must be 2 cells .*got 'ab'"):
-        NamedSearch("mine", "Mine.", scenario(), "ab")  # type: ignore[arg-type]
+        NamedSearch("mine", "Mine.", TWO_DRONES, drones)

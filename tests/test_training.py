@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import pickle
-import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ import pytest
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.evaluation import View
-from DroneSwarmSearch.training.curve import moving_mean, read_columns
+from DroneSwarmSearch.training.curve import read_columns
 
 ROOT = Path(__file__).parents[1]
 
@@ -31,13 +29,6 @@ def test_the_task_can_be_pickled_and_played() -> None:
     assert env.scenario.bayesian_update
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "docs/guides/trainers").glob("*.md")), ids=str)
-def test_snippets_that_train_use_one_thread(path: Path) -> None:
-    for block in re.findall(r"^```python\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S):
-        uses = re.search(r"^(from|import) (agilerl|ray|sb3_|stable|tianshou|torch)", block, re.M)
-        assert not uses or "torch.set_num_threads(1)" in block or "GymWrapper" in block
-
-
 def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "curve.csv"
     training.log_row(path, steps=123_456_789, found=math.nan)
@@ -47,12 +38,6 @@ def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFix
     columns = read_columns(path)
     assert columns["steps"].tolist() == [123_456_789, 123_456_790]
     assert columns["found"].tolist() == pytest.approx([math.nan, 1 / 3], abs=1e-6, nan_ok=True)
-
-
-def test_the_moving_mean_covers_a_twentieth() -> None:
-    values = np.arange(100.0)
-    assert moving_mean(values)[:6].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 3.0]
-    assert moving_mean(values[:20]).tolist() == values[:20].tolist()
 
 
 def test_curves_are_plotted(tmp_path: Path) -> None:
@@ -66,14 +51,6 @@ def test_curves_are_plotted(tmp_path: Path) -> None:
     assert (tmp_path / "first.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(KeyError, match="reward"):
         training.plot_curve(paths[0], columns=["reward"])
-
-
-def test_without_matplotlib_the_plot_names_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(ImportError, match=r'pip install "DroneSwarmSearchEnvironment\[evaluation'):
-        training.plot_curve(tmp_path / "curve.csv")
 
 
 def test_a_trained_policy_samples_allowed_actions_by_its_seed() -> None:
@@ -133,19 +110,6 @@ def test_the_comparison_is_printed_and_saved(
         saved = list(csv.DictReader(file))
     assert [row["policy"] for row in saved] == names
     assert {row["episodes"] for row in saved} == {"30"}
-
-
-def test_the_comparison_shows_negative_leads_and_crashes(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    leave = always(Action.UP)
-    training.compare_with_baselines(leave, SMALL, episodes=20, baselines=["greedy-matrix"])
-    trained, greedy = (
-        line.split()
-        for line in capsys.readouterr().out.splitlines()
-        if line.startswith(("trained", "greedy"))
-    )
-    assert trained[-1] == "100.0" and "-100.0" in greedy
 
 
 def test_the_comparison_accepts_start_cells_and_other_layouts() -> None:

@@ -1,12 +1,11 @@
 """Validation of user input: each function returns the value in its plain form, or raises.
 
-Error messages name the parameter, state what is allowed and show the value. `integers` and
-`cells` are the array forms of `integer` and `cell`: they accept the values of all rows of a batch
-at once, and report a bad one with the scalar form's message.
+Error messages name the parameter, state what is allowed and show the value.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import operator
 import os
@@ -17,7 +16,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints
 
@@ -26,22 +25,18 @@ __all__ = [
     "array",
     "boolean",
     "cell",
-    "cell_numbers",
-    "cells",
     "choice",
-    "finite",
     "fits",
     "integer",
+    "integer_array",
     "integers",
     "is_number",
     "items",
     "known_options",
     "numbers",
-    "output_array",
     "pair",
     "positive",
     "real",
-    "row_numbers",
     "seeds",
 ]
 
@@ -61,21 +56,16 @@ def boolean(name: str, value: object) -> bool:
 
 def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | None:
     """One of the allowed strings; None if it is one of them."""
-    if value is not None and not isinstance(value, str):
-        raise TypeError(f"{name} must be one of {_listed(allowed)}, got {value!r:.100}")
-    if value not in allowed:
-        raise ValueError(f"{name} must be one of {_listed(allowed)}, got {value!r:.100}")
-    return value
+    error: type[Exception] = TypeError
+    if value is None or isinstance(value, str):
+        if value in allowed:
+            return value
+        error = ValueError
+    raise error(f"{name} must be one of {', '.join(map(repr, allowed))}, got {value!r:.100}")
 
 
 def known_options(options: object, known: Sequence[str], stacklevel: int) -> dict[str, Any]:
-    """The options of a `reset` as a dict, with a warning about unknown ones.
-
-    Args:
-        options: a mapping; TypeError otherwise.
-        known: the known names.
-        stacklevel: the warning's stack level, counted from the caller.
-    """
+    """The options of a `reset` as a dict, with a warning about unknown ones at this stack level."""
     if not isinstance(options, Mapping):
         raise TypeError(f"options must be a mapping, got {options!r:.100}")
     unknown = [key for key in options if key not in known]
@@ -102,21 +92,27 @@ def integer(name: str, value: object, low: int, high: int | None = None) -> int:
 
 
 def integers(name: str, value: object, rows: int, low: int, high: int) -> Ints:
-    """`integer` for the rows of a batch: one integer for all of them, or one for each.
-
-    Returns:
-        int64, shape (rows,).
-    """
-    what = f"an integer from {low} to {high}"
+    """`integer` for the rows of a batch, int64, (rows,): one integer for all, or one for each."""
+    what = f"an integer from {low} to {high}, or one for each search, an array of shape {(rows,)}"
     given = array(name, value, what)
     if given.ndim == 0:
         return np.full(rows, integer(name, value, low, high))
-    _check_rows(name, given, (rows,), what)
-    if given.dtype.kind not in "iu":
-        raise TypeError(f"{name} must be {what}, or one for each search, got {value!r:.100}")
-    for row in ((given < low) | (given > high)).nonzero()[0]:
-        integer(f"{name}[{row}]", given[row].item(), low, high)
-    return given.astype(np.int64)
+    return integer_array(name, given, what, low, high, (rows,))
+
+
+def integer_array(
+    name: str, value: object, what: str, low: int, high: int, shape: tuple[int, ...] | None = None
+) -> Ints:
+    """Integers from low to high as an int64 array, of any shape unless one is given."""
+    given = array(name, value, what)
+    if given.dtype.kind not in "iu" and given.size:
+        raise TypeError(f"{name} must be {what}, got {given.dtype}")
+    if shape is not None and given.shape != shape:
+        raise ValueError(f"{name} must be {what}, got shape {given.shape}")
+    wrong = given[(given < low) | (given > high)]
+    if wrong.size:
+        raise ValueError(f"{name} must be {what}, got {wrong[0]}")
+    return given.astype(np.int64, copy=False)
 
 
 def is_number(value: object) -> bool:
@@ -124,35 +120,28 @@ def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def real(name: str, value: object, low: float | None = None, high: float | None = None) -> float:
+def real(name: str, value: object, low: float = -math.inf, high: float = math.inf) -> float:
     """A finite real number with low <= value <= high."""
-    number = finite(value)
-    if number is not None and (low is None or number >= low) and (high is None or number <= high):
-        return number
-    bounds = [
-        f"{word} {limit}" for word, limit in (("least", low), ("most", high)) if limit is not None
-    ]
-    limits = f" of at {' and at '.join(bounds)}" if bounds else ""
-    error = ValueError if is_number(value) else TypeError
-    raise error(f"{name} must be a finite number{limits}, got {value!r:.100}")
+    limits = (("least", low), ("most", high))
+    bounds = [f"at {word} {limit}" for word, limit in limits if math.isfinite(limit)]
+    what = f"a finite number{' of ' * bool(bounds)}{' and '.join(bounds)}"
+    return _finite(name, value, what, low, high)
 
 
 def positive(name: str, value: object) -> float:
     """A finite real number above 0."""
-    number = finite(value)
-    if number is not None and number > 0.0:
-        return number
-    error = ValueError if is_number(value) else TypeError
-    raise error(f"{name} must be a finite number above 0, got {value!r:.100}")
+    return _finite(name, value, "a finite number above 0", math.ulp(0.0), math.inf)
 
 
-def finite(value: object) -> float | None:
-    """The value as a float, or None if it is not a finite real number."""
-    try:
-        number = float(value) if is_number(value) else math.nan  # type: ignore[arg-type]
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
+def _finite(name: str, value: object, what: str, low: float, high: float) -> float:
+    error: type[Exception] = TypeError
+    if is_number(value):
+        error = ValueError
+        with contextlib.suppress(OverflowError):
+            number = float(value)  # type: ignore[arg-type]
+            if math.isfinite(number) and low <= number <= high:
+                return number
+    raise error(f"{name} must be {what}, got {value!r:.100}")
 
 
 def items(name: str, value: object, what: str) -> list[object]:
@@ -195,34 +184,8 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
     return x, y
 
 
-def cells(name: str, given: NDArray[Any], grid_size: int) -> Ints:
-    """`cell` for an array of numbers of shape (..., 2).
-
-    Returns:
-        int64, of the same shape.
-    """
-    with np.errstate(invalid="ignore"):  # NaN and large numbers become other integers
-        whole = given.astype(np.int64)
-    wrong = (whole != given) | (whole < 0) | (whole >= grid_size)
-    if wrong.any():
-        *where, _ = np.argwhere(wrong)[0].tolist()
-        place = "".join(f"[{index}]" for index in where)
-        cell(f"{name}{place}", given[tuple(where)].tolist(), grid_size)
-    return whole
-
-
 def numbers(name: str, value: object, what: str) -> NDArray[Any]:
-    """An array of real numbers.
-
-    Args:
-        name: the parameter.
-        value: numbers of any kind for which `is_number` is True, nested or in arrays.
-        what: the expected value, for the message.
-
-    Raises:
-        TypeError: an entry is not a number.
-        ValueError: the entries form no array.
-    """
+    """An array of real numbers; TypeError for others, ValueError if they form no array."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return value
     entries = np.asarray(None if isinstance(value, _TEXT) else value, object)
@@ -238,21 +201,10 @@ def numbers(name: str, value: object, what: str) -> NDArray[Any]:
     return floats
 
 
-def _check_rows(name: str, given: NDArray[Any], shape: tuple[int, ...], what: str) -> None:
-    if given.shape != shape:
-        raise ValueError(
-            f"{name} must be {what}, or one for each search, an array of shape {shape}; "
-            f"got one of shape {given.shape}"
-        )
-
-
 def fits(what: str, size: int, **parameters: object) -> None:
-    """Raise a ValueError if something needs more than the machine's memory.
+    """ValueError if something of at least `size` bytes exceeds the machine's memory.
 
-    Args:
-        what: a name for it, for the message.
-        size: a lower limit of its size in bytes.
-        parameters: the parameters that determine the size.
+    The message names the parameters that determine the size.
     """
     memory = _memory()
     if size <= memory:
@@ -280,78 +232,3 @@ def array(name: str, value: object, what: str) -> NDArray[Any]:
         return np.asarray(value)
     except ValueError:
         raise ValueError(f"{name} must be {what}, got {value!r:.100}") from None
-
-
-def row_numbers(
-    value: object, count: int, *, ascending: bool = False, repeated: bool = False
-) -> Ints:
-    """Numbers of the rows of a batch: int64, shape (n,).
-
-    Args:
-        value: integers from 0 to count - 1.
-        count: the number of rows.
-        ascending: they must be in ascending order.
-        repeated: equal numbers are allowed.
-
-    Raises:
-        TypeError: they are not integers.
-        ValueError: there is no such row, or they are out of order.
-    """
-    if isinstance(value, np.ndarray) and value.dtype == np.int64 and value.ndim == 1:
-        # A fast test for the usual case, which occurs in every step.
-        in_order = np.count_nonzero(value[1:] > value[:-1]) == len(value) - 1
-        if in_order and value[0] >= 0 and value[-1] < count:
-            return value
-    order = "in ascending order" if ascending else "without repetitions"
-    what = f"rows must be a list or an array of integers from 0 to {count - 1}, {order}"
-    given = array("rows", value, what.removeprefix("rows must be "))
-    if given.ndim == 1 and not given.size:
-        return np.empty(0, np.int64)
-    if given.dtype.kind not in "iu":
-        raise TypeError(f"{what}; got {given.dtype}")
-    if given.ndim != 1:
-        raise ValueError(f"{what}; got shape {given.shape}")
-    rows = given.astype(np.int64)
-    wrong = rows[(rows < 0) | (rows >= count)]
-    if wrong.size:
-        raise ValueError(f"{what}; got {wrong[0]}")
-    steps = np.diff(rows if ascending else np.sort(rows))
-    if (steps < (not repeated)).any():
-        raise ValueError(f"{what}; got {value!r:.100}")
-    return rows
-
-
-def cell_numbers(value: object, shape: tuple[int, ...], grid_size: int) -> Ints:
-    """A cell, y * grid_size + x, for each of some rows of a batch: int64, of this shape."""
-    last = grid_size**2 - 1
-    what = f"integers from 0 to {last}, one for each of the rows"
-    given = array("cells", value, what)
-    if given.dtype.kind not in "iu" and given.size:
-        raise TypeError(f"cells must be {what}, got {given.dtype}")
-    if given.shape != shape:
-        raise ValueError(f"cells must be {what}, got shape {given.shape}")
-    wrong = given[(given < 0) | (given > last)]
-    if wrong.size:
-        raise ValueError(f"cells must be {what}, got {wrong[0]}")
-    return given.astype(np.int64)
-
-
-def output_array(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:
-    """Raise unless the value is a writeable C-contiguous array of this shape and dtype."""
-    if not isinstance(value, np.ndarray):
-        came = repr(value)
-    elif value.shape != shape or value.dtype != dtype:
-        came = f"{value.dtype} of shape {value.shape}"
-    elif not value.flags.c_contiguous:
-        came = "one with gaps or in another order"
-    elif not value.flags.writeable:
-        came = "a read-only one"
-    else:
-        return
-    error = ValueError if isinstance(value, np.ndarray) else TypeError
-    what = f"a writeable C-contiguous {np.dtype(dtype)} array of shape {shape}"
-    raise error(f"{name} must be {what}, got {came}")
-
-
-def _listed(allowed: Sequence[str | None]) -> str:
-    return ", ".join(repr(value) for value in allowed)

@@ -28,14 +28,12 @@ class Progress:
         what: the work, in a few words.
         total: the amount of work, in any unit.
         shown: False shows nothing.
-        done: the amount done by an earlier run, less than the total.
     """
 
-    def __init__(self, what: str, total: float, shown: bool = True, done: float = 0.0) -> None:
+    def __init__(self, what: str, total: float, shown: bool = True) -> None:
         self._what = what
         self._total = total
         self._shown = shown
-        self._before = done
         self._start = self._last = time.monotonic()
         self._has_bar = False
 
@@ -51,7 +49,7 @@ class Progress:
         """Show how much is done.
 
         Args:
-            done: the amount, work of earlier runs included.
+            done: the amount.
             note: more to show, for example the latest figures.
         """
         now, is_terminal = time.monotonic(), sys.stderr.isatty()
@@ -60,9 +58,7 @@ class Progress:
             return
         self._last = now
         share = min(done / self._total, 1.0)
-        left = "time left unknown"
-        if done > self._before:
-            left = _left((now - self._start) * (self._total - done) / (done - self._before))
+        left = _left((now - self._start) * (1 / share - 1)) if share else "time left unknown"
         text = f"{share:.0%}, {left}, {note}" if note else f"{share:.0%}, {left}"
         if is_terminal:
             self._has_bar = True

@@ -16,16 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats, Ints, Words
+from DroneSwarmSearch._internal.arrays import Floats, Words
 
 __all__ = [
-    "DENOMINATOR",
+    "GOLDEN",
     "EpisodeStream",
     "Streams",
     "episode_keys",
     "mixed",
     "numbers",
-    "numerators",
     "policy_key",
     "stream_keys",
     "unit_numbers",
@@ -35,32 +34,18 @@ __all__ = [
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """The counter's increment, close to 2**64 / golden ratio, so that multiples spread evenly."""
 
-
-def _words(*values: int) -> tuple[Words, ...]:
-    """Constants as 0-d arrays: array arithmetic with them is faster than with scalars."""
-    return tuple(np.array(value, np.uint64) for value in values)
-
-
-_SHIFTS = _words(30, 27, 31)
-_FACTORS = _words(0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+_SHIFTS = np.array([30, 27, 31], np.uint64)
+_FACTORS = np.array([0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
+_LOWEST_BITS = np.uint64(11)  # a double holds the 53 above them
+_UNIT = np.float64(2.0**-53)
 _ONE = np.uint64(1)
-_LOWEST_BITS = _words(11)[0]  # a double holds the 53 above them
-
-DENOMINATOR = 2.0**53
-"""Uniforms are `numerators` divided by this."""
 
 _POLICY = 3
 """The place of the policies' key among the words of a seed."""
 
-_UNIT = np.array(1 / DENOMINATOR)
-
 # A NumPy call costs more than an episode of a few steps, which is typical of untrained drones.
-# So the first uniforms are computed for several episodes at once, and later ones in large
-# chunks. The pairs are (episodes, uniforms of each).
-_SHORT = (32, 16)
-_LONG = (8, 256)
-_CHUNK = 256
-_NEXT = np.arange(1, _CHUNK + 1, dtype=np.uint64) * GOLDEN
+# So the first uniforms are computed for several episodes at once, and later ones in large chunks.
+_EPISODES, _FIRST, _CHUNK = 32, 16, 256
 
 
 def stream_keys(seed: int | None) -> Words:
@@ -110,21 +95,15 @@ def unit_numbers(counters: Words) -> Floats:
     Args:
         counters: the key of an episode plus `GOLDEN` times the place, counted from 1.
     """
-    drawn: Floats = np.multiply(numerators(counters), _UNIT)
-    return drawn
-
-
-def numerators(counters: Words) -> Ints:
-    """`unit_numbers` times `DENOMINATOR`, as integers: int64."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
-    return words.view(np.int64)
+    return np.multiply(words.view(np.int64), _UNIT)
 
 
 def mixed(words: Words) -> Words:
     """SplitMix64's mixing function; a new array."""
     shifted = np.right_shift(words, _SHIFTS[0])
-    result = np.bitwise_xor(words, shifted)
+    result: Words = np.bitwise_xor(words, shifted)
     result *= _FACTORS[0]
     np.right_shift(result, _SHIFTS[1], out=shifted)
     result ^= shifted
@@ -142,16 +121,10 @@ class EpisodeStream:
     """
 
     def __init__(self, key: np.uint64) -> None:
-        self._key = np.array([[key]])
-        self._heads: list[list[float]] = []  # the first uniforms of several episodes
-        self._heads_keys: list[int] = []  # the keys of those episodes
-        self._heads_first = 0  # the first of those episodes
+        self._key = np.array([key])
+        # The first of some episodes, and the keys and first uniforms of all of them.
+        self._heads: tuple[int, Words, list[list[float]]] = 0, self._key[:0], []
         self._episode = -1
-        self._known: list[float] = []  # some uniforms of the episode, from this place on:
-        self._first = 0
-        self._drawn = 0
-        self._rows: list[list[float]] = []
-        self._first_row = 0
 
     def draw(self, episode: int, count: int) -> list[float]:
         """The next uniforms of an episode.
@@ -162,55 +135,33 @@ class EpisodeStream:
         """
         if episode != self._episode:
             self._begin(episode)
-        begin = self._drawn
-        self._drawn = end = begin + count
-        if end > self._first + len(self._known):
-            self._extend(begin, end)
-        return self._known[begin - self._first : end - self._first]
+        return self._between(self._next, self._next + count)
 
     def row(self, episode: int, index: int, width: int) -> list[float]:
-        """Row number `index` of an episode's uniforms, arranged in rows.
-
-        Args:
-            episode: the episode's number, as for `draw`.
-            index: the row; never decreases within an episode.
-            width: uniforms per row; constant within an episode.
-        """
+        """Row number `index`, which never decreases, of an episode's uniforms in rows."""
         if episode != self._episode:
             self._begin(episode)
-        while index >= self._first_row + len(self._rows):
-            self._first_row += len(self._rows)
-            drawn = self.draw(episode, max(_SHORT[1] // width, 1) * width)
-            self._rows = [drawn[i : i + width] for i in range(0, len(drawn), width)]
-        return self._rows[index - self._first_row]
+        return self._between(index * width, (index + 1) * width)
 
     def _begin(self, episode: int) -> None:
-        if not 0 <= episode - self._heads_first < len(self._heads):
-            # Assume that the next episodes are as long as the last one.
-            count, width = _LONG if self._drawn > _SHORT[1] else _SHORT
-            episodes = np.arange(episode, episode + count, dtype=np.uint64)
-            keys = episode_keys(self._key, episodes[:, None])
-            heads = numbers(keys, np.arange(width, dtype=np.uint64)).tolist()
-            # After an interrupt between these lines, the heads are made again.
-            self._heads = []
-            self._heads_keys = keys[:, 0].tolist()
-            self._heads_first = episode
-            self._heads = heads
-        self._known = self._heads[episode - self._heads_first]
-        self._first = 0
-        self._drawn = 0
-        self._rows = []
-        self._first_row = 0
+        first, _, heads = self._heads
+        if not 0 <= episode - first < len(heads):
+            first = episode
+            keys = episode_keys(self._key, np.arange(first, first + _EPISODES, dtype=np.uint64))
+            heads = numbers(keys[:, None], np.arange(_FIRST, dtype=np.uint64)).tolist()
+            self._heads = first, keys, heads
+        self._known = heads[episode - first]  # from this place on:
+        self._known_first = self._next = 0
         self._episode = episode
 
-    def _extend(self, begin: int, end: int) -> None:
-        """Compute at least the uniforms from one place to another."""
-        self._known = self._known[begin - self._first :]
-        self._first = begin
-        key = self._heads_keys[self._episode - self._heads_first]
-        for place in range(begin + len(self._known), end, _CHUNK):
-            counter = np.uint64((key + place * int(GOLDEN)) % 2**64)
-            self._known += unit_numbers(_NEXT + counter).tolist()
+    def _between(self, begin: int, end: int) -> list[float]:
+        if end > self._known_first + len(self._known):
+            places = np.arange(begin, max(end, begin + _CHUNK), dtype=np.uint64)
+            first, keys, _ = self._heads
+            self._known = numbers(keys[[self._episode - first]], places).tolist()
+            self._known_first = begin
+        self._next = end
+        return self._known[begin - self._known_first : end - self._known_first]
 
 
 class Streams(NamedTuple):

@@ -32,7 +32,7 @@ from ray.rllib.core.rl_module.rl_module import RLModule
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 
@@ -40,7 +40,7 @@ OBSERVATION, ACTION_MASK = "observation", "action_mask"
 """The keys of masked observations."""
 
 SEED_STRIDE = 10**9
-"""The distance between the seeds of env runners, to which RLlib gives consecutive seeds."""
+"""The distance between the seeds of env runners."""
 
 
 class DroneBatch(VectorWrapper):
@@ -77,13 +77,7 @@ class DroneBatch(VectorWrapper):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin episodes.
-
-        Args:
-            seed: as RLlib gives it, the run's seed plus the number of the env runner; runners
-                with different seeds play different episodes.
-            options: as for `DroneVectorEnv`.
-        """
+        """Begin episodes; env runners get consecutive seeds, and play different episodes."""
         return self.env.reset(seed=None if seed is None else seed * SEED_STRIDE, options=options)
 
 

@@ -27,14 +27,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
+from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT, listed
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
 
 __all__ = ["LogSuccess", "SB3VecEnv", "logits"]
-
-_INFOS = ("is_success", "probability_of_success")
-"""The infos that Stable-Baselines3 gets, if the environment has them."""
 
 
 class SB3VecEnv(VecEnv):
@@ -71,7 +67,7 @@ class SB3VecEnv(VecEnv):
         observations, infos = self.env.reset(seed=self._seeds[0], options=self._options[0] or None)
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos: list[dict[str, Any]] = self._listed(infos)
+        self.reset_infos: list[dict[str, Any]] = listed(infos)
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -82,22 +78,16 @@ class SB3VecEnv(VecEnv):
         """Make the step; returns observations, rewards, dones and infos."""
         observations, rewards, terminated, truncated, infos = self.env.step(self._actions)
         dones = terminated | truncated
-        listed = self._listed(infos)
+        shown = listed(infos)
         ended = dones.nonzero()[0].tolist()
-        final = self._listed(infos["final_info"]) if ended else []
+        final = listed(infos["final_info"]) if ended else []
         for index in ended:
-            listed[index] = {
+            shown[index] = {
                 **final[index],
                 "terminal_observation": infos["final_obs"][index],
                 "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
             }
-        return observations, rewards.astype(np.float32), dones, listed
-
-    def _listed(self, infos: dict[str, Any]) -> list[dict[str, Any]]:
-        """An info for each sub-environment."""
-        names = [name for name in _INFOS if name in infos]
-        columns = [infos[name].tolist() for name in names]
-        return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
+        return observations, rewards.astype(np.float32), dones, shown
 
     def get_images(self) -> list[Any]:
         """A picture of every swarm, if the environment has render_mode="rgb_array"."""
@@ -142,10 +132,8 @@ class LogSuccess(BaseCallback):
 
     def _on_step(self) -> bool:
         for index in self.locals["dones"].nonzero()[0]:
-            info = self.locals["infos"][index]
-            self.logger.record_mean(
-                "rollout/probability_of_success", info["probability_of_success"]
-            )
+            success = self.locals["infos"][index]["probability_of_success"]
+            self.logger.record_mean("rollout/probability_of_success", success)
         return True
 
 

@@ -35,8 +35,8 @@ from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 from tianshou.utils.torch_utils import torch_train_mode
 
 from DroneSwarmSearch._internal.arrays import Ints
-from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT, listed
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "logits"]
 
@@ -77,12 +77,6 @@ class DroneVenv(BaseVectorEnv):
             env_id: the sub-environments to reset, all or none of each swarm; by default, all.
             keywords: `seed` and `options` of `DroneVectorEnv.reset`. Without a seed, that of
                 `seed` counts once.
-
-        Returns:
-            The observations and infos of these sub-environments.
-
-        Raises:
-            ValueError: `env_id` holds a part of a swarm.
         """
         chosen = self._numbers("env_id", env_id)
         if keywords.get("seed") is None:
@@ -91,7 +85,7 @@ class DroneVenv(BaseVectorEnv):
         mask[chosen] = True
         options = {**(keywords.pop("options", None) or {}), "reset_mask": mask}
         observations, infos = self.env.reset(options=options, **keywords)
-        return _rows(observations, chosen), _listed(infos, chosen)
+        return _rows(observations, chosen), _infos(infos, chosen)
 
     def step(
         self, action: ArrayLike, id: int | Sequence[int] | Ints | None = None
@@ -102,13 +96,6 @@ class DroneVenv(BaseVectorEnv):
             action: an action for each of these drones.
             id: the drones' sub-environments, all or none of each swarm; by default, all. The
                 others must be reset before they act again.
-
-        Returns:
-            Observations, rewards, terminations, truncations and infos of these
-            sub-environments.
-
-        Raises:
-            ValueError: `id` holds a part of a swarm.
         """
         chosen = self._numbers("id", id)
         left_out = np.ones(self.env_num, np.bool_)
@@ -120,26 +107,17 @@ class DroneVenv(BaseVectorEnv):
         observations, rewards, *flags, infos = self.env.step(actions)
         terminated, truncated = (flag[chosen] for flag in flags)
         shown = _rows(observations, chosen)
-        return shown, rewards[chosen], terminated, truncated, _listed(infos, chosen)
+        return shown, rewards[chosen], terminated, truncated, _infos(infos, chosen)
 
     def seed(self, seed: int | list[int] | None = None) -> list[list[int] | None]:
-        """Seed the next reset.
-
-        Args:
-            seed: the seed of the first swarm, whose successors get consecutive ones; or a
-                list, whose first element counts.
-        """
+        """Seed the next reset: the first swarm, whose successors get consecutive seeds."""
         self._seed = seed[0] if isinstance(seed, list) else seed
         return [None if self._seed is None else [self._seed]] * self.env_num
 
     def get_env_attr(self, key: str, id: int | Sequence[int] | Ints | None = None) -> list[Any]:
         """An attribute of the environment, once for each of these sub-environments."""
-        spaces = {
-            "action_space": self.env.single_action_space,
-            "observation_space": self.env.single_observation_space,
-        }
-        value = spaces[key] if key in spaces else getattr(self.env, key)
-        return [value for _ in self._wrap_id(id)]
+        names = {name: f"single_{name}" for name in ("action_space", "observation_space")}
+        return [getattr(self.env, names.get(key, key)) for _ in self._wrap_id(id)]
 
     def render(self, **_: Any) -> list[Any]:
         """Render every swarm; see `render_mode`."""
@@ -172,11 +150,9 @@ def _rows(observations: Any, chosen: Ints) -> Any:
     return Batch(obs=inner, mask=observations["action_mask"][chosen])
 
 
-def _listed(infos: dict[str, Any], chosen: Ints) -> NDArray[Any]:
+def _infos(infos: dict[str, Any], chosen: Ints) -> NDArray[Any]:
     """An info for each of some sub-environments."""
-    keys = [key for key in ("is_success", "probability_of_success") if key in infos]
-    values = zip(*(infos[key][chosen].tolist() for key in keys), strict=True)
-    return np.array([dict(zip(keys, each, strict=True)) for each in values])
+    return np.array(listed(infos))[chosen]
 
 
 @dataclass(kw_only=True)

@@ -33,7 +33,7 @@ from torchrl.modules import MaskedCategorical, ProbabilisticActor
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = [
     "ACTION",
@@ -197,9 +197,8 @@ class SearchEnv(EnvBase):
         self._seeds = [None if first is None else first + swarm for swarm in range(swarms)]
 
     def _reset(self, tensordict: TensorDictBase | None = None) -> TensorDictBase:
-        mask = None if tensordict is None else tensordict.get("_reset", None)
         chosen = np.ones(self.batch_size[0], np.bool_)
-        if mask is not None:
+        if tensordict is not None and (mask := tensordict.get("_reset", None)) is not None:
             chosen = mask.cpu().numpy().reshape(-1)
         if not chosen.any():
             return self._written(self.vector_env.observe(np.arange(len(chosen))))
@@ -241,12 +240,7 @@ class SearchEnv(EnvBase):
 
 
 def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:
-    """The spec of a batch of observations.
-
-    Args:
-        space: of one of them, a Box or a Dict.
-        shape: of the batch.
-    """
+    """The spec of a batch of observations of a space, a Box or a Dict."""
     if isinstance(space, spaces.Dict):
         return Composite({name: _spec(each, shape) for name, each in space.items()}, shape=shape)
     assert isinstance(space, spaces.Box)
@@ -271,23 +265,17 @@ def masked_policy(network: TensorDictModuleBase) -> ProbabilisticActor:
 
 
 def episode_metrics(batch: TensorDictBase, success: Key = SUCCESS) -> dict[str, float]:
-    """The means over the episodes that end in a batch.
+    """The means over the episodes that end in a batch; nothing if none ends.
 
     Args:
         batch: from a collector, with the returns that the transform ``RewardSum`` writes.
-        success: the key of the entry whose mean is "found": `SUCCESS`, or in the coverage mission
-            `PROBABILITY`.
-
-    Returns:
-        "reward", the mean return of a drone, and "found"; nothing if no episode ends.
+        success: the entry whose mean is "found", next to "reward", the mean return of a drone:
+            `SUCCESS`, or in the coverage mission `PROBABILITY`.
     """
     ended = batch["next"][batch["next", "done"].squeeze(-1)]
     if not len(ended):
         return {}
-    return {
-        "reward": float(ended[RETURN].mean()),
-        "found": float(ended[success].float().mean()),
-    }
+    return {"reward": float(ended[RETURN].mean()), "found": float(ended[success].float().mean())}
 
 
 def logits(

@@ -1,8 +1,8 @@
-"""Trained networks as policies for `evaluate`, whichever library trained them."""
+"""What the adapters share: trained networks as policies for `evaluate`, and infos as lists."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 
-__all__ = ["LEAST_LOGIT", "TrainedPolicy"]
+__all__ = ["LEAST_LOGIT", "TrainedPolicy", "listed"]
 
 LEAST_LOGIT = -1e9
 """The logit of masked actions; their probability is 0 in float32."""
@@ -38,12 +38,7 @@ class TrainedPolicy:
         self.reset(seed=0)
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed the sampling of actions; `evaluate` calls this before it plays episodes.
-
-        Args:
-            seed: one seed, or one for each episode.
-            rows: ignored.
-        """
+        """Seed the sampling of actions; `evaluate` calls this before it plays episodes."""
         self._generator = np.random.default_rng(seed)
 
     def __call__(self, observations: Any) -> NDArray[np.int64]:
@@ -54,3 +49,10 @@ class TrainedPolicy:
             logits = logits + self._generator.gumbel(size=logits.shape)
         actions: NDArray[np.int64] = logits.argmax(axis=-1)
         return actions
+
+
+def listed(infos: Mapping[str, NDArray[Any]]) -> list[dict[str, Any]]:
+    """What trainers log of the infos of a vector environment, for each sub-environment."""
+    names = [name for name in ("is_success", "probability_of_success") if name in infos]
+    columns = [infos[name].tolist() for name in names]
+    return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]

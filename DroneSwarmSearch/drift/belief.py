@@ -10,8 +10,8 @@ Search, 1975).
 The product of these sums is the probability that no search so far has found the person; one
 minus it is the cumulative probability of success (POS).
 
-`Belief` is the scalar form. The functions `normalise`, `drifted` and `means_over_missing` also
-take batches: arrays with trailing batch axes after [hypothesis, y, x]. Both agree bit for bit.
+`Belief` is the scalar form. The functions `normalise` and `means_over_missing` also take batches:
+arrays with trailing batch axes after [hypothesis, y, x]. Both agree bit for bit.
 """
 
 from __future__ import annotations
@@ -27,9 +27,6 @@ from DroneSwarmSearch.drift.model import DriftModel
 
 __all__ = [
     "Belief",
-    "after_drift",
-    "drift",
-    "drifted",
     "mean_over_missing",
     "means_over_missing",
     "normalise",
@@ -65,9 +62,9 @@ class Belief(NamedTuple):
             The new belief. If the searches contradict the belief, its mass stays.
         """
         mass = self.mass.copy()
-        flat = mass.reshape(-1)
+        flat, missed = mass.reshape(-1), 1.0 - self.detection
         for cell in cells:
-            flat[self.model.states(cell)] *= 1.0 - self.detection
+            flat[self.model.states(cell)] *= missed
         total = normalise(mass).item()
         if total > 0.0:  # rounding must not lower the probability of success
             return Belief(self.model, self.detection, mass, self.kept * min(total, 1.0))
@@ -115,86 +112,6 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     # Contiguous arrays multiply faster than broadcast ones.
     belief *= np.broadcast_to(factor, columns.shape).copy()
     return total
-
-
-Scratch = list[tuple[Floats, Floats, list[tuple[Floats, Floats, Floats]]]]
-
-
-def scratch_of(belief: Floats) -> Scratch:
-    """Scratch arrays for `drifted`: for each axis three terms, their sum, and what to add."""
-    row, scratch = belief[0, 0], []
-    for distance in (row[0].size, row.size):
-        terms = np.empty((3, *belief.shape), belief.dtype)
-        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
-        # next, and the array can be shifted as one run of memory.
-        cells, higher, lower = terms.reshape(3, -1)
-        from_lower = cells[distance:], higher[:-distance], cells[distance:]
-        from_higher = cells[:-distance], lower[distance:], cells[:-distance]
-        scratch.append((terms, terms[0], [from_lower, from_higher]))
-    return scratch
-
-
-def drifted(
-    belief: Floats, along_x: Floats, along_y: Floats, scratch: Scratch | None = None
-) -> Floats:
-    """The belief one step later: float64, of the belief's shape and with its sum.
-
-    Args:
-        belief: float64, shape (M, N, N, ...), indexed [hypothesis, y, x, ...].
-        along_x: the probabilities of staying, and of moving to the next higher and to the next
-            lower column: shape (3, M, 1, N, ...); nobody leaves the grid.
-        along_y: the same for rows: shape (3, M, N, 1, ...).
-        scratch: see `scratch_of`; overwritten, and the result is a part of it.
-    """
-    scratch = scratch_of(belief) if scratch is None else scratch
-    for moves, (terms, after, sums) in zip((along_x, along_y), scratch, strict=True):
-        np.multiply(moves, belief, terms)
-        for each in sums:
-            np.add(*each)
-        belief = after
-    return belief
-
-
-def after_drift(
-    belief: Floats, right_x: Floats, left_x: Floats, right_y: Floats, left_y: Floats
-) -> Floats:
-    """`drifted` for moves as in `ProbabilityMatrix.moves`, each of shape (M, N, ...)."""
-    along_x, along_y = (
-        np.stack([1.0 - higher - lower, higher, lower])
-        for higher, lower in ((right_x, left_x), (right_y, left_y))
-    )
-    return drifted(belief, along_x[:, :, None], along_y[:, :, :, None])
-
-
-def drift(
-    belief: Floats,
-    along_x: tuple[Floats, Floats],
-    along_y: tuple[Floats, Floats],
-    scratch: tuple[Floats, Floats],
-    after: Floats,
-) -> None:
-    """`after_drift` into given arrays, all of them C-contiguous.
-
-    Args:
-        belief: as for `after_drift`.
-        along_x: the probabilities of moves to the next higher column and the next lower one.
-        along_y: the same for rows.
-        scratch: two arrays of the belief's shape, overwritten.
-        after: receives the result; may be the belief itself.
-    """
-    to_higher, to_lower = scratch
-    cells, risen, fallen = after.reshape(-1), to_higher.reshape(-1), to_lower.reshape(-1)
-    (right, left), (higher, lower) = along_x, along_y
-    for up, down, distance in (
-        (right[:, None], left[:, None], belief[0, 0, 0].size),
-        (higher[:, :, None], lower[:, :, None], belief[0, 0].size),
-    ):
-        np.multiply(belief, up, out=to_higher)
-        np.multiply(belief, down, out=to_lower)
-        np.multiply(belief, 1.0 - up - down, out=after)
-        cells[distance:] += risen[:-distance]
-        cells[:-distance] += fallen[distance:]
-        belief = after
 
 
 def over_hypotheses(belief: Floats) -> Floats:

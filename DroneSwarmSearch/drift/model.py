@@ -11,7 +11,6 @@ than the methods below, so that a new model needs nothing outside this folder.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from functools import cached_property
@@ -39,10 +38,6 @@ class DriftModel(ABC):
     grid_size: int
     key: Hashable
     weights: Floats
-
-    def is_same(self, other: DriftModel) -> bool:
-        """Whether another model has the same forecast at every step."""
-        return self.key == other.key
 
     # The forecast.
 
@@ -131,11 +126,19 @@ class DriftModel(ABC):
 
     def start(self, draws: Any) -> Any:
         """The state at step 0 of one person or of several, one for each uniform draw in [0, 1)."""
-        return self._start_cumulative.searchsorted(draws, side="right")
+        return self._starts.searchsorted(draws, side="right")
 
     @cached_property
-    def _start_cumulative(self) -> Floats:
-        return cumulative(self.joint(0))
+    def _starts(self) -> Floats:
+        """The cumulative distribution of the states at step 0.
+
+        It exceeds 1 from the last state with a positive probability on, so that every uniform
+        below 1 falls into a state with one.
+        """
+        joint = self.joint(0).reshape(-1)
+        sums: Floats = joint.cumsum()
+        sums[joint.nonzero()[0][-1] :] = 2.0
+        return sums
 
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
@@ -207,18 +210,6 @@ def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecast
     kind = kinds.pop() if len(kinds) == 1 else DriftModel
     forecasts = kind.together([*different.values()], **options)
     return forecasts, np.array([places[model.key] for model in models])
-
-
-def cumulative(joint: Floats) -> Floats:
-    """The cumulative distribution of the states at step 0, flat.
-
-    It exceeds 1 from the last state with a positive probability on, so that every uniform
-    below 1 falls into a state with one.
-    """
-    flat = joint.reshape(-1)
-    sums: Floats = flat.cumsum()
-    sums[flat.nonzero()[0][-1] :] = 2.0
-    return sums
 
 
 class Forecasts:
@@ -337,33 +328,16 @@ class Forecasts:
             numbers: the number of each person's model, of any shape.
             draws: uniform draws of this shape.
         """
-        ends, blocks, _ = self._starts
-        width, above = blocks.shape[1], draws[..., None]
-        block = np.less_equal(ends.take(numbers, 0), above).sum(-1)
-        rows = blocks.take(block + numbers * width, 0)
-        states: Ints = block * width + np.less_equal(rows, above).sum(-1)
-        return states
-
-    @property
-    def certain_starts(self) -> Ints | None:
-        """The state at step 0 of each model, if all of them are certain: int64, (count,)."""
-        return self._starts[2]
+        pairs = zip(numbers.flat, draws.flat, strict=True)
+        states = [self.models[number].start(draw) for number, draw in pairs]
+        return np.array(states, np.int64).reshape(numbers.shape)
 
     @cached_property
-    def _starts(self) -> tuple[Floats, Floats, Ints | None]:
-        """The cumulative distributions of the states at step 0, and `certain_starts`.
-
-        Each model's is a square array, so that two short counts find a state.
-        """
-        self.reach(0)
-        joint = self.joint(np.arange(self.count)).reshape(self.count, -1)
-        width = math.isqrt(joint.shape[1] - 1) + 1
-        sums = np.full((self.count, width**2), 2.0)
-        sums[:, : joint.shape[1]] = [cumulative(each) for each in joint]
-        blocks = sums.reshape(-1, width)
-        is_certain = (np.count_nonzero(joint, axis=1) == 1).all()
-        certain: Ints | None = joint.argmax(axis=1) if is_certain else None
-        return blocks[:, -1].reshape(-1, width).copy(), blocks, certain
+    def certain_starts(self) -> Ints | None:
+        """The state at step 0 of each model, if all of them are certain: int64, (count,)."""
+        states = [model.joint(0).reshape(-1).nonzero()[0] for model in self.models]
+        is_certain = all(len(each) == 1 for each in states)
+        return np.concatenate(states) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         """Each person's state one step later.

@@ -17,16 +17,16 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import Scratch, drifted, over_hypotheses, scratch_of
+from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.forecast_tables import ForecastTables
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import (
-    Axes,
-    joint_at_start,
+    Drifter,
+    Steps,
+    joint_of,
     matrices_of,
-    moves,
-    start_marginals,
+    moves_of,
     tabulate,
 )
 
@@ -44,28 +44,15 @@ _MATRICES_BYTES = 2**28
 
 
 class _Block(NamedTuple):
-    """The tables of n consecutive steps, shared by all forecasts with the same parameters.
+    """The tables of consecutive steps of one person, shared by forecasts with equal parameters.
 
     Never pass these arrays to users. NumPy's read-only flag does not protect them, because
     other libraries (PyTorch's `as_tensor`, for example) ignore the flag.
-
-    Attributes:
-        first: the step at index 0 of everything below.
-        factors: see `matrices_of`: float64, shape (n, M, 2, N).
-        moves: the probabilities to stay, to move to the next higher column or row, and to the
-            next lower one: float64, shape (3, n, M, 2, N).
-        cdf: see `tables.Steps`.
-        joint: the probability of each state: float64, shape (n + 1, M, N, N), one step more
-            than the rest; None if all hypotheses are separable.
-        matrices: the matrix of each step, computed on first use.
     """
 
     first: int
-    factors: Floats
-    moves: Floats
-    cdf: Floats
-    joint: Floats | None
-    matrices: list[Singles | None]
+    steps: Steps
+    matrices: dict[int, Singles]  # by step, computed on first use
 
 
 @lru_cache(maxsize=16)
@@ -120,30 +107,25 @@ class ProbabilityMatrix(DriftModel):
 
     def matrix(self, step: int) -> Singles:
         block = self._block_of(step)
-        index = step - block.first
-        matrix = block.matrices[index]
-        if matrix is None:
-            if block.joint is None:
-                matrix = matrices_of(block.factors[index])
+        if step not in block.matrices:
+            if block.steps.joint is None:
+                matrix = matrices_of(self._factors(step))
             else:
-                matrix = over_hypotheses(block.joint[index]).astype(np.float32)
-            block.matrices[index] = matrix
-        return matrix
+                matrix = over_hypotheses(self.joint(step)).astype(np.float32)
+            block.matrices[step] = matrix
+        return block.matrices[step]
 
     def joint(self, step: int) -> Floats:
         """The probability of each hypothesis and cell at a step: float64, shape (M, N, N)."""
         block = self._block_of(step)
-        if block.joint is not None:
-            joint: Floats = block.joint[step - block.first].copy()
-        else:
-            x, y = block.factors[step - block.first].swapaxes(0, 1)
-            joint = y[:, :, None] * x[:, None, :]
+        if block.steps.joint is None:
+            return joint_of(self._factors(step))
+        joint: Floats = block.steps.joint[step - block.first, 0].copy()
         return joint
 
     def marginals(self, step: int) -> tuple[Floats, Floats]:
         """The probability of each column and of each row at a step: float64, shape (N,)."""
-        block = self._block_of(step)
-        x, y = block.factors[step - block.first].swapaxes(0, 1)
+        x, y = self._factors(step).swapaxes(0, 1)
         return self.weights @ x, y.sum(axis=0)
 
     def moves(self, step: int) -> tuple[Floats, Floats, Floats, Floats]:
@@ -153,11 +135,8 @@ class ProbabilityMatrix(DriftModel):
             float64, shape (M, N), given the hypothesis and the column or row: to the right
             and to the left for each column, then down and up for each row.
         """
-        _, higher, lower = self._moves(step)
-        right, left, down, up = (
-            moves[:, axis].copy() for axis in (0, 1) for moves in (higher, lower)
-        )
-        return right, left, down, up
+        _, higher, lower = self._moves(step).copy()
+        return higher[:, 0], lower[:, 0], higher[:, 1], lower[:, 1]
 
     # The steps of a distribution.
 
@@ -172,29 +151,26 @@ class ProbabilityMatrix(DriftModel):
         return expected
 
     def drift(self, mass: Floats, step: int) -> Floats:
-        return _drifted(mass, self._moves(step), self._scratch).copy()
+        return self._drifter(mass, self._moves(step)).copy()
 
     @cached_property
-    def _scratch(self) -> Scratch:  # making it anew takes as long as a drift
-        return scratch_of(np.empty(self.state_shape))
+    def _drifter(self) -> Drifter:
+        return Drifter(np.empty(self.state_shape))
 
     def matrices(self, step: int) -> tuple[Floats, Floats]:
         """The transition matrices of a step along x and y: shape (M, N, N), from [i] to [j]."""
         if step not in self._matrices:
-            self._add_matrices(self._block_of(step))
+            stays, higher, lower = self._moves(step).swapaxes(1, 2)  # each (2, M, N)
+            here = np.arange(self.grid_size)
+            matrices = np.zeros((*stays.shape, self.grid_size))
+            matrices[..., here, here] = stays
+            matrices[..., here[:-1], here[1:]] = higher[..., :-1]
+            matrices[..., here[1:], here[:-1]] = lower[..., 1:]
+            if len(self._matrices) * matrices.nbytes > _MATRICES_BYTES:
+                self._matrices.clear()
+            self._matrices[step] = matrices
         along_x, along_y = self._matrices[step]
         return along_x, along_y
-
-    def _add_matrices(self, block: _Block) -> None:
-        stays, higher, lower = block.moves.swapaxes(2, 3)  # each (n, 2, M, N)
-        here = np.arange(self.grid_size)
-        matrices = np.zeros((*stays.shape, self.grid_size))
-        matrices[..., here, here] = stays
-        matrices[..., here[:-1], here[1:]] = higher[..., :-1]
-        matrices[..., here[1:], here[:-1]] = lower[..., 1:]
-        if len(self._matrices) * matrices[0].nbytes > _MATRICES_BYTES:
-            self._matrices.clear()
-        self._matrices.update(enumerate(matrices, block.first))
 
     # The steps of a person.
 
@@ -209,7 +185,7 @@ class ProbabilityMatrix(DriftModel):
         for u, v in zip(draws_x, draws_y, strict=True):
             if step == end:
                 block = self._block_of(step)
-                higher, lower = (each.reshape(-1).data for each in block.moves[1:])
+                higher, lower = (each.reshape(-1).data for each in block.steps.moves[1:])
                 row = ((step - block.first) * hypotheses + hypothesis) * 2 * size
                 end = block.first + self._block_steps
             at = row + x
@@ -231,8 +207,8 @@ class ProbabilityMatrix(DriftModel):
         _, higher, lower = self._moves(step)
         hypotheses, y, x = np.unravel_index(states, self.state_shape)
         across, along = (hypotheses, 0, x), (hypotheses, 1, y)
-        new: Ints = states + moves(draws_x, higher[across], higher[across] + lower[across])
-        return new + self.grid_size * moves(draws_y, higher[along], higher[along] + lower[along])
+        new: Ints = states + moves_of(draws_x, higher[across], higher[across] + lower[across])
+        return new + self.grid_size * moves_of(draws_y, higher[along], higher[along] + lower[along])
 
     def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
         falls_stays_rises = self._moves(step)[[2, 0, 1]]
@@ -249,9 +225,14 @@ class ProbabilityMatrix(DriftModel):
 
     # The tables.
 
+    def _factors(self, step: int) -> Floats:
+        block = self._block_of(step)
+        factors: Floats = block.steps.factors[step - block.first, 0]
+        return factors
+
     def _moves(self, step: int) -> Floats:
         block = self._block_of(step)
-        moves: Floats = block.moves[:, step - block.first]
+        moves: Floats = block.steps.moves[:, step - block.first, 0]
         return moves
 
     @cached_property
@@ -260,52 +241,19 @@ class ProbabilityMatrix(DriftModel):
 
     def _block_of(self, step: int) -> _Block:
         """The tables that hold a step; fast if steps are in ascending order."""
-        block = self._block
-        if block is not None and type(step) is int and 0 <= step - block.first < self._block_steps:
+        block, count = self._block, self._block_steps
+        if block is not None and type(step) is int and 0 <= step - block.first < count:
             return block
-        number, done = checks.integer("step", step, 0) // self._block_steps, 0
-        if block is not None and block.first <= step:
-            done = block.first // self._block_steps + 1
+        number = checks.integer("step", step, 0) // count
+        done = 0 if block is None or step < block.first else block.first // count + 1
         for each in range(done, number + 1):
-            previous = block if each else None
-            block = self._kept.get(each) or self._made(each * self._block_steps, previous)
-            if (each + 1) * self._block_steps * self._step_bytes <= CACHE_BYTES:
+            first, previous = each * count, block.steps if block is not None and each else None
+            block = self._kept.get(each)
+            if block is None:
+                steps = tabulate(self.grid_size, [self.person], first, count, previous)
+                block = _Block(first, steps, {})
+            if (each + 1) * count * self._step_bytes <= CACHE_BYTES:
                 self._kept[each] = block
         assert block is not None
         self._block = block
         return block
-
-    def _made(self, first: int, previous: _Block | None) -> _Block:
-        """The block that begins with a step."""
-        size, drifts, count = self.grid_size, self.person.drifts, self._block_steps
-        priors = [drift.prior for drift in drifts]
-        steps = tabulate(
-            size,
-            Axes.of(drifts),
-            start_marginals(priors),
-            first=first,
-            count=count,
-            cdf=None if previous is None else previous.cdf,
-        )
-        shape = (count, len(drifts), 2, size)
-        factors, right, left = (
-            table.reshape(shape) for table in (steps.probability, steps.right, steps.left)
-        )
-        factors = factors.copy()
-        factors[:, :, 1] *= self.weights[:, None]
-        moves = np.stack([1.0 - right - left, right, left])
-        joint = None
-        if not self._separable:
-            joint = np.empty((count + 1, *self.state_shape))
-            if previous is None or previous.joint is None:
-                joint[0] = joint_at_start(factors[0], self.weights, priors)
-            else:
-                joint[0] = previous.joint[-1]
-            for index, each in enumerate(moves.swapaxes(0, 1)):
-                joint[index + 1] = _drifted(joint[index], each)
-        return _Block(first, factors, moves, steps.cdf, joint, [None] * count)
-
-
-def _drifted(mass: Floats, moves: Floats, scratch: Scratch | None = None) -> Floats:
-    """Mass of shape (M, N, N) one step later, given its moves, of shape (3, M, 2, N)."""
-    return drifted(mass, moves[:, :, 0, None], moves[:, :, 1, :, None], scratch)

@@ -15,8 +15,8 @@ the target's G, clipped to what can be reached from step t:
 
 By Strassen's theorem (1965), a person who moves at most one cell per step can have the
 distribution F_t at every t if and only if these bounds hold. The moves that achieve it are a
-net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, plus a symmetric exchange e(x) between
-neighbouring cells, see `exchange_rate`. With the right exchange, the person's path is that of
+net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, plus a symmetric exchange between
+neighbouring cells, see `_exchange_rate`. With the right exchange, the person's path is that of
 a Brownian motion: it remembers where it has been as long as a person at sea does.
 """
 
@@ -31,29 +31,23 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift.persons import Drift
+from DroneSwarmSearch.drift.persons import Drift, Person
 
 __all__ = [
     "Axes",
+    "Drifter",
     "Steps",
+    "all_moves",
     "dispersion_rate",
     "distribution",
-    "exchange_rate",
-    "joint_at_start",
+    "joint_of",
     "matrices_of",
-    "mixed_distribution",
-    "moves",
-    "moves_between",
-    "reachable",
-    "start_distribution",
-    "start_marginals",
+    "moves_of",
     "tabulate",
 ]
 
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
-Starts = Sequence[Floats | None] | None
-
 
 _ROUNDING = 1 / 60
 """The variance per step by rounding to cells: 1/12 at each end of some ten steps, after which a
@@ -61,6 +55,9 @@ drone may be back."""
 
 _LARGE_SD = 1e12
 """Stands for larger standard deviations, whose squares could overflow."""
+
+_ABSENT = Drift((0, 0))
+"""Stands for the hypotheses that a person has fewer than others; its weight is 0."""
 
 
 def dispersion_rate(disperse_constant: Number) -> Number:
@@ -77,16 +74,7 @@ def dispersion_rate(disperse_constant: Number) -> Number:
 
 
 class Axes(NamedTuple):
-    """The drift along one or more axes; an axis is the x axis or the y axis of a hypothesis.
-
-    Attributes:
-        start: mean of the start, in cells; all arrays are float64 and of one shape, (...).
-        start_sd: standard deviation of the start, in cells.
-        velocity: mean of the drift, in cells per step.
-        velocity_sd: standard deviation of the drift, in cells per step.
-        diffusion: variance gained per step, in cells².
-        adrift: steps adrift before step 0.
-    """
+    """The drift along one or more axes: the fields of `AxisDrift`, each a float64 array (...)."""
 
     start: Floats
     start_sd: Floats
@@ -102,8 +90,7 @@ class Axes(NamedTuple):
         The start of an array counts as cell 0, see `tabulate`.
         """
         axes = [axis for drift in drifts for axis in drift.axes]
-        columns = (np.array([value or 0.0 for value in column]) for column in zip(*axes))  # noqa: B905
-        return cls(*columns)
+        return cls(*(np.array([value or 0.0 for value in each]) for each in zip(*axes)))  # noqa: B905
 
     def mean(self, grid_size: int, step: Array) -> Floats:
         """The means at a step; steps and axes broadcast."""
@@ -152,60 +139,37 @@ def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
     return cdf
 
 
-def mixed_distribution(grid_size: int, axes: Axes, step: Array, start: Floats) -> Floats:
-    """`distribution` of persons whose start cell has any distribution: a mixture of Gaussians.
-
-    Args:
-        grid_size: cells on the axis, N.
-        axes: one axis; its start is ignored.
-        step: as for `distribution`.
-        start: the probability of each start cell, shape (N,).
-    """
+def _mixed_distribution(grid_size: int, axis: Axes, step: Array, start: Floats) -> Floats:
+    """`distribution` along an axis from any distribution of start cells: a mixture."""
     mixture: Any = 0.0
     for cell in np.flatnonzero(start):
-        from_cell = axes._replace(start=np.full_like(axes.start, cell))
+        from_cell = axis._replace(start=np.full_like(axis.start, cell))
         mixture = mixture + start[cell] * distribution(grid_size, from_cell, step)
     cdf: Floats = np.minimum(mixture, 1.0)
     cdf[-1] = 1.0
     return cdf
 
 
-def reachable(cdf: Floats, target: Floats, out: Floats) -> None:
-    """The distribution function nearest to a target that a person can reach in one step.
-
-    Args:
-        cdf: F of the current step, shape (N + 2, ...), padded with F(-1) = 0 and F(N) = 1.
-        target: G of the next step, shape (N, ...).
-        out: receives F of the next step, without padding, shape (N, ...).
-    """
-    np.maximum(target, cdf[:-2], out=out)
-    np.minimum(out, cdf[2:], out=out)
-
-
-def exchange_rate(diffusion: Array, shift: Array) -> Floats:
+def _exchange_rate(diffusion: Array, shift: Array) -> Floats:
     """The share of the smaller of two neighbouring probabilities that changes places in a step.
 
     The net flow of a spreading Gaussian carries everybody away from its mean; an exchange of
     half the diffusion balances that, and leaves a Brownian motion. A person who drifts d cells
     per step in whole cells has the variance d (1 - d) anyway, which is taken off, except for
     what rounding to cells adds to a position at sea, too.
-
-    Args:
-        diffusion: variance gained per step, in cells².
-        shift: d, see `Axes.shift`; broadcasts with the diffusion.
     """
     excess = diffusion + _ROUNDING - shift * (1.0 - shift)
     rate: Floats = np.clip(excess, 0.0, diffusion) * 0.5
     return rate
 
 
-def moves_between(before: Floats, after: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
+def _moves_between(before: Floats, after: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
     """The moves of a person whose distribution function is F now and another one step later.
 
     Args:
-        before: F of the current step, shape (N + 2, ...), padded as for `reachable`.
+        before: F of the current step, shape (N + 2, ...), padded with F(-1) = 0 and F(N) = 1.
         after: F of the next step, in the same form.
-        rate: see `exchange_rate`, shape (...).
+        rate: see `_exchange_rate`, shape (...).
 
     Returns:
         float64, shape (N, ...) each: the probability of each cell; the probability of a move
@@ -227,131 +191,156 @@ def moves_between(before: Floats, after: Floats, rate: Floats) -> tuple[Floats, 
 
 
 class Steps(NamedTuple):
-    """The distributions and moves over n consecutive steps, along one or more axes.
+    """The forecasts of K persons with M hypotheses each over n consecutive steps.
 
     Attributes:
-        probability: float64, shape (n, axes, N): the probability of each column or row.
-        right: float64, shape (n, axes, N): the probability of a move to the next higher
-            column or row, given the column or row.
-        left: the same to the next lower one.
-        cdf: float64, shape (N + 2, axes): F of the step after the last, padded as for
-            `reachable`, from which the next steps are computed.
+        factors: each hypothesis' probabilities of columns, and those of rows times its weight:
+            float64, shape (n, K, M, 2, N).
+        moves: see `all_moves`: shape (3, n, K, M, 2, N).
+        joint: the probability of each state, one step more than the rest: float64, shape
+            (n + 1, K, M, N, N); None if no start is an array. Only
+            persons with such a start have the last step.
+        cdf: F of the step after the last along each axis, padded, from which the next steps are
+            computed.
     """
 
-    probability: Floats
-    right: Floats
-    left: Floats
+    factors: Floats
+    moves: Floats
+    joint: Floats | None
     cdf: Floats
-
-
-def start_distribution(grid_size: int, axes: Axes, starts: Starts = None) -> Floats:
-    """The distribution functions F_0, padded as for `reachable`: shape (N + 2, axes).
-
-    Args:
-        grid_size: cells on each axis, N.
-        axes: the drift along each axis, of shape (axes,) or (axes, rows).
-        starts: see `tabulate`.
-    """
-    cdf = np.ones((grid_size + 2, *axes.start.shape))
-    cdf[0] = 0.0
-    cdf[1:-1] = distribution(grid_size, axes, np.array(0.0))
-    for axis, start in enumerate(starts or ()):
-        if start is not None:
-            cdf[1:-2, axis] = np.minimum(start.cumsum()[:-1], 1.0)
-    return cdf
-
-
-def start_marginals(priors: Iterable[Floats | None]) -> Starts:
-    """The starts in the form that `tabulate` takes.
-
-    Args:
-        priors: for each hypothesis, the start if it is an array, shape (N, N), or None.
-    """
-    marginals: list[Floats | None] = []
-    for prior in priors:
-        marginals += (None, None) if prior is None else (prior.sum(axis=0), prior.sum(axis=1))
-    return marginals if any(start is not None for start in marginals) else None
 
 
 def tabulate(
     grid_size: int,
-    axes: Axes,
-    starts: Starts = None,
-    *,
+    persons: Sequence[Person],
     first: int,
     count: int,
-    cdf: Floats | None,
+    previous: Steps | None,
+    hypotheses: int = 1,
 ) -> Steps:
     """Follow the Gaussians as closely as a person moving one cell per step can.
 
     Args:
         grid_size: cells on each axis, N.
-        axes: the drift along each axis, of shape (axes,).
-        starts: for each axis, None, or the probability of each start cell, shape (N,), which
-            takes the place of the axis' start.
+        persons: K of them.
         first: the first step.
-        count: the number of steps.
-        cdf: `Steps.cdf` of the preceding steps; None if `first` is 0.
-
-    Returns:
-        The tables of these steps.
+        count: the number of steps, n.
+        previous: the preceding steps; None if `first` is 0.
+        hypotheses: the least M; persons with fewer have some of weight 0.
     """
+    size, most = grid_size, max(hypotheses, *(len(person.drifts) for person in persons))
+    absent = [[_ABSENT] * (most - len(person.drifts)) for person in persons]
+    drifts = [
+        d for person, rest in zip(persons, absent, strict=True) for d in (*person.drifts, *rest)
+    ]
+    weights = np.array(
+        [(*p.weights, *[0.0] * len(rest)) for p, rest in zip(persons, absent, strict=True)]
+    )
+    axes = Axes.of(drifts)
+    priors = [
+        (number, drift.prior) for number, drift in enumerate(drifts) if drift.prior is not None
+    ]
+    starts = {2 * n + axis: prior.sum(axis=axis) for n, prior in priors for axis in (0, 1)}
     steps = np.arange(first, first + count, dtype=np.float64)[:, None]
-    targets = distribution(grid_size, axes, steps + 1.0)  # (N, steps, axes)
-    shift = axes.shift(grid_size, steps)
-    for axis, start in enumerate(starts or ()):
-        if start is not None:
-            one = Axes(*(values[[axis]] for values in axes))
-            targets[..., [axis]] = mixed_distribution(grid_size, one, steps + 1.0, start)
-            shift[:, axis] = min(abs(axes.velocity[axis]), 1.0)
-    followed = np.ones((grid_size + 2, count + 1, len(axes.start)))
+    targets, shift = distribution(size, axes, steps + 1.0), axes.shift(size, steps)
+    followed = np.ones((size + 2, count + 1, len(axes.start)))
     followed[0] = 0.0
-    followed[:, 0] = start_distribution(grid_size, axes, starts) if cdf is None else cdf
-    for step in range(count):
-        reachable(followed[:, step], targets[:, step], out=followed[1:-1, step + 1])
-    rate = exchange_rate(axes.diffusion, shift)
-    tables = moves_between(followed[:, :-1], followed[:, 1:], rate)
-    probability, right, left = (np.ascontiguousarray(np.moveaxis(t, 0, -1)) for t in tables)
-    return Steps(probability, right, left, followed[:, -1].copy())
+    followed[1:-1, 0] = distribution(size, axes, np.array(0.0))
+    for axis, start in starts.items():
+        one = Axes(*(values[[axis]] for values in axes))
+        targets[..., [axis]] = _mixed_distribution(size, one, steps + 1.0, start)
+        shift[:, axis] = min(abs(axes.velocity[axis]), 1.0)
+        followed[1:-2, 0, axis] = np.minimum(start.cumsum()[:-1], 1.0)
+    if previous is not None:
+        followed[:, 0] = previous.cdf
+    for step in range(count):  # the nearest to the target that can be reached
+        after = followed[1:-1, step + 1]
+        np.maximum(targets[:, step], followed[:-2, step], out=after)
+        np.minimum(after, followed[2:, step], out=after)
+    rate = _exchange_rate(axes.diffusion, shift)
+    tables = _moves_between(followed[:, :-1], followed[:, 1:], rate)
+    shape = (count, len(persons), most, 2, size)
+    factors, higher, lower = (
+        np.ascontiguousarray(np.moveaxis(table, 0, -1)).reshape(shape) for table in tables
+    )
+    factors[..., 1, :] *= weights[:, :, None]
+    moves, joint = all_moves(higher, lower), None
+    if priors:
+        joint = np.empty((count + 1, len(persons), most, size, size))
+        joint[:-1] = joint_of(factors)
+        for number, prior in priors:
+            joint[0, number // most, number % most] = weights.flat[number] * prior
+        drift = Drifter(joint[0, 0])
+        for person in {number // most for number, _ in priors}:
+            if previous is not None and previous.joint is not None:
+                joint[0, person] = previous.joint[-1, person]
+            for step in range(count):
+                joint[step + 1, person] = drift(joint[step, person], moves[:, step, person])
+    return Steps(factors, moves, joint, followed[:, -1].copy())
 
 
-def matrices_of(factors: Floats) -> Singles:
-    """The matrices of separable hypotheses: float32, shape (..., N, N), indexed [..., y, x].
-
-    Args:
-        factors: float64, shape (..., M, 2, N): each hypothesis' probabilities of columns, and
-            of rows times its weight.
-    """
-    rounded = factors.astype(np.float32)
-    x, y = rounded[..., 0, None, :], rounded[..., 1, :, None]
-    matrices: Singles = y[..., 0, :, :] * x[..., 0, :, :]
-    for hypothesis in range(1, factors.shape[-3]):
-        matrices += y[..., hypothesis, :, :] * x[..., hypothesis, :, :]
-    return matrices
-
-
-def joint_at_start(factors: Floats, weights: Floats, priors: Sequence[Floats | None]) -> Floats:
-    """The probability of each hypothesis and cell at step 0: float64, shape (M, N, N).
-
-    Args:
-        factors: as for `matrices_of`: shape (M, 2, N).
-        weights: the probability of each hypothesis, shape (M,).
-        priors: each hypothesis' start if it is an array, shape (N, N).
-    """
-    x, y = factors.swapaxes(0, 1)
-    joint: Floats = y[:, :, None] * x[:, None, :]
-    for hypothesis, prior in enumerate(priors):
-        if prior is not None:
-            joint[hypothesis] = weights[hypothesis] * prior
+def joint_of(factors: Floats) -> Floats:
+    """The probability of each state: shape (..., M, N, N), see `Steps.factors`."""
+    joint: Floats = factors[..., 1, :, None] * factors[..., 0, None, :]
     return joint
 
 
-def moves(draws: NDArray[Any], higher: NDArray[Any], either: NDArray[Any]) -> NDArray[np.int8]:
+def matrices_of(factors: Floats) -> Singles:
+    """The matrices of separable hypotheses: float32, shape (..., N, N), see `Steps.factors`."""
+    parts = np.moveaxis(factors.astype(np.float32), -3, 0)
+    matrices: Singles = parts[0, ..., 1, :, None] * parts[0, ..., 0, None, :]
+    for part in parts[1:]:
+        matrices += part[..., 1, :, None] * part[..., 0, None, :]
+    return matrices
+
+
+def all_moves(higher: Array, lower: Array) -> Array:
+    """The probabilities of staying, and of moves to the next higher and to the next lower cell."""
+    return np.stack([1.0 - higher - lower, higher, lower])
+
+
+class Drifter:
+    """Lets mass drift by a step; it keeps scratch arrays, which take as long to make as to use.
+
+    Args:
+        like: mass of the shape (M, N, N, ...) and the type to come.
+    """
+
+    def __init__(self, like: Array) -> None:
+        self._axes: list[tuple[Array, list[tuple[Array, Array]]]] = []
+        self.shape, row = like.shape, like[0, 0]
+        for distance in (row[0].size, row.size):
+            # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
+            # next, and the arrays can be shifted as one run of memory.
+            terms = np.empty((3, *like.shape), like.dtype)
+            cells, higher, lower = terms.reshape(3, -1)
+            shifted = (cells[distance:], higher[:-distance]), (cells[:-distance], lower[distance:])
+            self._axes.append((terms, [*shifted]))
+
+    def __reduce__(self) -> tuple[object, ...]:  # the views must be those of the copy
+        return type(self), (self._axes[0][0][0],)
+
+    def __call__(self, mass: Array, moves: Array) -> Array:
+        """The mass one step later, of the same sum, until the next call.
+
+        Args:
+            mass: of the shape given before.
+            moves: see `all_moves`: shape (3, M, 2, N, ...); nobody leaves the grid.
+        """
+        along = moves[:, :, 0, None], moves[:, :, 1, :, None]
+        for chances, (terms, shifted) in zip(along, self._axes, strict=True):
+            np.multiply(chances, mass, terms)
+            for cells, arriving in shifted:
+                np.add(cells, arriving, cells)
+            mass = terms[0]
+        return mass
+
+
+def moves_of(draws: Array, higher: Array, either: Array) -> NDArray[np.int8]:
     """The moves of many persons along an axis in one step: int8, +1, -1 or 0.
 
     Args:
-        draws: a uniform draw from [0, 1) for each person; or, if the probabilities are
-            multiplied by 2**53 too, the integer 2**53 times the draw.
+        draws: a uniform draw from [0, 1) for each person.
         higher: the probability of +1 at each person's coordinate, of the same shape.
         either: the probability of +1 or -1, their sum.
     """

@@ -3,46 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
 from pathlib import Path
 from statistics import fmean
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.results import Evaluation, save_csv
-from DroneSwarmSearch.evaluation.run import Case, evaluate_cases
-from DroneSwarmSearch.evaluation.statistics import (
-    ROUNDING,
-    Estimate,
-    ExactValue,
-    difference,
-    mean_of,
-)
+from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds, save_csv
+from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
+from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, difference, mean_of
 from DroneSwarmSearch.evaluation.suite import SUITE, as_named
 from DroneSwarmSearch.evaluation.tables import percent
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.policies import POLICIES
 
-__all__ = ["Leaderboard", "PolicySummary", "leaderboard"]
-
-
-@dataclass(frozen=True)
-class PolicySummary:
-    """A policy's results over all searches, each with equal weight.
-
-    Attributes:
-        policy: its name.
-        success: the mean success.
-        gap: the mean distance from the success to the bound; None without bounds.
-        time: the mean of the restricted mean times, each divided by the time limit.
-    """
-
-    policy: str
-    success: Estimate
-    gap: Estimate | None
-    time: Estimate
+__all__ = ["Leaderboard", "leaderboard"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,53 +28,40 @@ class Leaderboard:
         evaluations: of every policy on every search, search by search.
     """
 
-    evaluations: tuple[Evaluation, ...]
+    evaluations: Sequence[Evaluation]
 
-    @cached_property
-    def bounds(self) -> Mapping[str, float]:
-        """The bounds by the names of the searches; empty if they were not computed."""
-        return {
-            each.search.name: each.bound.by_limit
-            for each in self.evaluations
-            if each.bound is not None
-        }
-
-    @cached_property
-    def summaries(self) -> tuple[PolicySummary, ...]:
-        """The summary of every policy, the most successful first."""
-        policies = dict.fromkeys(each.policy for each in self.evaluations)
-        return tuple(sorted(map(self._summary, policies), key=lambda each: -each.success.value))
-
-    def _summary(self, policy: str) -> PolicySummary:
-        evaluations = [each for each in self.evaluations if each.policy == policy]
-        success, gap = mean_of(each.success for each in evaluations), None
-        if self.bounds:
-            gap = difference(ExactValue.of(fmean(self.bounds.values())), success)
-        time = mean_of(each.time.scaled(1.0 / each.limit) for each in evaluations)
-        return PolicySummary(policy, success, gap, time)
+    @property
+    def policies(self) -> dict[str, list[Evaluation]]:
+        """The evaluations of each policy, the most successful first."""
+        by_policy: dict[str, list[Evaluation]] = {}
+        for each in self.evaluations:
+            by_policy.setdefault(each.policy, []).append(each)
+        mean = {name: fmean(each.success.value for each in by_policy[name]) for name in by_policy}
+        return {name: by_policy[name] for name in sorted(mean, key=lambda name: -mean[name])}
 
     @property
     def summary_table(self) -> list[list[str]]:
-        """A heading, a row for each policy, and one for the bound."""
-        bound = [f"{100 * fmean(self.bounds.values()):.1f}"] if self.bounds else []
-        rows = [["policy", "success, %", *["gap, points" for _ in bound], "time, % of limit"]]
-        for each in self.summaries:
-            gap = [] if each.gap is None else [percent(each.gap)]
-            rows.append([each.policy, percent(each.success), *gap, percent(each.time)])
-        return rows + [["bound", mean, "", ""] for mean in bound]
+        """A heading, a row for each policy, and one for the bound; searches weigh the same."""
+        known = known_bounds(self.evaluations)
+        bounds = [Estimate.exact(fmean(known.values()))] if known else []
+        rows = [["policy", "success, %", *["gap, points" for _ in bounds], "time, % of limit"]]
+        for policy, several in self.policies.items():
+            success = mean_of(each.success for each in several)
+            time = mean_of(each.time.scaled(1.0 / each.limit) for each in several)
+            gaps = [percent(difference(bound, success)) for bound in bounds]
+            rows.append([policy, percent(success), *gaps, percent(time)])
+        return rows + [["bound", percent(bound), "", ""] for bound in bounds]
 
     @property
     def search_table(self) -> list[list[str]]:
         """A heading, and the success of each policy in a row for each search; * marks the best."""
-        names = [each.policy for each in self.summaries]
-        rows = [["search", *["bound"] * bool(self.bounds), *names]]
-        by_search: dict[str, dict[str, float]] = {}
-        for each in self.evaluations:
-            by_search.setdefault(each.search.name, {})[each.policy] = each.success.value
-        for search, values in by_search.items():
-            bound = [f"{100 * self.bounds[search]:.1f}"] if self.bounds else []
-            best = max(values.values()) - ROUNDING
-            shown = [f"{100 * values[name]:.1f}{'*' * (values[name] > best)}" for name in names]
+        policies, bounds = self.policies, known_bounds(self.evaluations)
+        rows = [["search", *["bound"] * bool(bounds), *policies]]
+        for several in zip(*policies.values(), strict=True):
+            search, values = several[0].search.name, [each.success.value for each in several]
+            bound = [f"{100 * bounds[search]:.1f}"] if bounds else []
+            best = max(values) - ROUNDING
+            shown = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]
             rows.append([search, *bound, *shown])
         return rows
 
@@ -116,12 +78,9 @@ class Leaderboard:
         except ImportError as error:
             print(error, file=sys.stderr)
             return [table]
-        draw = {"time": plots.success_over_time, "success": plots.success_by_search}
-        drawn = [
-            plots.save(partial(each, self.evaluations), folder / name)
-            for name, each in draw.items()
-        ]
-        return [table, *(path for paths in drawn for path in paths)]
+        times = plots.save(plots.success_over_time, self.evaluations, folder / "time")
+        shares = plots.save(plots.success_by_search, self.evaluations, folder / "success")
+        return [table, *times, *shares]
 
 
 def leaderboard(
@@ -155,30 +114,19 @@ def leaderboard(
         ray: see `evaluate`.
         out: see `evaluate`.
         bounds: whether to compute the upper bound of every search.
-        progress: show a progress bar.
+        progress: see `evaluate`.
 
     Raises:
-        ValueError: a name is unknown or used twice.
-        Exception: see `evaluate`.
+        ValueError: a name is used twice; see also `evaluate`.
     """
-    shown = View.of(view)
     package = [PolicySpec.of(name) for name in (POLICIES if policies is None else policies)]
     own = [PolicySpec.of(each) for each in added]
     named = [as_named(each) for each in (SUITE if searches is None else searches)]
-    for what, several in (("policies", [*own, *package]), ("searches", named)):
-        if len({each.name for each in several}) < max(len(several), 1):
-            names = ", ".join(each.name for each in several) or "none"
-            raise ValueError(f"{what} must be at least one, all different, got {names}")
+    check_names("policies", [*own, *package])
+    check_names("searches", named)
     cases = []
     for each in named:
-        cases += [Case.of(spec, each, shown, deterministic) for spec in own]
-        cases += [Case.of(spec, each, View()) for spec in package]
-    evaluations = evaluate_cases(
-        *(cases, episodes, seed),
-        out=out,
-        workers=workers,
-        ray=ray,
-        progress=progress,
-        bounded=named if checks.boolean("bounds", bounds) else [],
-    )
-    return Leaderboard(tuple(evaluations))
+        cases += [Case.of(spec, each, view, deterministic) for spec in own]
+        cases += [Case.of(spec, each) for spec in package]
+    how = episodes, seed, out, workers, ray, progress
+    return Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))

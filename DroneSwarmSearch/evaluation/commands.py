@@ -1,4 +1,4 @@
-"""The commands evaluate, leaderboard, bound, record and export; `cli` parses their arguments."""
+"""The commands except `play`; `cli` parses their arguments."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
-from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
-from DroneSwarmSearch.evaluation.run import Case, bounds_of, evaluate_cases, searches_manifest
+from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
@@ -39,6 +38,7 @@ def run(options: argparse.Namespace) -> int:
     Errors that this package raises are reported in a line. Others, such as those of your own
     policy, are raised.
     """
+    code = FAILED
     try:
         _COMMANDS[options.command](options)
         return 0
@@ -47,15 +47,15 @@ def run(options: argparse.Namespace) -> int:
     except BrokenPipeError:
         return FAILED  # the reader of stdout has gone
     except ImportError as error:
-        reason, code = str(error), FAILED
+        reason = str(error)
     except StorageError as error:
-        reason, code = f"{error.filename}: {error.strerror}", FAILED
+        reason = f"{error.filename}: {error.strerror}"
     except (OSError, TypeError, ValueError) as error:
         *_, (innermost, _) = traceback.walk_tb(error.__traceback__)
         if not Path(innermost.f_code.co_filename).is_relative_to(PACKAGE):
             raise
         if isinstance(error, OSError):
-            reason, code = f"cannot write the output: {error.strerror}", FAILED
+            reason = f"cannot write the output: {error.strerror}"
         else:
             options.parser.error(str(error).replace("path must ", "argument --out: must ", 1))
     if "workers" in options and options.out is not None:
@@ -71,42 +71,20 @@ def _evaluate(options: argparse.Namespace) -> None:
         return
     if options.policy is None or not options.searches:
         raise ValueError("POLICY and SEARCH are needed; `evaluate --list` lists them")
-    spec, view = PolicySpec.of(options.policy), _view(options)
-    searches = _searches(options.searches, options.mission)
-    evaluations = evaluate_cases(
-        [Case.of(spec, each, view, options.deterministic) for each in searches],
-        options.episodes,
-        options.seed,
-        out=options.out,
-        workers=options.workers,
-        ray=options.ray,
-        bounded=searches if options.bound else [],
-    )
+    found = _board(options, [options.policy])
     if options.csv:
-        print(csv_text(evaluations), end="")
+        print(csv_text(found.evaluations), end="")
     else:
-        _print_evaluations(evaluations, options)
+        _print_evaluations(found.evaluations, options)
     if options.out is not None:
-        path = options.out / f"{file_name(spec.name)}.csv"
-        save_csv(path, evaluations)
+        path = options.out / f"{file_name(found.evaluations[0].policy)}.csv"
+        save_csv(path, found.evaluations)
         print(f"written to {path}", file=sys.stderr)
 
 
 def _leaderboard(options: argparse.Namespace) -> None:
     """Run the leaderboard, print its tables, and write its files."""
-    found = board.leaderboard(
-        options.policies,
-        _searches(options.searches),
-        added=options.add,
-        view=_view(options),
-        deterministic=options.deterministic,
-        episodes=options.episodes,
-        seed=options.seed,
-        workers=options.workers,
-        ray=options.ray,
-        out=options.out,
-        bounds=options.bound,
-    )
+    found = _board(options, options.add)
     for title, (headers, *rows) in (
         ("Success in %; the best policy of each search has a star", found.search_table),
         ("All searches; with 95% intervals, or exact", found.summary_table),
@@ -119,30 +97,26 @@ def _leaderboard(options: argparse.Namespace) -> None:
 
 def _bound(options: argparse.Namespace) -> None:
     """Compute bounds and print them."""
-    searches = _searches(options.searches, options.mission)
-    folder = None if options.out is None else RunFolder(options.out, searches_manifest(searches))
-    bounds = bounds_of(searches, folder, workers=options.workers, ray=options.ray)
-    parts = (0.25, 0.5, 0.75, 1.0)
-    headers = ["search", "steps", *(f"by {part:.0%}, %" for part in parts)]
-    headers += ["duality gap, %", "confidence"]
-    rows = []
+    searches = _searches(options)
+    folder, how = RunFolder(options.out, manifest(searches)), (options.workers, options.ray)
+    bounds = bounds_of(searches, folder, *how, True)
+    parts, rows = (0.25, 0.5, 0.75, 1.0), []
     for each in searches:
         limit, bound = each.scenario.timestep_limit, bounds[each.name]
         by_time = [f"{100 * bound.by_time[round(part * limit)]:.2f}" for part in parts]
         confidence = "exact" if bound.confidence == 1.0 else f"{bound.confidence:.6g}"
         rows.append([each.name, str(limit), *by_time, f"{100 * bound.gap:.2f}", confidence])
-    print_table(headers, rows, words=1)
+    headers = ["search", "steps", *(f"by {part:.0%}, %" for part in parts)]
+    print_table([*headers, "duality gap, %", "confidence"], rows, words=1)
 
 
 def _record(options: argparse.Namespace) -> None:
     """Record a video of one episode."""
     search = _search(options.search)
     video = recording.record(
-        options.policy,
-        search,
-        options.out,
+        *(options.policy, search, options.out),
         seed=options.seed,
-        bayesian_update=True if options.posterior else None,
+        bayesian_update=options.posterior,
         fps=options.fps,
     )
     outcome = outcome_in_brief(video.last)
@@ -153,11 +127,9 @@ def _export(options: argparse.Namespace) -> None:
     """Write episodes as JSON."""
     search = _search(options.search)
     data = exporting.export(
-        options.policies,
-        search,
-        options.out,
+        *(options.policies, search, options.out),
         seeds=options.seeds,
-        bayesian_update=True if options.posterior else None,
+        bayesian_update=options.posterior,
     )
     count = len(data["episodes"])
     print(f"{options.out}: {count} episode{'s' * (count > 1)} of {search.name}")
@@ -172,27 +144,30 @@ _COMMANDS = {
 }
 
 
-def _view(options: argparse.Namespace) -> View:
-    return View(
-        options.view,
-        options.observation,
-        options.action_mask,
-        options.right_of_way,
-        True if options.posterior else None,
+def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leaderboard:
+    """Evaluate packaged policies and added ones; the options of the view apply to the latter."""
+    masks = options.action_mask, options.right_of_way
+    return board.leaderboard(
+        options.policies,
+        _searches(options),
+        added=added,
+        view=View(options.view, options.observation, *masks, options.posterior),
+        deterministic=options.deterministic,
+        episodes=options.episodes,
+        seed=options.seed,
+        workers=options.workers,
+        ray=options.ray,
+        out=options.out,
+        bounds=options.bound,
     )
 
 
-def _searches(names: Sequence[str], mission: str | None = None) -> list[NamedSearch]:
-    """The searches of the suite or of files, with another mission if one is given.
-
-    Raises:
-        ValueError: a name is unknown, a file does not hold a search, or two have the same name.
-    """
-    every = [name for each in names for name in (SUITE if each == "all" else [each])]
+def _searches(options: argparse.Namespace) -> list[NamedSearch]:
+    """The searches of the suite or of files, with another mission if one is given."""
+    every = [name for each in options.searches for name in (SUITE if each == "all" else [each])]
     found = [_search(name) for name in dict.fromkeys(every)]
-    if len({each.name for each in found}) < len(found):
-        names = ", ".join(each.name for each in found)
-        raise ValueError(f"searches must have different names, got {names}")
+    check_names("searches", found)
+    mission = getattr(options, "mission", None)
     if mission is not None:
         found = [replace(each, scenario=each.scenario.replace(mission=mission)) for each in found]
     return found
@@ -227,14 +202,10 @@ def _print_suite() -> None:
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
     """Print a table for each mission."""
     for is_coverage in (False, True):
-        rows = [
-            _row(each, options.bound) for each in evaluations if each.is_coverage == is_coverage
-        ]
+        mine = [each for each in evaluations if each.is_coverage == is_coverage]
+        rows = [_columns(each, options.bound) for each in mine]
         if rows:
-            headers = ["policy", "search", "POS, %" if is_coverage else "success, %", "time, steps"]
-            headers += ["coverage, %", "repetition, %"] if is_coverage else ["return"]
-            headers += ["crashes", *["bound, %", "share of it, %"] * options.bound]
-            print_table(headers, rows)
+            print_table([*rows[0]], [[*row.values()] for row in rows])
             print()
     shown = "posterior" if options.posterior else "prior"
     print(
@@ -244,15 +215,18 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
     )
 
 
-def _row(each: Evaluation, bound: bool) -> list[str]:
-    """The figures of a table, with or without those of the bound."""
-    row = [each.policy, each.search.name, percent(each.success), figure(each.time)]
+def _columns(each: Evaluation, bound: bool) -> dict[str, str]:
+    """The figures of an evaluation by the heading of their column."""
+    columns = {"policy": each.policy, "search": each.search.name}
+    columns["POS, %" if each.is_coverage else "success, %"] = percent(each.success)
+    columns["time, steps"] = figure(each.time)
     if each.is_coverage:
-        row += [percent(each.coverage_rate), percent(each.repetition_rate)]
+        columns["coverage, %"] = percent(each.coverage_rate)
+        columns["repetition, %"] = percent(each.repetition_rate)
     else:
-        row.append(f"{each.mean_return:,.0f}")
-    row.append(str(each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]))
+        columns["return"] = f"{each.mean_return:,.0f}"
+    columns["crashes"] = str(each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID])
     if bound:
-        limit = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
-        row += [limit, percent(each.share_of_bound)]
-    return row
+        columns["bound, %"] = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
+        columns["share of it, %"] = percent(each.share_of_bound)
+    return columns

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.evaluation.statistics import ROUNDING
@@ -37,33 +36,14 @@ class Reliability(NamedTuple):
     Meteorology 12, 1973.
 
     Attributes:
-        searches: the number of searches in each bin of `POS_EDGES`: int64, (bins,).
+        searches: the number of searches in each bin of `POS_EDGES`: float64, (bins,).
         forecast: the sum of their forecasts: float64, (bins,).
-        found: the persons they found: int64, (bins,).
+        found: the persons they found: float64, (bins,).
     """
 
-    searches: Ints
+    searches: Floats
     forecast: Floats
-    found: Ints
-
-    @classmethod
-    def empty(cls) -> Reliability:
-        """A table without searches."""
-        bins = len(POS_EDGES) - 1
-        return cls(np.zeros(bins, np.int64), np.zeros(bins), np.zeros(bins, np.int64))
-
-    def add(self, forecasts: Floats, found: Ints) -> None:
-        """Add searches, in place.
-
-        Args:
-            forecasts: the forecast of each search: float64, (n,).
-            found: the persons each search found: int64, (n,).
-        """
-        bins = np.searchsorted(POS_EDGES, forecasts, side="right") - 1
-        count = len(self.searches)
-        self.searches[:] += np.bincount(bins, minlength=count)
-        self.forecast[:] += np.bincount(bins, forecasts, minlength=count)
-        self.found[:] += np.bincount(bins, found, minlength=count).astype(np.int64)
+    found: Floats
 
     @property
     def expected_error(self) -> float:
@@ -72,13 +52,13 @@ class Reliability(NamedTuple):
         M. Naeini, G. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities using
         Bayesian binning, AAAI 2015, with the bins of `POS_EDGES`.
         """
-        total = max(int(self.searches.sum()), 1)
+        total = max(float(self.searches.sum()), 1.0)
         return float(np.abs(self.forecast - self.found).sum() / total)
 
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
-    """What happened in some episodes, in the order of their seeds.
+    """What happened in n episodes, in the order of their seeds.
 
     Attributes:
         found_at: the step in which each person was found, from 1, or 0 for never: int64,
@@ -88,13 +68,13 @@ class Episodes:
         returns: the sum of all drones' rewards: float64, (n,).
         searches: the number of searches: int64, (n,).
         cells_searched: the number of different cells searched: int64, (n,).
-        reliability: of the forecasts of all searches made; empty in the coverage mission,
-            where no search finds anybody.
+        forecasts: the `Reliability` of the forecasts of all searches: float64, (n, 3, bins); 0 in
+            the coverage mission, where no search finds anybody.
         curves: the probability of success after each number of completed steps, from 0 to the
             time limit L: float64, (n, L + 1). In a rescue, it is the probability that every
             person is found, given the path that the drones fly if the last find is left out; in
-            the coverage mission, the cumulative probability of success (POS). If all episodes
-            have the same curve, its shape may be (1, L + 1). It may also hold no curve.
+            the coverage mission, the cumulative probability of success (POS). Its shape is
+            (1, L + 1) if all episodes have the same curve.
     """
 
     found_at: Ints
@@ -103,21 +83,28 @@ class Episodes:
     returns: Floats
     searches: Ints
     cells_searched: Ints
-    reliability: Reliability
+    forecasts: Floats
     curves: Floats
 
     def __len__(self) -> int:
         return len(self.endings)
 
     @classmethod
+    def empty(cls, n: int, persons: int, limit: int) -> Episodes:
+        """Episodes in which nothing has happened."""
+        counts = np.zeros((4, n), np.int64)
+        return cls(
+            *(np.zeros((n, persons), np.int64), counts[0], counts[1], np.zeros(n)),
+            *(counts[2], counts[3]),
+            np.zeros((n, len(Reliability._fields), len(POS_EDGES) - 1)),
+            np.zeros((n, limit + 1)),
+        )
+
+    @classmethod
     def joined(cls, parts: Sequence[Episodes]) -> Episodes:
         """Join several portions, in their order."""
-        reliability = Reliability.empty()
-        for part in parts:  # in this order, so that rounding is reproducible
-            for whole, more in zip(reliability, part.reliability, strict=True):
-                np.add(whole, more, out=whole)
-        arrays = {name: np.concatenate([vars(part)[name] for part in parts]) for name in _ARRAYS}
-        return cls(**arrays, reliability=reliability)
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return cls(*map(np.concatenate, columns))
 
     def with_common_curve(self) -> Episodes:
         """The episodes of a deterministic policy, all of which have the same curve.
@@ -125,30 +112,9 @@ class Episodes:
         Raises:
             ValueError: the curves differ.
         """
-        if np.abs(self.curves - self.curves[0]).max() > ROUNDING:
+        if np.ptp(self.curves, axis=0).max() > ROUNDING:
             raise ValueError(
                 "deterministic must be False for a policy that acts differently after the same "
                 "observations"
             )
         return replace(self, curves=self.curves[:1])
-
-    @property
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything as arrays, for a file."""
-        table = self.reliability._asdict()
-        return {
-            **{name: vars(self)[name] for name in _ARRAYS},
-            **{f"reliability_{name}": array for name, array in table.items()},
-        }
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Episodes:
-        """Make episodes from their `arrays`."""
-        table = {name: arrays[f"reliability_{name}"] for name in Reliability._fields}
-        return cls(**{name: arrays[name] for name in _ARRAYS}, reliability=Reliability(**table))
-
-
-_ARRAYS = (
-    *("found_at", "endings", "steps", "returns"),
-    *("searches", "cells_searched", "curves"),
-)

@@ -9,47 +9,43 @@ from functools import partial
 from typing import Any
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.progress import Progress
 
 __all__ = ["finished"]
 
-JOBLIB_HINT = (
-    "workers > 1 needs the package joblib: pip install 'DroneSwarmSearchEnvironment[evaluation]'"
-)
-RAY_HINT = "ray needs the package Ray: pip install 'DroneSwarmSearchEnvironment[ray]'"
-
 
 def finished(
-    calls: Sequence[partial[Any]], *, workers: int = 1, ray: str | None = None
+    calls: Sequence[partial[Any]],
+    what: str,
+    workers: int,
+    ray: str | None,
+    progress: bool,
 ) -> Iterator[tuple[int, Any]]:
-    """Make calls, and yield the place and the result of each as it finishes.
+    """Make calls, show the progress, and yield the place and the result of each as it finishes.
 
     Args:
         calls: pickled if they run elsewhere.
-        workers: the number of processes; 1 makes all calls in this process.
-        ray: run on Ray: "local" for this machine, "auto" or the address of a cluster. All
-            results are yielded when the last one is there.
-
-    Raises:
-        TypeError: an argument is of the wrong type.
-        ValueError: `workers` is less than 1.
-        ImportError: joblib or Ray is needed and not installed.
-        Exception: any exception that a call raises.
+        what: a name for them, for the progress.
+        workers: see `evaluate`; 1 makes all calls in this process.
+        ray: see `evaluate`. All results are yielded when the last one is there.
+        progress: see `evaluate`.
     """
     count = checks.integer("workers", workers, 1)
     if ray is not None and not isinstance(ray, str):
         raise TypeError(f"ray must be 'local', an address or None, got {ray!r:.100}")
-    if (ray is None and count == 1) or not calls:
-        for place, call in enumerate(calls):
-            yield place, call()
-        return
-    joblib = _imported("joblib", JOBLIB_HINT)
-    options: dict[str, Any] = {"n_jobs": count, "return_as": "generator_unordered"}
-    with contextlib.ExitStack() as stack:
-        if ray is not None:
-            stack.enter_context(_ray_backend(joblib, ray))
-            options = {"n_jobs": -1, "return_as": "list"}
-        run = joblib.Parallel(batch_size=1, **options)
-        yield from run(joblib.delayed(_numbered)(*each) for each in enumerate(calls))
+    with Progress(what, len(calls), progress) as bar, contextlib.ExitStack() as stack:
+        results: Any = ((place, call()) for place, call in enumerate(calls))
+        if calls and (ray is not None or count > 1):
+            joblib = _imported("joblib", "workers > 1 needs the package joblib", "evaluation")
+            options: dict[str, Any] = {"n_jobs": count, "return_as": "generator_unordered"}
+            if ray is not None:
+                stack.enter_context(_ray_backend(joblib, ray))
+                options = {"n_jobs": -1, "return_as": "list"}
+            run = joblib.Parallel(batch_size=1, **options)
+            results = run(joblib.delayed(_numbered)(*each) for each in enumerate(calls))
+        for done, result in enumerate(results, 1):
+            bar(done)
+            yield result
 
 
 def _numbered(place: int, call: Callable[[], Any]) -> tuple[int, Any]:
@@ -59,7 +55,8 @@ def _numbered(place: int, call: Callable[[], Any]) -> tuple[int, Any]:
 @contextlib.contextmanager
 def _ray_backend(joblib: Any, address: str) -> Iterator[None]:
     """Make Ray the backend of joblib; Ray is started, and stopped, if it was not running."""
-    ray, backend = _imported("ray", RAY_HINT), _imported("ray.util.joblib", RAY_HINT)
+    modules = ("ray", "ray.util.joblib")
+    ray, backend = (_imported(name, "ray needs the package Ray", "ray") for name in modules)
     is_ours = not ray.is_initialized()
     if is_ours:
         ray.init(address=address, log_to_driver=False, logging_level="error")
@@ -72,8 +69,9 @@ def _ray_backend(joblib: Any, address: str) -> Iterator[None]:
             ray.shutdown()
 
 
-def _imported(name: str, hint: str) -> Any:
+def _imported(module: str, reason: str, extra: str) -> Any:
     try:
-        return importlib.import_module(name)
+        return importlib.import_module(module)
     except ImportError as error:
+        hint = f"{reason}: pip install 'DroneSwarmSearchEnvironment[{extra}]'"
         raise ImportError(hint) from error

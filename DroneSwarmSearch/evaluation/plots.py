@@ -6,7 +6,6 @@ A policy has the same colour and marker in every plot.
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
@@ -25,7 +24,7 @@ except ImportError as error:
 import numpy as np
 
 from DroneSwarmSearch._internal.files import write_bytes
-from DroneSwarmSearch.evaluation.results import Evaluation
+from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
 
 __all__ = ["save", "success_by_search", "success_over_time"]
 
@@ -42,31 +41,25 @@ POLICIES = (
 
 MARKERS = "Dh>os^vpXPH<d8"
 
+Draw = Callable[[Sequence[Evaluation]], Figure]
+
 SHARES = np.linspace(0.0, 1.0, 101)
 """The shares of the time limit at which curves of different searches are averaged."""
 
 
-def save(draw: Callable[[], Figure], path: str | os.PathLike[str]) -> list[Path]:
-    """Write a plot as `<path>-light.svg` and `<path>-dark.svg`.
+def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path]:
+    """Write a plot as `<path>-light.svg` and `<path>-dark.svg`; returns the two files.
 
     The user's settings of Matplotlib are ignored.
-
-    Args:
-        draw: draws the plot, such as a function below with its evaluations.
-        path: without suffix.
-
-    Returns:
-        The two files.
-
-    Raises:
-        StorageError: a file cannot be written.
     """
     written = []
     for theme in ("light", "dark"):
         content, sheets = io.BytesIO(), [STYLES / f"{each}.mplstyle" for each in ("plots", theme)]
         with style.context(["default", *sheets]):
-            draw().savefig(content, format="svg", metadata={"Date": None, "Creator": None})
-        written.append(Path(f"{os.fspath(path)}-{theme}.svg"))
+            draw(evaluations).savefig(
+                content, format="svg", metadata={"Date": None, "Creator": None}
+            )
+        written.append(path.with_name(f"{path.name}-{theme}.svg"))
         write_bytes(written[-1], content.getvalue())
     return written
 
@@ -76,16 +69,12 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
 
     The dashed line is the mean bound at the time limit, if every search has one. The legend lists
     the policies by their success.
-
-    Args:
-        evaluations: of every policy on every search.
     """
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = figure.add_subplot()
-    bounds = {each.search.name: _bound_of(each) for each in evaluations}
-    known = [bound for bound in bounds.values() if bound is not None]
-    if len(known) == len(bounds):
-        mean, ink = fmean(known), rcParams["text.color"]
+    bounds = known_bounds(evaluations)
+    if len(bounds) == len({each.search.name for each in evaluations}):
+        mean, ink = fmean(bounds.values()), rcParams["text.color"]
         axes.axhline(mean, color=ink, linestyle=(0, (3, 1.5)), label=f"bound {100 * mean:.1f}%")
     looks, curves = _looks(evaluations), {}
     for policy in looks:
@@ -105,13 +94,7 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
 
 
 def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
-    """Plot the success by the time limit in a row for each search, with its intervals.
-
-    The bar of a row is the bound.
-
-    Args:
-        evaluations: of policies on searches, in the order of the rows.
-    """
+    """Plot the success by the time limit in a row for each search; its bar is the bound."""
     looks = _looks(evaluations)
     searches = list(dict.fromkeys(each.search.name for each in evaluations))
     height = max(0.32, 0.05 * len(looks))
@@ -122,23 +105,14 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
         axes.axhspan(row - 0.5, row + 0.5, color=stripe, alpha=0.4, linewidth=0, zorder=0)
     offsets = np.linspace(-0.36, 0.36, len(looks)) if len(looks) > 1 else np.zeros(1)
     offset = dict(zip(looks, offsets.tolist(), strict=True))
-    bounds: dict[int, float] = {}
     for each in evaluations:
-        row, bound = searches.index(each.search.name), _bound_of(each)
-        colour, marker = looks[each.policy]
-        if bound is not None:
-            bounds[row] = bound
+        row, (colour, marker) = searches.index(each.search.name), looks[each.policy]
         value, low, high = each.success
-        axes.errorbar(
-            value,
-            row + offset[each.policy],
-            xerr=[[value - low], [high - value]],
-            fmt=marker,
-            color=colour,
-            elinewidth=0.9,
-        )
-    ink = rcParams["text.color"]
-    for row, bound in bounds.items():
+        error, place = [[value - low], [high - value]], row + offset[each.policy]
+        axes.errorbar(value, place, xerr=error, fmt=marker, color=colour, elinewidth=0.9)
+    ink, bounds = rcParams["text.color"], known_bounds(evaluations)
+    for search, bound in bounds.items():
+        row = searches.index(search)
         axes.vlines(bound, row - 0.46, row + 0.46, color=ink, linewidth=1.8)
     axes.set(xlim=(-0.01, 1.01), ylim=(len(searches) - 0.5, -0.5))
     axes.set_xlabel(_measure(evaluations, "every person found", "probability of success"))
@@ -168,11 +142,6 @@ def _looks(evaluations: Iterable[Evaluation]) -> dict[str, tuple[str, str]]:
     places = {name: len(POLICIES) + place % spare for place, name in enumerate(others)}
     places |= {name: place for place, name in enumerate(POLICIES)}
     return {name: (f"C{places[name]}", MARKERS[places[name]]) for name in names}
-
-
-def _bound_of(evaluation: Evaluation) -> float | None:
-    """The bound by the time limit, if it is known."""
-    return None if evaluation.bound is None else evaluation.bound.by_limit
 
 
 def _measure(evaluations: Iterable[Evaluation], rescue: str, coverage: str) -> str:

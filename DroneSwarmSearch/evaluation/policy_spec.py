@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.util
 import inspect
 import re
+import runpy
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
@@ -30,8 +29,8 @@ class PolicySpec:
         name: for tables and files.
         source: the policy as given, and the SHA-256 of its file or weights, for a run's manifest;
             None for a policy in memory.
-        policy: a name or a file for `policies.make`; a class, which is instantiated with the
-            `Scenario` of each search; or a callable from observations to actions.
+        policy: a file of weights; a class, which is instantiated with the `Scenario` of each
+            search; or a callable from observations to actions.
     """
 
     name: str
@@ -39,37 +38,22 @@ class PolicySpec:
     policy: str | Callable[..., Any]
 
     @property
-    def is_batch_policy(self) -> bool:
-        """Whether it only takes the observations that `policies.BatchPolicy` takes."""
-        return issubclass(self._kind, policies.BatchPolicy)
-
-    @property
-    def is_deterministic(self) -> bool:
-        """Whether its actions follow from its observations; `SwarmPolicy` requires that."""
-        return issubclass(self._kind, policies.SwarmPolicy)
-
-    @property
-    def _kind(self) -> type:
+    def kind(self) -> type:
         """The class of the policy's objects, or of the callable."""
-        kind: Any = self.policy
-        if isinstance(kind, str):
-            kind = PPOPolicy if kind.endswith(".npz") else policies.POLICIES[kind]
-        found: type = kind if inspect.isclass(kind) else type(kind)
-        return found
+        policy: Any = PPOPolicy if isinstance(self.policy, str) else self.policy
+        kind: type = policy if inspect.isclass(policy) else type(policy)
+        return kind
 
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
         """Make a spec from anything that stands for a policy.
 
         Args:
-            policy: the name of a policy of this package (`policies.POLICIES`); a file of
-                weights, "weights.npz"; "module:attribute" or "file.py:attribute" for a
-                callable or a class; one of these after "name="; a callable or a class; or a
-                `PolicySpec`.
+            policy: as for `evaluate`; a string may begin with "name=".
             name: the policy's name in results.
 
         Raises:
-            TypeError: it is none of these.
+            TypeError: it is no policy.
             ValueError: the policy, module, file or attribute does not exist, or the file
                 does not hold weights.
         """
@@ -77,65 +61,61 @@ class PolicySpec:
             raise TypeError(f"name must be a string or None, got {name!r:.100}")
         if isinstance(policy, PolicySpec):
             return policy
-        if isinstance(policy, str):
-            if name is None and (named := _NAMED.match(policy)):
-                return cls.of(policy[named.end() :], named[1])
-            if policy.endswith(".npz"):
-                Network.load(_existing(policy))
-                return cls(name or policy, _source(policy, policy), policy)
-            if ":" in policy:
-                found, file = _imported(policy)
-                return cls(name or policy, _source(policy, file), found)
-            if policy not in policies.POLICIES:
-                raise ValueError(_unknown(policy))
-            return cls(name or policy, {"policy": policy}, policy)
-        if not callable(policy):
-            raise TypeError(
-                "policy must be a policy's name or a callable from observations to actions, "
-                f"got {policy!r:.100}"
+        if not isinstance(policy, str):
+            if not callable(policy):
+                raise TypeError(
+                    "policy must be a policy's name or a callable from observations to actions, "
+                    f"got {policy!r:.100}"
+                )
+            own_name = getattr(policy, "__name__", type(policy).__name__)
+            return cls(name or str(own_name), None, policy)
+        if name is None and (named := re.match(r"([\w-]+)=", policy)):
+            return cls.of(policy[named.end() :], named[1])
+        found: str | Callable[..., Any]
+        file: str | None
+        if policy.endswith(".npz"):
+            Network.load(_existing(policy))
+            found, file = policy, policy
+        elif ":" in policy:
+            found, file = _imported(policy)
+        elif policy in POLICIES:
+            found, file = POLICIES[policy], None
+        else:
+            hint = did_you_mean(policy, POLICIES)
+            if policy.endswith(".py"):
+                hint = f"; name an attribute of the file, too, as in '{policy}:policy'"
+            raise ValueError(
+                f"policy must be one of {', '.join(POLICIES)}, 'weights.npz', "
+                f"'module:attribute' or 'file.py:attribute', got {policy!r:.100}{hint}"
             )
-        own_name = getattr(policy, "__name__", type(policy).__name__)
-        return cls(name or str(own_name), None, policy)
+        source = {"policy": policy}
+        if file is not None:
+            source["sha256"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        return cls(name or policy, source, found)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""
-        made: Callable[..., Any]
         if isinstance(self.policy, str):
-            made = policies.make(self.policy, scenario)
-            return made
+            return PPOPolicy(scenario, self.policy)
         if not inspect.isclass(self.policy):
             return self.policy
         kind: Any = self.policy
-        made = kind(scenario)
+        made: Callable[..., Any] = kind(scenario)
         if not callable(made):
             raise TypeError(f"policy must be a class of callable objects, got {kind!r:.100}")
         return made
 
 
-_NAMED = re.compile(r"([\w-]+)=")
-
-
-def _unknown(name: str) -> str:
-    hint = did_you_mean(name, policies.POLICIES)
-    if name.endswith(".py"):
-        hint = f"; name an attribute of the file, too, as in '{name}:policy'"
-    return (
-        f"policy must be one of {', '.join(policies.POLICIES)}, 'weights.npz', "
-        f"'module:attribute' or 'file.py:attribute', got {name!r:.100}{hint}"
-    )
-
-
-def _source(text: str, file: str | None) -> dict[str, str]:
-    if file is None:
-        return {"policy": text}
-    return {"policy": text, "sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest()}
-
-
 def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
     """The callable of "module:attribute" or "file.py:attribute", and the file."""
     where, _, attribute = text.rpartition(":")
+    found: Any
     if where.endswith(".py"):
-        module = _module_from_file(_existing(where))
+        path = _existing(where)
+        sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
+        # Workers cannot import the module, so joblib pickles its content with the policy.
+        found = runpy.run_path(where, run_name=f"_policy_{path.stem}").get(attribute)
+        file: str | None = where
     else:
         try:
             module = importlib.import_module(where)
@@ -145,25 +125,10 @@ def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
             raise ValueError(
                 f"policy must name a module, but there is no {where!r:.100} (in {text!r:.100})"
             ) from error
-    found: Any = getattr(module, attribute, None)
+        found, file = getattr(module, attribute, None), getattr(module, "__file__", None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    return found, getattr(module, "__file__", None)
-
-
-def _module_from_file(path: Path) -> ModuleType:
-    """Execute a file as a module."""
-    name = f"_policy_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        # Workers cannot import it, so joblib must pickle its content with the policy.
-        del sys.modules[name]
-    return module
+    return found, file
 
 
 def _existing(where: str) -> Path:

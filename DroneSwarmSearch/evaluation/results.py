@@ -7,7 +7,6 @@ import io
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +16,13 @@ import DroneSwarmSearch
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
-from DroneSwarmSearch.evaluation.statistics import (
-    Estimate,
-    ExactValue,
-    bounded_mean,
-    difference,
-)
+from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, difference
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Comparison", "Evaluation", "compare", "csv_text", "save_csv"]
+__all__ = ["Comparison", "Evaluation", "compare", "csv_text", "known_bounds", "save_csv"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,45 +73,42 @@ class Evaluation:
 
     @property
     def curves(self) -> Floats:
-        """The probability of success of each episode after each step: float64, (n, L + 1).
-
-        If it is exact, there is one row, for all episodes. See `Episodes.curves`.
-        """
+        """The probability of success of each episode after each step, see `Episodes.curves`."""
         return self.episodes.curves
 
-    @cached_property
+    @property
     def success_by_time(self) -> Floats:
         """The success within t steps, t = 0..L: float64, (L + 1,); the mean of `curves`."""
-        curve: Floats = self.curves.mean(axis=0)
-        return curve
+        mean: Floats = self.curves.mean(axis=0)
+        return mean
 
-    @cached_property
+    @property
     def success(self) -> Estimate:
         """The success by the time limit, exact or with Hall's interval."""
         if self.is_exact:
-            return ExactValue.of(float(self.curves[0, -1]))
+            return Estimate.exact(float(self.curves[0, -1]))
         return bounded_mean(self.curves[:, -1])
 
-    @cached_property
+    @property
     def times(self) -> Floats:
         """The expected time to find given the path of each episode: float64, shape (n,).
 
         It is the area above the curve; in the coverage mission the mean over persons. Failures
         count with the time limit.
-
-        Their mean is the restricted mean time to find, the area above the success curve. It is
-        defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
-        survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
-        13:152, 2013.
         """
         times: Floats = (1.0 - self.curves[:, :-1]).sum(axis=1)
         return times
 
-    @cached_property
+    @property
     def time(self) -> Estimate:
-        """The restricted mean time to find, in steps, exact or with Hall's interval."""
+        """The restricted mean time to find, the mean of `times`, exact or with Hall's interval.
+
+        It is defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
+        survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
+        13:152, 2013.
+        """
         if self.is_exact:
-            return ExactValue.of(math.fsum((1.0 - self.curves[0, :-1]).tolist()))
+            return Estimate.exact(math.fsum((1.0 - self.curves[0, :-1]).tolist()))
         return bounded_mean(self.times, most=self.limit)
 
     @property
@@ -125,29 +116,25 @@ class Evaluation:
         """The mean return of the team in the episodes."""
         return math.fsum(self.episodes.returns.tolist()) / len(self.episodes)
 
-    @cached_property
+    @property
     def coverage_rate(self) -> Estimate:
         """The mean share of the grid's cells that were searched."""
         return self._per_cell(self.episodes.cells_searched)
 
-    @cached_property
+    @property
     def repetition_rate(self) -> Estimate:
-        """The mean number of repeated searches, divided by the number of cells of the grid.
+        """The mean number of searches of cells that any drone has searched, divided by the cells.
 
-        A search is repeated if its cell was searched before in the episode, by any drone. The
-        rate may exceed 1.
+        It may exceed 1.
         """
         return self._per_cell(self.episodes.searches - self.episodes.cells_searched)
 
     def _per_cell(self, counts: Ints) -> Estimate:
-        """The mean of some counts, divided by the number of cells, with Hall's interval.
-
-        It is exact in the coverage mission of a deterministic policy, whose episodes are all equal.
-        """
+        """The mean of some counts, divided by the number of cells."""
         scenario = self.search.scenario
         cells = scenario.grid_size**2
-        if self.is_exact and self.is_coverage:
-            return ExactValue.of(float(counts[0]) / cells)
+        if self.is_exact and self.is_coverage:  # all episodes are equal
+            return Estimate.exact(float(counts[0]) / cells)
         return bounded_mean(counts / cells, most=scenario.n_drones * self.limit / cells)
 
     @property
@@ -160,7 +147,7 @@ class Evaluation:
     @property
     def reliability(self) -> Reliability:
         """The calibration of the matrix that the policy saw; empty in the coverage mission."""
-        return self.episodes.reliability
+        return Reliability(*self.episodes.forecasts.sum(axis=0))
 
     @property
     def endings(self) -> dict[Ending, int]:
@@ -192,10 +179,10 @@ class Evaluation:
         ):
             value, low, high = estimate or ("", "", "")
             row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-        bound = self.bound
-        row["bound"] = "" if bound is None else bound.by_limit
-        row["bound_gap"] = "" if bound is None else bound.gap
-        row["bound_confidence"] = "" if bound is None else bound.confidence
+        bound: tuple[float | str, ...] = ("", "", "")
+        if self.bound is not None:
+            bound = self.bound.by_limit, self.bound.gap, self.bound.confidence
+        row |= zip(("bound", "bound_gap", "bound_confidence"), bound, strict=True)
         row["mean_return"] = self.mean_return
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
         row["calibration_error"] = "" if self.is_coverage else self.reliability.expected_error
@@ -204,18 +191,14 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two policies on one search: differences, first minus second.
-
-    If both evaluations are exact, so are the differences; if one is, the interval is that of the
-    other. If neither is, they are taken in the same episodes.
+    """Two policies on one search: differences, first minus second, see `compare`.
 
     Attributes:
         policies: their names.
         search: the search's name.
-        success: the difference in success; of two samples, with Hall's interval for the paired
-            differences. Above 0, the first policy is better.
-        time: the difference in the restricted mean time to find, in steps, likewise. Below 0, the
-            first policy is faster.
+        success: the difference in success. Above 0, the first policy is better.
+        time: the difference in the restricted mean time to find, in steps. Below 0, the first
+            policy is faster.
     """
 
     policies: tuple[str, str]
@@ -227,8 +210,10 @@ class Comparison:
 def compare(first: Evaluation, second: Evaluation) -> Comparison:
     """Compare two policies on one search.
 
-    Two samples use common random numbers, so the intervals of the differences are narrower than
-    those of independent samples. One policy may have seen the prior and the other the posterior.
+    If both evaluations are exact, so are the differences; if one is, the interval is that of the
+    other. Two samples use common random numbers: Hall's interval for their paired differences is
+    narrower than that of independent samples. One policy may have seen the prior and the other the
+    posterior.
 
     Raises:
         ValueError: the evaluations are of different searches; or one of them is not exact, and
@@ -240,7 +225,6 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             "second must be of the same search as first, with the same parameters, got "
             f"{second.search.name!r} and {first.search.name!r}"
         )
-    names = (first.policy, second.policy), first.search.name
     mine, theirs = ((each.seed, len(each.episodes)) for each in (first, second))
     if mine != theirs and not (first.is_exact and second.is_exact):
         raise ValueError(
@@ -248,12 +232,19 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             f"got {theirs[1]} from seed {theirs[0]}"
         )
     if first.is_exact or second.is_exact:
-        return Comparison(
-            *names, difference(first.success, second.success), difference(first.time, second.time)
-        )
-    gained = first.curves[:, -1] - second.curves[:, -1]
-    times, limit = first.times - second.times, first.limit
-    return Comparison(*names, bounded_mean(gained, -1.0), bounded_mean(times, -limit, limit))
+        success = difference(first.success, second.success)
+        time = difference(first.time, second.time)
+    else:
+        limit = first.limit
+        success = bounded_mean(first.curves[:, -1] - second.curves[:, -1], -1.0)
+        time = bounded_mean(first.times - second.times, -limit, limit)
+    return Comparison((first.policy, second.policy), first.search.name, success, time)
+
+
+def known_bounds(evaluations: Iterable[Evaluation]) -> dict[str, float]:
+    """The bounds by the time limit that were computed, by the names of the searches."""
+    bounds = {each.search.name: each.bound for each in evaluations}
+    return {name: bound.by_limit for name, bound in bounds.items() if bound is not None}
 
 
 def save_csv(path: str | Path, evaluations: Iterable[Evaluation]) -> None:

@@ -1,8 +1,4 @@
-"""Evaluate policies on searches, in portions of episodes.
-
-The size of a portion is fixed, and each portion is played by a fresh copy of the policy. The
-results are therefore identical for any number of workers and after any interruption.
-"""
+"""Evaluate policies on searches, in portions of episodes."""
 
 from __future__ import annotations
 
@@ -13,11 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.parallel import finished
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
@@ -27,11 +20,16 @@ from DroneSwarmSearch.evaluation.run_folder import RunFolder
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, as_named
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
+from DroneSwarmSearch.policies import BatchPolicy, SwarmPolicy
 
-__all__ = ["PORTION", "Case", "bounds_of", "evaluate", "evaluate_cases", "searches_manifest"]
+__all__ = [
+    *("PORTION", "Case", "bounds_of", "check_names"),
+    *("evaluate", "evaluate_cases", "manifest"),
+]
 
 PORTION = 500
-"""Episodes that are played together."""
+"""Episodes that are played together, by a fresh copy of the policy. The results are therefore
+identical for any number of workers and after any interruption."""
 
 
 def evaluate(
@@ -55,10 +53,9 @@ def evaluate(
     sampled paths of the probability of success given the path (conditional Monte Carlo). Returns
     and endings are those of the episodes.
 
-    Episode i has the seed `seed + i`, so all policies use common random numbers. The policy
-    plays in portions of 500 episodes, each with a deep copy of the policy as you passed it. Two
-    optional methods of the policy are called: `prepare(drones)` with the drones' start cells,
-    once and before it is copied, and `reset(seed=..., rows=None)` with the seeds of each portion.
+    All policies use common random numbers. A portion of 500 episodes is played by a deep copy of
+    the policy. Two optional methods of the policy are called: `prepare(drones)` with the drones'
+    start cells, once and before it is copied, and `reset(seed=...)` with the seeds of a portion.
 
     Args:
         policy: the name of a policy of this package; "weights.npz"; "module:attribute" or
@@ -67,7 +64,7 @@ def evaluate(
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
         view: what the policy sees and returns: a `View`, or its form.
         episodes: the number of episodes, at least 1.
-        seed: of the first episode, at least 0.
+        seed: of the first episode, at least 0; episode i has the seed `seed + i`.
         deterministic: whether the actions depend on nothing but what the policy has observed
             since the episode began. None: they do for subclasses of `SwarmPolicy`, which must
             be deterministic, and for the package's policies except "random".
@@ -78,32 +75,22 @@ def evaluate(
         name: the policy's name in results.
         progress: show a progress bar after two seconds.
 
-    Returns:
-        The episodes, with estimates and intervals.
-
     Raises:
         TypeError: an argument, or what the policy returns, is of the wrong type.
-        ValueError: an argument, or what the policy returns, is out of range; or a policy that is
-            to be deterministic acts differently after the same observations; or `out` holds the
-            results of another run.
+        ValueError: one is out of range; or a policy that is to be deterministic acts differently
+            after the same observations; or `out` holds the results of another run.
         ImportError: joblib or Ray is needed and not installed.
         StorageError: the folder cannot be written.
     """
-    case = Case.of(policy, search, View.of(view), deterministic, name)
-    how: dict[str, Any] = {"out": out, "workers": workers, "ray": ray, "progress": progress}
-    (evaluation,) = evaluate_cases([case], episodes, seed, **how)
-    return evaluation
+    case = Case.of(policy, search, view, deterministic, name)
+    return evaluate_cases([case], episodes, seed, out, workers, ray, progress)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A policy to be evaluated on a search.
+    """A policy to be evaluated on a search, which has `bayesian_update` as it is evaluated.
 
-    Attributes:
-        spec: the policy.
-        search: the search, with `bayesian_update` as it is evaluated.
-        view: what the policy sees.
-        is_exact: whether all episodes have the same curve of success.
+    `is_exact` states whether all episodes have the same curve of success.
     """
 
     spec: PolicySpec
@@ -116,81 +103,76 @@ class Case:
         cls,
         policy: object,
         search: object,
-        view: View,
+        view: View | str = "swarm",
         deterministic: bool | None = None,
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        named = as_named(search)
-        if view.bayesian_update is not None:
-            named = named.with_posterior(view.bayesian_update)
-        spec = PolicySpec.of(policy, name)
-        if spec.is_batch_policy:
-            view.check_package_policy(spec.name)
-        is_deterministic = spec.is_deterministic
+        spec, shown = PolicySpec.of(policy, name), View.of(view)
+        named = as_named(search).with_posterior(shown.bayesian_update)
+        if issubclass(spec.kind, BatchPolicy) and (
+            shown.form == "drone" or shown.observation != "dict" or shown.action_mask
+        ):
+            raise ValueError(
+                "view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
+                f"for {spec.name}, got {shown!r}"
+            )
+        # `SwarmPolicy` requires that actions follow from observations.
+        is_deterministic = issubclass(spec.kind, SwarmPolicy)
         if deterministic is not None:
             is_deterministic = checks.boolean("deterministic", deterministic)
-        scenario = named.scenario
-        one_path = scenario.mission == "coverage" or len(scenario.situation) == 1
-        return cls(spec, named, view, is_deterministic and one_path)
+        one_path = named.scenario.mission == "coverage" or len(named.scenario.situation) == 1
+        return cls(spec, named, shown, is_deterministic and one_path)
 
     @property
     def label(self) -> str:
-        """The policy and the search."""
+        """The name of the result."""
         return f"{self.spec.name}.{self.search.name}"
+
+
+def check_names(what: str, several: Sequence[PolicySpec] | Sequence[NamedSearch]) -> None:
+    """Raise a ValueError unless there is at least one, and all names differ."""
+    names = [each.name for each in several]
+    if len({*names}) < max(len(names), 1):
+        got = ", ".join(names) or "none"
+        raise ValueError(f"{what} must be at least one, all with different names, got {got}")
 
 
 def evaluate_cases(
     cases: Sequence[Case],
     episodes: int,
     seed: int,
-    *,
     out: str | Path | None,
-    workers: int,
-    ray: str | None,
-    progress: bool = True,
+    *how: Any,
     bounded: Sequence[NamedSearch] = (),
 ) -> list[Evaluation]:
-    """Evaluate several cases together, which keeps all workers busy.
+    """Evaluate several cases together, which keeps all workers busy, with bounds of some searches.
 
-    Args:
-        cases: the policies and searches.
-        episodes: of each case.
-        seed: of the first episode.
-        out: see `evaluate`.
-        workers: see `evaluate`.
-        ray: see `evaluate`.
-        progress: see `evaluate`.
-        bounded: the searches whose bounds are computed.
+    `how` holds the arguments `workers`, `ray` and `progress` of `evaluate`.
     """
     end = checks.integer("seed", seed, 0) + checks.integer("episodes", episodes, 1)
     portions = [range(first, min(first + PORTION, end)) for first in range(seed, end, PORTION)]
-    folder = None if out is None else RunFolder(out, _manifest(cases, episodes, seed))
-    how: dict[str, Any] = {"workers": workers, "ray": ray}
-    bounds = bounds_of(bounded, folder, progress=progress, **how)
+    folder = RunFolder(out, manifest([case.search for case in cases], cases, episodes, seed))
+    bounds = bounds_of(bounded, folder, *how)
     done: dict[Case, Episodes] = {}
     for case in cases:
-        if folder is not None and case.spec.source is not None:
-            arrays = folder.load(case.label)
-            if arrays is not None:
-                done[case] = Episodes.from_arrays(arrays)
+        if case.spec.source is not None and (known := folder.load(case.label, Episodes)):
+            done[case] = known
     left = [case for case in cases if case not in done]
     # Policies are prepared first, each once.
-    policies = dict(finished([partial(_prepared, case) for case in left], **how))
-    jobs = [(case, policies[i], seeds) for i, case in enumerate(left) for seeds in portions]
+    preparing = finished([partial(_prepared, case) for case in left], "policies", *how)
+    policies = {left[place]: policy for place, policy in preparing}
+    jobs = [(case, seeds) for case in left for seeds in portions]
+    calls = [partial(_play, policies[case], case, seeds) for case, seeds in jobs]
     played: dict[Case, dict[int, Episodes]] = {case: {} for case in left}
-    calls = [partial(_play, policy, case, seeds) for case, policy, seeds in jobs]
-    with Progress(f"{len(cases)} evaluation{'s' * (len(cases) > 1)}", len(jobs), progress) as bar:
-        for count, (job, part) in enumerate(finished(calls, **how), 1):
-            bar(count)
-            case, _, seeds = jobs[job]
-            played[case][seeds.start] = part
-            if len(played[case]) < len(portions):
-                continue
-            whole = Episodes.joined([played[case][each.start] for each in portions])
+    for job, part in finished(calls, "evaluation", *how):
+        case, seeds = jobs[job]
+        played[case][seeds.start] = part
+        if len(played[case]) == len(portions):
+            parts = played.pop(case)
+            whole = Episodes.joined([parts[each.start] for each in portions])
             done[case] = whole.with_common_curve() if case.is_exact else whole
-            if folder is not None:
-                folder.save(case.label, done[case].arrays)
+            folder.save(case.label, done[case])
     return [
         Evaluation(
             *(case.spec.name, case.search, seed, case.view, done[case], case.is_exact),
@@ -201,61 +183,32 @@ def evaluate_cases(
 
 
 def bounds_of(
-    searches: Iterable[NamedSearch],
-    folder: RunFolder | None = None,
-    *,
-    workers: int,
-    ray: str | None,
-    progress: bool = True,
+    searches: Sequence[NamedSearch], folder: RunFolder, *how: Any
 ) -> dict[str, SuccessBound]:
-    """The bounds of searches by name. They do not depend on `bayesian_update`.
-
-    Args:
-        searches: with different names.
-        folder: where finished bounds are written and looked up.
-        workers: see `evaluate`.
-        ray: see `evaluate`.
-        progress: see `evaluate`.
-    """
-    bounds: dict[str, SuccessBound] = {}
-    left: list[NamedSearch] = []
-    for each in searches:
-        arrays = None if folder is None else folder.load(f"{each.name}.bound")
-        if arrays is None:
-            left.append(each)
-        else:
-            found: dict[str, Any] = {
-                key: value if value.ndim else value.item() for key, value in arrays.items()
-            }
-            bounds[each.name] = SuccessBound(**found)
+    """The bounds of searches by name, see `evaluate_cases`; they ignore `bayesian_update`."""
+    known = {each.name: folder.load(f"{each.name}.bound", SuccessBound) for each in searches}
+    bounds = {name: bound for name, bound in known.items() if bound is not None}
+    left = [each for each in searches if each.name not in bounds]
     calls = [partial(success_bound, each.scenario, each.drones) for each in left]
-    with Progress(f"{len(left)} bound{'s' * (len(left) > 1)}", len(left), progress) as bar:
-        for count, (job, bound) in enumerate(finished(calls, workers=workers, ray=ray), 1):
-            bar(count)
-            bounds[left[job].name] = bound
-            if folder is not None:
-                arrays = {key: np.asarray(value) for key, value in vars(bound).items()}
-                folder.save(f"{left[job].name}.bound", arrays)
+    for job, bound in finished(calls, "bounds", *how):
+        bounds[left[job].name] = bound
+        folder.save(f"{left[job].name}.bound", bound)
     return bounds
 
 
-def searches_manifest(searches: Iterable[NamedSearch]) -> dict[str, Any]:
-    """Everything that the bounds of some searches depend on."""
-    return {
-        "package": DroneSwarmSearch.__version__,
-        "suite": SUITE_VERSION,
-        "searches": {each.name: each.with_posterior(False).fingerprint for each in searches},
-    }
-
-
-def _manifest(cases: Sequence[Case], episodes: int, seed: int) -> dict[str, Any]:
-    """Everything that the results of some cases depend on."""
-    policies = {
-        case.spec.name: {**(case.spec.source or {"policy": "in memory"}), "view": asdict(case.view)}
-        for case in cases
-    }
-    searches = searches_manifest(case.search for case in cases)
-    return {**searches, "episodes": episodes, "seed": seed, "policies": policies}
+def manifest(
+    searches: Iterable[NamedSearch],
+    cases: Sequence[Case] = (),
+    episodes: int | None = None,
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """Everything that the bounds of some searches, and the results of some cases, depend on."""
+    entries = {"package": DroneSwarmSearch.__version__, "suite": SUITE_VERSION}
+    entries |= {f"search {each.name}": each.with_posterior(False).fingerprint for each in searches}
+    for case in cases:
+        source = {**(case.spec.source or {"policy": "in memory"}), **asdict(case.view)}
+        entries |= {f"policy {case.spec.name}: {key}": value for key, value in source.items()}
+    return {**entries, "episodes": episodes, "seed": seed} if cases else entries
 
 
 def _prepared(case: Case) -> Callable[..., Any]:

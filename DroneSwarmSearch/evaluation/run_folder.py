@@ -4,86 +4,82 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.files import write_bytes, write_text
 
 __all__ = ["RunFolder", "file_name"]
 
-MANIFEST = "manifest.json"
+Result = TypeVar("Result")
 
-FINISHED = "finished"
-"""The folder for finished results within the folder of a run."""
+MANIFEST, FINISHED = "manifest.json", "finished"
+"""The file with the manifest, and the folder for finished results."""
 
 
 class RunFolder:
-    """The manifest of a run, and one file for each finished result.
+    """The manifest of a run, and one file for each finished result, a dataclass of arrays.
 
     The manifest holds everything that results depend on. A run may add policies and searches to a
     folder; it may not change what is there.
 
     Args:
-        path: created if necessary.
-        manifest: plain JSON data; entries may be nested mappings.
+        path: created if necessary; None for a run that keeps nothing.
+        manifest: numbers, strings and None.
 
     Raises:
         StorageError: the folder cannot be written.
         ValueError: the folder holds results of another run; the message names what differs.
     """
 
-    def __init__(self, path: str | Path, manifest: Mapping[str, Any]) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path | None, manifest: Mapping[str, Any]) -> None:
+        self.path = None if path is None else Path(path)
+        if self.path is None:
+            return
         place, before = self.path / MANIFEST, {}
         if place.is_file():
             try:
                 before = json.loads(place.read_bytes())
             except ValueError as error:
                 raise ValueError(f"{place} must hold the manifest of a run: {error}") from error
-        now = json.loads(json.dumps(manifest))
-        write_text(place, json.dumps(self._merged(before, now), indent=1) + "\n")
-
-    def _merged(
-        self, before: dict[str, Any], now: dict[str, Any], where: str = ""
-    ) -> dict[str, Any]:
-        """The entries of both manifests; raises a ValueError if one differs."""
-        merged = {**before, **now}
-        for key in before.keys() & now.keys():
-            old, new = before[key], now[key]
-            if isinstance(old, dict) and isinstance(new, dict):
-                merged[key] = self._merged(old, new, f"{where}{key}: ")
-            elif old != new:
+        for key in before.keys() & manifest.keys():
+            if before[key] != manifest[key]:
                 raise ValueError(
-                    f"out must be a new folder, or the run in {self.path} the same: its {where}"
-                    f"{key} is {old!r:.100}, got {new!r:.100}"
+                    f"out must be a new folder, or the run in {path} the same: its {key} is "
+                    f"{before[key]!r:.100}, got {manifest[key]!r:.100}"
                 )
-        return merged
+        write_text(place, json.dumps({**before, **manifest}, indent=1) + "\n")
 
-    def load(self, name: str) -> dict[str, NDArray[Any]] | None:
-        """The arrays of a finished result; None if there are none, or the file is damaged."""
+    def load(self, name: str, kind: Callable[..., Result]) -> Result | None:
+        """A finished result; None if there is none, or its file is damaged."""
+        if self.path is None:
+            return None
         try:
-            with np.load(self._place(name)) as file:
-                return dict(file)
-        except (OSError, ValueError, BadZipFile):
+            with np.load(self._place(self.path, name)) as file:
+                return kind(
+                    **{key: each if each.ndim else each.item() for key, each in file.items()}
+                )
+        except (OSError, TypeError, ValueError, BadZipFile):
             return None
 
-    def save(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def save(self, name: str, result: object) -> None:
         """Write a finished result.
 
         Raises:
             StorageError: it cannot be written. Earlier results are kept.
         """
-        content = io.BytesIO()
-        np.savez_compressed(content, allow_pickle=False, **arrays)
-        write_bytes(self._place(name), content.getvalue())
+        if self.path is not None:
+            content = io.BytesIO()
+            np.savez_compressed(content, allow_pickle=False, **vars(result))
+            write_bytes(self._place(self.path, name), content.getvalue())
 
-    def _place(self, name: str) -> Path:
-        return self.path / FINISHED / f"{file_name(name)}.npz"
+    @staticmethod
+    def _place(folder: Path, name: str) -> Path:
+        return folder / FINISHED / f"{file_name(name)}.npz"
 
 
 def file_name(text: str) -> str:

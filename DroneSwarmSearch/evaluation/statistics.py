@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["ROUNDING", "Estimate", "ExactValue", "bounded_mean", "difference", "mean_of"]
+__all__ = ["ROUNDING", "Estimate", "bounded_mean", "difference", "mean_of"]
 
 Z = 1.959963984540054
 """The quantile of the normal distribution for a confidence of 95%."""
 
 ROUNDING = 1e-9
-"""Exact values that differ by less are equal: they are sums of rounded numbers."""
+"""Values that differ by less are equal: they are sums of rounded numbers."""
 
 _SYMMETRIC = 1e-6
 """Skewness below this counts as none, since its effect is lost in rounding."""
@@ -28,23 +28,19 @@ class Estimate(NamedTuple):
     low: float
     high: float
 
+    @classmethod
+    def exact(cls, value: float) -> Estimate:
+        """A value without sampling error."""
+        return cls(value, value, value)
+
     @property
     def is_exact(self) -> bool:
         """Whether the value has no sampling error."""
-        return isinstance(self, ExactValue)
+        return self.low == self.high
 
     def scaled(self, factor: float) -> Estimate:
-        """The estimate times a factor of at least 0."""
-        return type(self)(*(each * factor for each in self))
-
-
-class ExactValue(Estimate):
-    """A value without sampling error; `ExactValue.of` makes one."""
-
-    @classmethod
-    def of(cls, value: float) -> ExactValue:
-        """The value, with an interval of width zero."""
-        return cls(value, value, value)
+        """The estimate times a factor above 0."""
+        return Estimate(*(each * factor for each in self))
 
 
 def mean_of(estimates: Iterable[Estimate]) -> Estimate:
@@ -57,24 +53,21 @@ def mean_of(estimates: Iterable[Estimate]) -> Estimate:
     every = list(estimates)
     n = len(every)
     value = math.fsum(each.value for each in every) / n
-    if all(each.is_exact for each in every):
-        return ExactValue.of(value)
     below = math.hypot(*(each.value - each.low for each in every)) / n
     above = math.hypot(*(each.high - each.value for each in every)) / n
     return Estimate(value, value - below, value + above)
 
 
 def difference(first: Estimate, second: Estimate) -> Estimate:
-    """Estimate the difference of two independent quantities, first minus second.
+    """Estimate the difference of two independent quantities, first minus second, as `mean_of`.
 
-    If both are exact, so is the difference; less than `ROUNDING` is 0. Otherwise, the distances
-    from the values to their limits are added in squares, as in `mean_of`; an exact value adds none.
+    Two exact values that differ by less than `ROUNDING` are equal.
     """
     value = first.value - second.value
-    if first.is_exact and second.is_exact:
-        return ExactValue.of(value if abs(value) >= ROUNDING else 0.0)
     below = math.hypot(first.value - first.low, second.high - second.value)
     above = math.hypot(first.high - first.value, second.value - second.low)
+    if below == above == 0.0 and abs(value) < ROUNDING:
+        value = 0.0
     return Estimate(value, value - below, value + above)
 
 
@@ -96,10 +89,10 @@ def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Es
     """
     values = np.asarray(sample, np.float64)
     n, mean = len(values), float(values.mean())
-    deviation = float(values.std(ddof=1)) if n > 1 else 0.0
-    if (values == values[0]).all() or not deviation:
+    if np.ptp(values) < ROUNDING:
         mean, share = float(values[0]), Z**2 / (n + Z**2)
         return Estimate(mean, mean + share * (least - mean), mean + share * (most - mean))
+    deviation = float(values.std(ddof=1))
     skewness = float((((values - mean) / deviation) ** 3).mean())
     limits = (mean - deviation * _student(z / math.sqrt(n), skewness, n) for z in (Z, -Z))
     return Estimate(mean, *(min(max(limit, least), most) for limit in limits))
@@ -110,11 +103,6 @@ def _student(normal: float, skewness: float, n: int) -> float:
 
     The transformation of w is w + g w²/3 + g² w³/27 + g/(6n), with the skewness g. The cubic is
     ((1 + g w/3)³ - 1) / g; without skewness, it is w.
-
-    Args:
-        normal: the value of the transformed statistic, over the root of n.
-        skewness: the skewness of the quantity.
-        n: the number of trials.
     """
     if abs(skewness) <= _SYMMETRIC:
         return normal

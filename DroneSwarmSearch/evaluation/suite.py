@@ -12,7 +12,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,13 +21,7 @@ from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
-__all__ = ["SUFFIX", "SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
-
-SUFFIX = ".json"
-"""Of the file of a search."""
-
-LISTING = "python -m DroneSwarmSearch evaluate --list"
-"""The command that lists the searches."""
+__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
 
 
 @dataclass(frozen=True)
@@ -56,40 +49,31 @@ class NamedSearch:
     scale: Scale | None = None
 
     def __post_init__(self) -> None:
-        for text in ("name", "reason"):
-            if not isinstance(getattr(self, text), str):
-                raise TypeError(f"{text} must be a string, got {getattr(self, text)!r:.100}")
-        checked_scenario(self.scenario)
-        if not (self.scale is None or isinstance(self.scale, Scale)):
-            raise TypeError(f"scale must be a Scale or None, got {self.scale!r:.100}")
-        size, numbers = self.scenario.grid_size, list(range(self.scenario.n_drones))
-        by_default = isinstance(self.drones, (list, tuple)) and not self.drones
-        if not by_default:
-            numbers = self.scenario.drone_cells(self.drones, "drones")
+        scenario = checked_scenario(self.scenario)
+        size, numbers = scenario.grid_size, list(range(scenario.n_drones))
+        if len(self.drones):
+            numbers = scenario.drone_cells(self.drones, "drones")
         object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in numbers))
 
     @property
     def outline(self) -> str:
         """The main parameters, in a line."""
-        scenario, scale = self.scenario, self.scale
-        n, persons = scenario.n_drones, scenario.situation
+        scenario, persons, scale = self.scenario, self.scenario.situation, self.scale
         hypotheses = max(len(person.drifts) for person in persons)
         width, steps = "", f"{scenario.timestep_limit:,} steps"
         if scale is not None:
             width = f" of {scale.metres_per_cell:g} m"
             minutes = scale.seconds(scenario.timestep_limit) / 60
             steps += f" of {scale.seconds_per_step:g} s ({minutes:.0f} minutes)"
+        whom = f"{len(persons)} person{'s' * (len(persons) > 1)}"
+        whom += f" with up to {hypotheses} hypotheses" * (hypotheses > 1)
         detections = ", ".join(f"{value:g}" for value in dict.fromkeys(scenario.detections))
-        parts = [
-            f"{scenario.grid_size} x {scenario.grid_size} cells{width}",
-            f"{n} drone{'s' * (n > 1)}",
-            f"{'coverage for ' * (scenario.mission == 'coverage')}"
-            f"{len(persons)} person{'s' * (len(persons) > 1)}"
-            f"{f' with up to {hypotheses} hypotheses' if hypotheses > 1 else ''}",
-            f"probability of detection {detections}",
-            steps,
-        ]
-        return "; ".join(parts)
+        return (
+            f"{scenario.grid_size} x {scenario.grid_size} cells{width}; "
+            f"{scenario.n_drones} drone{'s' * (scenario.n_drones > 1)}; "
+            f"{'coverage for ' * (scenario.mission == 'coverage')}{whom}; "
+            f"probability of detection {detections}; {steps}"
+        )
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -108,11 +92,12 @@ class NamedSearch:
     @property
     def fingerprint(self) -> str:
         """A hash of all parameters, 64 hexadecimal digits."""
-        text = json.dumps(self.data, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hashlib.sha256(json.dumps(self.data, sort_keys=True).encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
-        """The same search, in which drones see the posterior (True) or the prior."""
+        """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
+        if bayesian_update is None:
+            return self
         flag = checks.boolean("bayesian_update", bayesian_update)
         return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
 
@@ -125,13 +110,10 @@ def search(name: str) -> NamedSearch:
     and "drones_positions", the start cells. The entries of the suite have this form.
 
     Raises:
-        TypeError: the name is not a string.
-        ValueError: the suite has no such search, and the message lists similar names; or there is
-            no such file, or it does not hold a search.
+        ValueError: the suite has no such search, or there is no such file, or it does not hold a
+            search.
     """
-    if not isinstance(name, str):
-        raise TypeError(f"search must be the name of a search, got {name!r:.100}")
-    if name.endswith(SUFFIX):
+    if name.endswith(".json"):
         path = Path(name)
         if not path.is_file():
             raise ValueError(f"search must name a file, but there is no {name!r:.100}")
@@ -146,18 +128,13 @@ def search(name: str) -> NamedSearch:
         hint = did_you_mean(name, SUITE)
         raise ValueError(
             f"search must be one of {', '.join(SUITE)}, got {name!r:.100}{hint} "
-            f"(`{LISTING}` describes them)"
+            "(`python -m DroneSwarmSearch evaluate --list` describes them)"
         )
     return SUITE[name]
 
 
 def as_named(value: object) -> NamedSearch:
-    """Return a `NamedSearch` from a name, a `NamedSearch` or a `Scenario`.
-
-    Raises:
-        TypeError: the value is something else.
-        ValueError: the suite has no search of that name.
-    """
+    """Return a `NamedSearch` from a name as for `search`, a `NamedSearch` or a `Scenario`."""
     if isinstance(value, NamedSearch):
         return value
     if isinstance(value, Scenario):
@@ -173,25 +150,18 @@ def _named(data: Mapping[str, Any]) -> NamedSearch:
     """A search from the content of a file."""
     rest = dict(data)
     name, reason, scale = rest.pop("name"), rest.pop("reason"), rest.pop("scale", None)
-    drones = rest.pop("drones_positions", [])
-    if not isinstance(drones, list):
-        raise TypeError(f"drones_positions must be a list of cells, got {drones!r:.100}")
+    drones = checks.items("drones_positions", rest.pop("drones_positions", []), "a list of cells")
     scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
+    cells: Any = drones
     if drones:
         scenario.drone_cells(drones)
-    if scale is not None:
-        if not isinstance(scale, dict) or {*scale} != {"metres_per_cell", "seconds_per_step"}:
-            raise TypeError(
-                f"scale must have metres_per_cell and seconds_per_step, got {scale!r:.100}"
-            )
-        scale = Scale(**scale)
-    return NamedSearch(name, reason, scenario, tuple(map(tuple, drones)), scale)
+    return NamedSearch(name, reason, scenario, cells, scale and Scale(**scale))
 
 
-def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
+def _read(path: Path) -> tuple[str, dict[str, NamedSearch]]:
     data = json.loads(path.read_text("utf-8"))
     named = [_named(entry) for entry in data["searches"]]
-    return data["version"], MappingProxyType({each.name: each for each in named})
+    return data["version"], {each.name: each for each in named}
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))

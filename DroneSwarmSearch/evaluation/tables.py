@@ -14,39 +14,32 @@ MOST_DECIMALS = 4
 
 
 def percent(estimate: Estimate | None) -> str:
-    """A share in percent, with its interval unless it is exact; "-" for None."""
+    """A share in percent, as `figure` shows it; "-" for None."""
     return "-" if estimate is None else figure(estimate.scaled(100.0))
 
 
 def figure(estimate: Estimate) -> str:
     """A value of at least 0, with its interval unless it is exact."""
-    value, low, high = (f"{number:.{_decimals(estimate)}f}" for number in estimate)
-    return value if estimate.is_exact else f"{value} ({low}-{high})"
+    return _shown(estimate, "", "-")
 
 
 def signed(estimate: Estimate) -> str:
     """A difference with its interval unless it is exact, all with their signs."""
-    digits = _decimals(estimate)
+    return _shown(estimate, "+", " to ")
+
+
+def _shown(estimate: Estimate, sign: str, to: str) -> str:
+    """The figures with as many decimals as show the interval."""
+    digits, width = 1, estimate.high - estimate.low
+    if width > 0.0:
+        digits = min(max(math.ceil(-math.log10(width)), 1), MOST_DECIMALS)
     rounded = (round(number, digits) + 0.0 for number in estimate)  # + 0.0: no "-0.0"
-    value, low, high = (f"{number:+.{digits}f}" for number in rounded)
-    return value if estimate.is_exact else f"{value} ({low} to {high})"
-
-
-def _decimals(estimate: Estimate) -> int:
-    """As many decimals as show the interval."""
-    width = estimate.high - estimate.low
-    return min(max(math.ceil(-math.log10(width)), 1), MOST_DECIMALS) if width > 0.0 else 1
+    value, low, high = (f"{number:{sign}.{digits}f}" for number in rounded)
+    return value if estimate.is_exact else f"{value} ({low}{to}{high})"
 
 
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:
-    """Print a table on stdout.
-
-    Args:
-        headers: of the columns.
-        rows: the cells of each row.
-        words: the number of columns, from the left, that hold words. Words are aligned to
-            the left, numbers to the right.
-    """
+    """Print a table on stdout; the first columns, `words` of them, are aligned to the left."""
     widths = [max(map(len, column)) for column in zip(headers, *rows, strict=True)]
     for line in (headers, ["-" * width for width in widths], *rows):
         cells = [

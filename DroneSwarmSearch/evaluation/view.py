@@ -55,23 +55,11 @@ class View:
             checks.boolean("bayesian_update", self.bayesian_update)
 
     @classmethod
-    def of(cls, view: object) -> View:
+    def of(cls, view: View | str) -> View:
         """Return a `View` from a `View` or from its form."""
-        if isinstance(view, View):
-            return view
-        if isinstance(view, str):
-            return cls(view)
-        raise TypeError(f"view must be a View or one of {', '.join(FORMS)}, got {view!r:.100}")
+        return view if isinstance(view, View) else cls(view)
 
     @property
     def masks(self) -> bool | None:
         """Whether the masks have right of way; None without masks."""
         return self.right_of_way if self.action_mask else None
-
-    def check_package_policy(self, name: str) -> None:
-        """Raise a ValueError unless the package's policies can read this view."""
-        if self.form == "drone" or self.observation != "dict" or self.action_mask:
-            raise ValueError(
-                f"view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
-                f"for {name}, got {self!r}"
-            )

@@ -6,11 +6,16 @@ A new layout is a class in a file of this folder, a line in `LAYOUTS`, and a cla
 from __future__ import annotations
 
 from DroneSwarmSearch.layouts.crops import CropsLayout
-from DroneSwarmSearch.layouts.dictionary import DictLayout, JointDictLayout
-from DroneSwarmSearch.layouts.flat import FlatLayout, JointFlatLayout
 from DroneSwarmSearch.layouts.layout import Layout, StackedLayout, remaining_time_fraction
-from DroneSwarmSearch.layouts.planes import JointPlanesLayout, PlanesLayout
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
+from DroneSwarmSearch.layouts.whole_matrix import (
+    DictLayout,
+    FlatLayout,
+    JointDictLayout,
+    JointFlatLayout,
+    JointPlanesLayout,
+    PlanesLayout,
+)
 
 __all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "remaining_time_fraction"]
 

@@ -84,17 +84,13 @@ class CropsLayout(Layout):
         self._write_boxes(positions, matrices, highest, windows[..., 0, :])
         self._write_others(positions, windows[..., 1, :])
         out[..., -2] = left[:, None]
-        out[..., -1] = (np.log10(np.maximum(highest, _LEAST_MAXIMUM)) / -np.log10(_LEAST_MAXIMUM))[
-            :, None
-        ]
+        logarithms = np.log10(np.maximum(highest, _LEAST_MAXIMUM)) / -np.log10(_LEAST_MAXIMUM)
+        out[..., -1] = logarithms[:, None]
 
     def write_windows(self, positions: Positions, matrices: Singles, out: Singles) -> None:
-        """Write only the windows of probabilities.
+        """Write only the windows of probabilities, scale by scale.
 
-        Args:
-            positions: every drone's (x, y), shape (searches, n, 2).
-            matrices: float32, shape (searches, N, N), at least 0, at any scale.
-            out: receives the windows, scale by scale: float32, shape (searches, n, 4 * 5²).
+        Matrices are as for `write`, at any scale; `out` is float32, shape (searches, n, 4 * 5²).
         """
         highest = np.maximum(matrices.max(axis=(1, 2)), np.finfo(np.float32).tiny)
         windows = out.reshape(*out.shape[:2], len(SCALES), WINDOW**2)
@@ -103,14 +99,7 @@ class CropsLayout(Layout):
     def _write_boxes(
         self, positions: Positions, matrices: Singles, highest: Singles, out: Singles
     ) -> None:
-        """Write the windows of probabilities, using a summed-area table.
-
-        Args:
-            positions: as for `write`.
-            matrices: as for `write`.
-            highest: the maxima of the matrices.
-            out: float32, shape (searches, drones, scales, boxes).
-        """
+        """Write the windows of probabilities: shape (searches, drones, scales, boxes)."""
         searches, drones, scales, boxes = out.shape
         width = self.grid_size + 1
         # [search, y, x]: the sum over all cells above and to the left (summed-area table).
@@ -130,12 +119,7 @@ class CropsLayout(Layout):
         out[...] = means.reshape(scales, boxes, searches, drones).transpose(2, 3, 0, 1)
 
     def _write_others(self, positions: Positions, out: Singles) -> None:
-        """Write the windows of the other drones.
-
-        Args:
-            positions: as for `write`.
-            out: float32, shape (searches, drones, scales, boxes).
-        """
+        """Write the windows of the other drones: shape (searches, drones, scales, boxes)."""
         searches, drones, scales, boxes = out.shape
         # [search, drone, other]: the other's offset to the right and down, plus N - 1.
         offsets = positions[:, None, :] - positions[:, :, None] + (self.grid_size - 1)

@@ -14,7 +14,6 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
 
 __all__ = [
@@ -32,25 +31,17 @@ Observations = Any  # an array, or a dict of arrays
 
 
 class Layout(ABC):
-    """A layout: it writes the observations of S searches of one size into arrays.
-
-    Args:
-        grid_size: cells along each side, N.
-        n_drones: the drones in each search, n.
+    """A layout: it writes the observations of S searches with n drones on N x N cells into arrays.
 
     Attributes:
         space: the space of one drone's observation; for a joint layout, of one swarm's.
-
-    Raises:
-        TypeError: an argument is not an integer.
-        ValueError: it is out of its limits.
     """
 
     space: spaces.Space[Any]
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
-        self.grid_size = checks.integer("grid_size", grid_size, 2)
-        self.n_drones = checks.integer("n_drones", n_drones, 1, self.grid_size**2)
+        self.grid_size = grid_size
+        self.n_drones = n_drones
 
     def _fractions(self, *shape: int) -> spaces.Box:
         """The space of float32 arrays in [0, 1]."""
@@ -74,11 +65,7 @@ class Layout(ABC):
 
 
 class StackedLayout(Layout):
-    """The layout of whole swarms that stacks the observations of their drones.
-
-    Args:
-        layout: the layout of the drones.
-    """
+    """The layout of whole swarms that stacks the observations of their drones."""
 
     def __init__(self, layout: Layout) -> None:
         super().__init__(layout.grid_size, layout.n_drones)
@@ -92,15 +79,7 @@ class StackedLayout(Layout):
 
 
 def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:
-    """The remaining steps as a fraction of the time limit: 1 at the start, 0 at the limit.
-
-    Args:
-        steps: completed steps, integers of any shape.
-        timestep_limit: the number of steps in an episode.
-
-    Returns:
-        float32, of the same shape.
-    """
+    """The remaining steps as a fraction of the time limit: 1 at the start; float32."""
     left: Singles = ((timestep_limit - np.asarray(steps)) / timestep_limit).astype(np.float32)
     return left
 
@@ -115,34 +94,18 @@ def own_first(n_drones: int) -> NDArray[np.int64]:
 
 
 def scaled_matrices(matrices: Singles, out: Singles) -> None:
-    """Write matrices with their maximum scaled to 1.
-
-    Args:
-        matrices: float32, shape (..., N, N).
-        out: receives them, float32, same shape; may be the same array.
-    """
+    """Write matrices, shape (..., N, N), with their maximum scaled to 1; `out` may be the same."""
     highest = matrices.max(axis=(-2, -1), keepdims=True)
     np.divide(matrices, highest, out=out)
 
 
 def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None:
-    """Write positions or offsets, with the grid scaled to the unit square.
-
-    Args:
-        positions: columns and rows, of any shape.
-        grid_size: cells along each side.
-        out: receives them, float32, same shape.
-    """
+    """Write positions or offsets, of any shape, with the grid scaled to the unit square."""
     np.divide(positions, np.float32(grid_size - 1), out=out, casting="same_kind")
 
 
 def mark(positions: Positions, planes: Singles) -> None:
-    """Write 1 in the drones' cells and 0 elsewhere.
-
-    Args:
-        positions: the cells (x, y) of the drones of each plane: shape (..., drones, 2).
-        planes: receives the planes, float32, shape (..., N, N).
-    """
+    """Write 1 in each plane's cells (x, y), shape (..., drones, 2), and 0 elsewhere."""
     planes[...] = 0.0
     leading = np.ogrid[tuple(map(slice, planes.shape[:-2]))]
     planes[(*(axis[..., None] for axis in leading), positions[..., 1], positions[..., 0])] = 1.0

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from itertools import product
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Flags, Ints
 from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
 __all__ = ["action_masks", "choose_in_turn", "mask_space"]
 
-_MASKS = {
-    closed: np.array([*(not is_closed for is_closed in closed), 1, 1], np.int8)
-    for closed in product((False, True), repeat=4)
-}
-"""The mask of a drone by which of its four moves are closed."""
 
-
-def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> NDArray[np.bool_]:
+def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> Flags:
     """Which actions each drone of some swarms is allowed.
 
     Moves that leave the grid or lead into another drone's cell are masked; searching and
@@ -47,15 +41,19 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
         TypeError: the cells or the grid size are not integers.
         ValueError: they are out of their limits, or of another shape.
     """
-    places = _checked_cells(cells, grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
+    what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
+    places = checks.integer_array("cells", cells, what, 0, size**2 - 1)
+    if not places.ndim:
+        raise ValueError(f"cells must be {what}, got {cells!r}")
     checks.boolean("right_of_way", right_of_way)
     n = places.shape[-1]
     by_swarm = places.reshape(math.prod(places.shape[:-1]), n)
     swarms, closed = np.arange(len(by_swarm))[:, None], _closed(by_swarm, grid_size)
-    ahead = _targets(grid_size)[by_swarm, :4]
-    masks = np.ones((*by_swarm.shape, len(Action)), np.bool_)
+    ahead = _targets(grid_size)[by_swarm]
+    masks: Flags = ahead == by_swarm[..., None]
     for drone in range(n):
-        masks[:, drone, :4] = ~closed[swarms, ahead[:, drone]]
+        masks[:, drone] |= ~closed[swarms, ahead[:, drone]]
         if right_of_way:
             closed[swarms, ahead[:, drone]] = True
     return masks.reshape(*places.shape, len(Action))
@@ -70,20 +68,13 @@ def mask_space(n_drones: int | None = None) -> spaces.Box:
 def swarm_masks(
     cells: list[int], neighbours: Neighbours, right_of_way: bool
 ) -> list[NDArray[np.int8]]:
-    """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays.
-
-    Args:
-        cells: every drone's cell.
-        neighbours: of the grid's cells.
-        right_of_way: as for `action_masks`.
-    """
+    """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays."""
     closed = {OFF_GRID, *cells}
     masks = []
     for cell in cells:
         targets = neighbours[cell]
-        left, right, up, down, _, _ = targets
-        mask = _MASKS[left in closed, right in closed, up in closed, down in closed]
-        masks.append(mask.copy())
+        mask = bytearray(target not in closed or target == cell for target in targets)
+        masks.append(np.frombuffer(mask, np.int8))
         if right_of_way:
             closed.update(targets)
     return masks
@@ -91,7 +82,7 @@ def swarm_masks(
 
 def choose_in_turn(
     scores: NDArray[np.floating], cells: NDArray[np.integer], grid_size: int
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[Ints, Flags]:
     """Let the drones of each swarm choose in turn, so that none collide.
 
     Each drone takes its best-scored action among those allowed: no move off the grid, into
@@ -113,35 +104,20 @@ def choose_in_turn(
         turn, bool, of the scores' shape.
     """
     swarms = np.arange(len(cells))
-    targets = _targets(grid_size)
+    targets = _targets(grid_size)[cells, : scores.shape[-1]]
     closed = _closed(cells, grid_size)
     actions = np.empty(cells.shape, np.int64)
-    masks = np.ones(scores.shape, np.bool_)
+    masks = targets == cells[..., None]
     for drone in range(cells.shape[1]):
-        ahead = targets[cells[:, drone]]
-        masks[:, drone, :4] = ~closed[swarms[:, None], ahead[:, :4]]
+        ahead = targets[:, drone]
+        masks[:, drone] |= ~closed[swarms[:, None], ahead]
         chosen = np.where(masks[:, drone], scores[:, drone], -np.inf).argmax(axis=1)
         actions[:, drone] = chosen
         closed[swarms, ahead[swarms, chosen]] = True
     return actions, masks
 
 
-def _checked_cells(cells: ArrayLike, grid_size: int) -> NDArray[np.int64]:
-    """The drones' cells: int64, shape (..., n)."""
-    size = checks.integer("grid_size", grid_size, 2)
-    what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
-    places = checks.array("cells", cells, what)
-    if places.dtype.kind not in "iu":
-        raise TypeError(f"cells must be {what}, got {places.dtype}")
-    if not places.ndim:
-        raise ValueError(f"cells must be {what}, got {cells!r}")
-    wrong = places[(places < 0) | (places >= size**2)]
-    if wrong.size:
-        raise ValueError(f"cells must be {what}, got {wrong[0]}")
-    return places.astype(np.int64, copy=False)
-
-
-def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:
+def _closed(cells: NDArray[np.integer], grid_size: int) -> Flags:
     """The cells that no drone may enter, bool, (swarms, cells + 1), indexed as by `_targets`."""
     closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
     closed[:, -1] = True
@@ -150,7 +126,7 @@ def _closed(cells: NDArray[np.integer], grid_size: int) -> NDArray[np.bool_]:
 
 
 @lru_cache(maxsize=16)
-def _targets(grid_size: int) -> NDArray[np.int64]:
+def _targets(grid_size: int) -> Ints:
     """The target of each action, [cell, action]; the index after the last cell is off the grid."""
     targets = neighbours_of_all(grid_size)
     targets[targets == OFF_GRID] = grid_size**2

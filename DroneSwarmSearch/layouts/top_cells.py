@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
-from DroneSwarmSearch.layouts.layout import (
-    Layout,
-    Positions,
-    own_first,
-    scaled_positions,
-)
+from DroneSwarmSearch.layouts.layout import Layout, Positions, own_first, scaled_positions
 
 __all__ = ["TopCellsLayout", "likeliest_cells"]
 
@@ -22,16 +17,11 @@ _HALF = np.uint64(32)
 
 
 class TopCellsLayout(Layout):
-    """For each drone a vector: float32 in [-1, 1], length 3 k + 2 n + 1.
-
-    For each of the k likeliest cells in descending order, its offset to the right and down
-    and its probability, with the maximum scaled to 1; the drone's own x and y; for each of the
-    other drones, the nearest in steps first (ties by number), its offset to the right and
-    down; the remaining time fraction. Offsets and positions have the grid scaled to 1.
+    """The layout of `wrappers.TopCellsObservation`.
 
     Args:
         grid_size: cells along each side, N.
-        n_drones: the drones in each search, n.
+        n_drones: the number of drones, n.
         k: the number of cells; from 1 to N².
         name: the name of `k` in errors.
 
@@ -43,14 +33,7 @@ class TopCellsLayout(Layout):
     def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
         super().__init__(grid_size, n_drones)
         self.k = checks.integer(name, k, 1, self.grid_size**2)
-        low = np.concatenate(
-            [
-                np.tile([-1.0, -1.0, 0.0], self.k),
-                [0.0, 0.0],
-                np.full(2 * n_drones - 2, -1.0),
-                [0.0],
-            ]
-        ).astype(np.float32)
+        low = np.array([-1, -1, 0] * self.k + [0, 0] + [-1, -1] * (n_drones - 1) + [0], np.float32)
         self.space = spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._others = own_first(n_drones)[:, 1:]
 

@@ -112,7 +112,7 @@ class BeliefTracker:
             maps = [belief.map() for belief in self._beliefs]
             return mean_over_missing(maps, persons).astype(np.float32)
         forecasts = [self.forecasts[person] for person in persons]
-        if all(forecast.is_same(forecasts[0]) for forecast in forecasts):
+        if all(forecast.key == forecasts[0].key for forecast in forecasts):
             return forecasts[0].at(self.step)
         exact = [forecast.exact(self.step) for forecast in forecasts]
         return mean_over_missing(exact, range(len(exact))).astype(np.float32)
