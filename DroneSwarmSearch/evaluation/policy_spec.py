@@ -94,8 +94,9 @@ class PolicySpec:
             return PPOPolicy(scenario, self.policy)
         if not inspect.isclass(self.policy):
             return self.policy
-        kind: Callable[..., Callable[..., Any]] = self.policy
-        return kind(scenario)
+        kind: Any = self.policy
+        made: Callable[..., Any] = kind(scenario)
+        return made
 
 
 def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
