@@ -25,7 +25,7 @@ from DroneSwarmSearch.wrappers import (
     SeparateFlags,
 )
 
-__all__ = ["SingleDroneEnv", "make_drones"]
+__all__ = ["SingleDroneEnv"]
 
 
 @shows_keywords_of(DroneSwarmSearch)
