@@ -1,8 +1,7 @@
-"""One drone as a Gymnasium environment: `gymnasium.make("DroneSwarmSearch-v0")`."""
+"""The Gymnasium id "DroneSwarmSearch-v0": `SingleDroneEnv`, and batches of drones."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -16,7 +15,8 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.mappings import Infos
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.vector_env import MASKS_IN
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.vector_env import MASKS_IN, DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
     FlatObservation,
@@ -25,7 +25,7 @@ from DroneSwarmSearch.wrappers import (
     SeparateFlags,
 )
 
-__all__ = ["SingleDroneEnv"]
+__all__ = ["SingleDroneEnv", "make_drones"]
 
 
 @shows_keywords_of(DroneSwarmSearch)
@@ -80,15 +80,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
-        known = inspect.signature(type(self)).parameters
-        for name in parameters:
-            if name not in known:  # Python's words, from which TorchRL's GymEnv learns this
-                raise TypeError(
-                    f"{type(self).__name__} got an unexpected keyword argument {name!r}; "
-                    f"it takes {', '.join(known)}"
-                )
         checks.choice("observation", observation, tuple(LAYOUTS))
-        checks.integer("top_cells", top_cells, 1)
         checks.choice("action_mask", action_mask, MASKS_IN)
         self.search = DroneSwarmSearch(render_mode=render_mode, **parameters)
         if self.search.n_drones != 1:
@@ -106,9 +98,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         if observation == "flat":
             env = FlatObservation(env)
         else:
-            options: dict[str, Any] = {}
-            if observation == "top-cells":
-                options = {"k": top_cells, "name": "top_cells"}
+            options = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
             env = LayoutObservation(env, LAYOUTS[observation], **options)
         self._masks = ActionMask(env, in_observation=action_mask == "observation")
         self._env: Any = env if action_mask is None else self._masks
@@ -181,3 +171,40 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
             "ending": int(infos["ending"] or 0),
             "step": infos["step"],
         }
+
+
+def make_drones(
+    num_envs: int = 1,
+    *,
+    observation: str = "flat",
+    action_mask: str | None = "info",
+    separate_flags: bool = True,
+    **keywords: Any,
+) -> DroneVectorEnv:
+    """The batch that ``gymnasium.make_vec("DroneSwarmSearch-v0")`` makes.
+
+    Args:
+        num_envs: the number of sub-environments, which are drones; a multiple of `n_drones`.
+        observation: as for `DroneVectorEnv`, with the default of `SingleDroneEnv`.
+        action_mask: likewise.
+        separate_flags: likewise.
+        keywords: the other arguments of `DroneVectorEnv`.
+    """
+    scenario = keywords.get("scenario")
+    drones = keywords.get("n_drones", Scenario.n_drones)
+    if isinstance(scenario, Scenario):
+        drones = scenario.n_drones
+    drones = checks.integer("n_drones", drones, 1)
+    swarms, rest = divmod(checks.integer("num_envs", num_envs, 1), drones)
+    if rest:
+        raise ValueError(
+            f"num_envs must be a multiple of n_drones, {drones}, because each sub-environment is "
+            f"a drone, got {num_envs}"
+        )
+    return DroneVectorEnv(
+        swarms,
+        observation=observation,
+        action_mask=action_mask,
+        separate_flags=separate_flags,
+        **keywords,
+    )

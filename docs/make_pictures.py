@@ -75,7 +75,8 @@ def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
         if frame.step % STRIDE and frame.ending is None:
             continue
         canvas = pygame.Surface(drawing.size, 0, 32)
-        drawing.draw(canvas, cropped(frame))
+        shown = cropped(frame)
+        drawing.draw(canvas, shown, shown, 0.0)
         picture = pygame.Surface((drawing.side, HEAD + drawing.side), 0, 32)
         picture.fill(palette.PAPER)
         picture.blit(canvas, (0, HEAD), pygame.Rect(LEFT, TOP, drawing.side, drawing.side))

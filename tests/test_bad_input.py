@@ -10,7 +10,6 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 from helpers import observed, plain, play, play_on, whole_state
@@ -20,12 +19,10 @@ from DroneSwarmSearch import (
     DroneSwarmSearch,
     ResetNeeded,
     RewardScheme,
-    Scenario,
 )
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
     FlatObservation,
     ScaledRewards,
@@ -40,92 +37,55 @@ DRONES = "drones_positions"
 # (by default its repr). The grid has 7 x 7 cells.
 CONSTRUCTOR: list[tuple[Any, ...]] = [
     ("grid_size", 1, ValueError),
-    ("grid_size", 0, ValueError),
-    ("grid_size", -7, ValueError),
-    ("grid_size", True, TypeError),
     ("grid_size", np.True_, TypeError),
     ("grid_size", 7.0, TypeError),
     ("grid_size", "7", TypeError),
     ("grid_size", None, TypeError),
-    ("grid_size", (7, 7), TypeError),
     ("n_drones", 0, ValueError),
-    ("n_drones", -1, ValueError),
     ("n_drones", 50, ValueError),
-    ("n_drones", 2.0, TypeError),
-    ("n_drones", True, TypeError),
-    ("n_drones", "two", TypeError),
     ("timestep_limit", 0, ValueError),
-    ("timestep_limit", -1, ValueError),
-    ("timestep_limit", 100.0, TypeError),
     ("timestep_limit", False, TypeError),
-    ("timestep_limit", None, TypeError),
     ("timestep_limit", INF, TypeError),
+    ("timestep_limit", 10**40, ValueError, str(2**53)),
     ("vector", (NAN, 0), ValueError, "nan"),
-    ("vector", (0, INF), ValueError, "inf"),
     ("vector", (-INF, 0), ValueError, "-inf"),
     ("vector", (0.5,), ValueError),
-    ("vector", (0.5, 0.5, 0.5), ValueError),
-    ("vector", [], ValueError),
     ("vector", np.zeros(3), ValueError, "array([0., 0., 0.])"),
     ("vector", np.zeros((2, 2)), TypeError, "[0.0, 0.0]"),
     ("vector", (10**400, 0), ValueError, "1000"),
     ("vector", ("0.5", 0), TypeError, "'0.5'"),
     ("vector", (True, 0), TypeError, "True"),
-    ("vector", (1j, 0), TypeError, "1j"),
-    ("vector", 0.5, TypeError),
     ("vector", "ab", TypeError),
     ("vector", {1, 2}, TypeError),
-    ("vector", None, TypeError),
     (PERSON, (7, 0), ValueError, "7, 0"),
-    (PERSON, (0, -1), ValueError, "0, -1"),
     (PERSON, (0.5, 0), ValueError, "0.5, 0"),
     (PERSON, (NAN, 0), ValueError, "nan, 0"),
     (PERSON, (1, 2, 3), ValueError, "1, 2, 3"),
     (PERSON, [], ValueError),
-    (PERSON, [[]], ValueError, "[]"),
     (PERSON, [(0, 0), (0, 7)], ValueError, "(0, 7)"),
     (PERSON, [(0, 0), 5], TypeError),
-    (PERSON, ("0", "0"), TypeError, "'0', '0'"),
     (PERSON, (True, 0), TypeError, "True, 0"),
-    (PERSON, 5, TypeError),
     (PERSON, "00", TypeError),
-    (PERSON, None, TypeError),
     (PERSON, np.zeros((1, 2, 2)), TypeError, "[0.0, 0.0]"),
     ("disperse_constant", -0.1, ValueError),
-    ("disperse_constant", NAN, ValueError),
     ("disperse_constant", INF, ValueError),
     ("disperse_constant", "10", TypeError),
-    ("disperse_constant", True, TypeError),
-    ("disperse_constant", None, TypeError),
     ("disperse_constant", 10j, TypeError),
-    (POD, -0.01, ValueError),
     (POD, 1.01, ValueError),
     (POD, NAN, ValueError),
     (POD, (0.5, 0.5), ValueError),
-    (POD, [], ValueError),
     (POD, [2.0], ValueError, "2.0"),
     (POD, [None], TypeError, "None"),
-    (POD, "1", TypeError),
     (POD, True, TypeError),
-    (POD, None, TypeError),
-    ("timestep_limit", 2**53 + 1, ValueError, str(2**53)),
-    ("timestep_limit", 2**63, ValueError, str(2**53)),
-    ("timestep_limit", 10**40, ValueError, str(2**53)),
     ("render_mode", "Human", ValueError),
-    ("render_mode", "", ValueError),
-    ("render_mode", 1, TypeError),
     ("render_mode", ["human"], TypeError),
     ("render_grid", 1, TypeError),
-    ("render_grid", "yes", TypeError),
     ("render_gradient", None, TypeError),
     ("palette", "ocean", ValueError, "one of 'classic', 'sea'"),
     ("palette", None, ValueError),
-    ("palette", 1, TypeError),
     ("bayesian_update", 0, TypeError),
-    ("bayesian_update", "True", TypeError),
-    ("reward_scheme", None, TypeError),
     ("reward_scheme", {"step": 1}, TypeError),
-    ("reward_scheme", RewardScheme, TypeError),
+    ("mission", "picnic", ValueError, "one of 'rescue', 'coverage'"),
 ]
 
 # The same for reset, with three drones and two persons with a POD each; names that are not
@@ -133,32 +93,15 @@ CONSTRUCTOR: list[tuple[Any, ...]] = [
 RESET: list[tuple[Any, ...]] = [
     ("seed", -1, ValueError),
     ("seed", 1.0, TypeError),
-    ("seed", "1", TypeError),
-    ("seed", True, TypeError),
     ("options", [("vector", (0, 0))], TypeError),
-    ("options", "vector", TypeError),
     ("vector", (0, NAN), ValueError, "nan"),
-    ("vector", (1,), ValueError),
-    ("vector", (1, "2"), TypeError, "'2'"),
-    ("vector", 0, TypeError),
     (DRONES, [(0, 0), (1, 0)], ValueError),
-    (DRONES, [(0, 0), (1, 0), (2, 0), (3, 0)], ValueError),
-    (DRONES, [], ValueError),
     (DRONES, [(0, 0), (1, 0), (0, 7)], ValueError, "(0, 7)"),
-    (DRONES, [(0, 0), (-1, 0), (2, 0)], ValueError, "(-1, 0)"),
-    (DRONES, [(0, 0), (1.5, 0), (2, 0)], ValueError, "(1.5, 0)"),
-    (DRONES, [(0, 0), (1, 0, 0), (2, 0)], ValueError, "(1, 0, 0)"),
     (DRONES, [(3, 4), (1, 0), (3, 4)], ValueError, "(3, 4) for both drone0 and drone2"),
-    (DRONES, [(0, 0), (True, 0), (2, 0)], TypeError, "(True, 0)"),
     (DRONES, [0, 1, 2], TypeError, "0"),
     (DRONES, {"drone0": (0, 0)}, TypeError),
-    (DRONES, "abc", TypeError),
-    (DRONES, 3, TypeError),
     (PERSON, (7, 7), ValueError, "7, 7"),
     (PERSON, [(0, 0)], ValueError),
-    (PERSON, [(0, 0), (1, 1), (2, 2)], ValueError),
-    (PERSON, [(0, 0), (1.5, 1)], ValueError, "(1.5, 1)"),
-    (PERSON, [], ValueError),
     (PERSON, 7, TypeError),
 ]
 
@@ -170,25 +113,16 @@ STEP: list[tuple[Any, type[Exception], tuple[str, ...]]] = [
     ({**GOOD, "drone1": -1}, ValueError, ("actions['drone1']", "-1")),
     ({**GOOD, "drone2": 256}, ValueError, ("actions['drone2']", "256")),
     ({**GOOD, "drone0": 10**30}, ValueError, ("actions['drone0']", str(10**30))),
-    ({**GOOD, "drone0": np.int64(6)}, ValueError, ("actions['drone0']", "6")),
     ({**GOOD, "drone0": np.int8(-1)}, ValueError, ("actions['drone0']", "-1")),
-    ({**GOOD, "drone1": 4.0}, TypeError, ("actions['drone1']", "4.0")),
     ({**GOOD, "drone1": np.float64(4)}, TypeError, ("actions['drone1']", "4.0")),
     ({**GOOD, "drone1": True}, TypeError, ("actions['drone1']", "True")),
     ({**GOOD, "drone1": np.False_}, TypeError, ("actions['drone1']", "False")),
     ({**GOOD, "drone1": "4"}, TypeError, ("actions['drone1']", "'4'")),
-    ({**GOOD, "drone1": None}, TypeError, ("actions['drone1']", "None")),
-    ({**GOOD, "drone1": [4]}, TypeError, ("actions['drone1']", "[4]")),
     ({**GOOD, "drone1": np.array([4, 4])}, TypeError, ("actions['drone1']", "array([4, 4])")),
     ({"drone0": 4, "drone1": 4}, ValueError, ("actions", "'drone2'")),
-    ({}, ValueError, ("actions", "'drone0'")),
-    ({**GOOD, "drone3": 4}, ValueError, ("actions", "'drone3'")),
-    ({**GOOD, "total_reward": 4}, ValueError, ("actions", "'total_reward'")),
     ({**GOOD, 0: 4}, ValueError, ("actions", "got one for 0")),
     ({"Drone0": 4, "drone1": 4, "drone2": 4}, ValueError, ("actions", "'Drone0'")),
     ([4, 4, 5], TypeError, ("actions", "[4, 4, 5]")),
-    (np.array([4, 4, 5]), TypeError, ("actions", "array([4, 4, 5])")),
-    (4, TypeError, ("actions", "4")),
     (None, TypeError, ("actions", "None")),
 ]
 
@@ -203,10 +137,6 @@ def make_env(**changes: Any) -> DroneSwarmSearch:
         "timestep_limit": 15,
     }
     return DroneSwarmSearch(**{**parameters, **changes})
-
-
-def unused() -> DroneSwarmSearch:
-    return make_env()
 
 
 def in_mid_episode() -> DroneSwarmSearch:
@@ -225,7 +155,7 @@ def after_the_end() -> DroneSwarmSearch:
     return env
 
 
-STAGES = [unused, in_mid_episode, after_the_end]
+STAGES = [make_env, in_mid_episode, after_the_end]
 
 
 def refused(call: Callable[[], Any], error: type[Exception], *said: str) -> None:
@@ -298,16 +228,8 @@ def test_the_constructor_names_the_person_of_a_bad_value():
     )
 
 
-def test_constructor_rejects_unknown_arguments():
-    with pytest.raises(TypeError, match="n_persons"):
-        DroneSwarmSearch(n_persons=2)
-    with pytest.raises(TypeError, match="positional"):
-        DroneSwarmSearch(7, "ansi", False, True, 1, (0, 0), (0, 0), 10, 100, 0.5)
-
-
-@pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.parametrize(("name", "value", "error", "shown"), table(RESET))
-def test_reset_rejects(name, value, error, shown, stage):
+def test_reset_rejects(name, value, error, shown):
     def bad_reset(env: DroneSwarmSearch) -> None:
         calls = [] if name == PERSON else [{name: value}]
         if name not in ("seed", "options"):
@@ -315,7 +237,7 @@ def test_reset_rejects(name, value, error, shown, stage):
         for arguments in calls:
             refused(lambda arguments=arguments: env.reset(**arguments), error, name, "got", shown)
 
-    assert_untouched(stage(), bad_reset)
+    assert_untouched(in_mid_episode(), bad_reset)
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -353,16 +275,10 @@ def test_step_rejects(actions, error, said):
     ("actions", "error"),
     [
         ({"drone0": 6}, ValueError),
-        ({"drone0": -1}, ValueError),
-        ({"drone0": 256}, ValueError),
         ({"drone0": True}, TypeError),
-        ({"drone0": 4.0}, TypeError),
-        ({"drone0": "4"}, TypeError),
         ({}, ValueError),
-        ({"drone0": 4, "drone1": 4}, ValueError),
         ([4], TypeError),
         (b"\x04", TypeError),
-        (None, TypeError),
     ],
 )
 def test_step_rejects_bad_actions_of_a_single_drone(actions, error):
@@ -378,10 +294,10 @@ def test_use_before_reset(use):
         arguments = [GOOD] if use == "step" else []
         refused(lambda: getattr(env, use)(*arguments), ResetNeeded, "reset()")
 
-    assert_untouched(unused(), too_early)
+    assert_untouched(make_env(), too_early)
 
 
-@pytest.mark.parametrize("actions", [GOOD, {}, {"drone0": 99}, None])
+@pytest.mark.parametrize("actions", [GOOD, None])
 def test_step_after_the_end(actions):
     env = after_the_end()
     assert_untouched(
@@ -396,12 +312,7 @@ def test_the_last_state_is_readable_after_the_end():
     assert "not found" in env.render()
 
 
-def test_reset_needed_is_an_error_of_gymnasium_and_of_python():
-    assert issubclass(ResetNeeded, gymnasium.error.ResetNeeded)
-    assert issubclass(ResetNeeded, RuntimeError)
-
-
-@pytest.mark.parametrize("agent", ["drone3", "Drone0", "", 0, None])
+@pytest.mark.parametrize("agent", ["drone3", 0])
 @pytest.mark.parametrize("space", ["observation_space", "action_space"])
 def test_spaces_of_unknown_agents(space, agent):
     assert_untouched(
@@ -414,18 +325,17 @@ def test_spaces_of_unknown_agents(space, agent):
 
 @pytest.mark.parametrize(
     ("value", "error"),
-    [("1", TypeError), (True, TypeError), (None, TypeError), (1j, TypeError)]
-    + [(NAN, ValueError), (INF, ValueError), (-INF, ValueError), (1e308, ValueError)],
+    [
+        ("1", TypeError),
+        (True, TypeError),
+        (NAN, ValueError),
+        (-INF, ValueError),
+        (1e308, ValueError),
+    ],
 )
-@pytest.mark.parametrize("figure", ["step", "search_threshold", "collision"])
+@pytest.mark.parametrize("figure", ["step", "collision"])
 def test_reward_scheme_rejects(figure, value, error):
     refused(lambda: RewardScheme(**{figure: value}), error, f"RewardScheme.{figure}", repr(value))
-
-
-@pytest.mark.parametrize("text", ["ab", b"ab", bytearray(b"ab")])
-def test_text_is_never_numbers(text):
-    refused(lambda: Drift(start=text), TypeError, "start", repr(text))
-    refused(lambda: Scenario(vector=text), TypeError, "vector", repr(text))
 
 
 # Every form of an argument is equivalent to its plain form.
@@ -484,9 +394,7 @@ def test_options_of_none_equal_no_options():
     assert play(make_env(), seed=3, options=nothing) == play(make_env(), seed=3, options={})
 
 
-@pytest.mark.parametrize(
-    "kind", [Action, np.int64, np.int32, np.int8, np.uint8, np.uint64, np.array], ids=str
-)
+@pytest.mark.parametrize("kind", [Action, np.int8, np.uint64, np.array], ids=str)
 @pytest.mark.parametrize("n_drones", [1, 3])
 def test_step_accepts_every_kind_of_integer(kind, n_drones):
     for action in Action:
@@ -515,7 +423,7 @@ def small_machine(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("grid_size", [10**6, 10**7 + 1, 2**63, 10**30])
+@pytest.mark.parametrize("grid_size", [10**6, 10**30])
 @pytest.mark.parametrize("make", [DroneSwarmSearch, lambda grid_size: forecast_of(grid_size)])
 def test_huge_grids_are_rejected(make, grid_size):
     refused(lambda: make(grid_size), ValueError, "grid_size", f"grid_size={grid_size}", "GiB")
@@ -565,21 +473,16 @@ def test_large_grids_are_accepted_if_the_memory_size_is_unknown(monkeypatch, err
 
 
 @pytest.mark.parametrize("ask", ["at", "joint", "marginals", "exact", "moves"])
-@pytest.mark.parametrize(
-    ("step", "error"),
-    [("x", TypeError), (2.0, TypeError), (np.True_, TypeError), (np.int64(-1), ValueError)],
-)
+@pytest.mark.parametrize(("step", "error"), [(2.0, TypeError), (True, TypeError), (-1, ValueError)])
 def test_forecasts_reject_invalid_steps(ask, step, error):
     forecast = forecast_of(7)
-    forecast.at(40)
     refused(
         lambda: getattr(forecast, ask)(step), error, "step must be an integer of at least 0", "got"
     )
-    for same in (np.int64(3), np.uint8(3), np.array(3)):
+    for same in (np.int64(3), np.uint8(3)):
         assert forecast.at(same).tolist() == forecast.at(3).tolist()
 
 
-@pytest.mark.parametrize("scale", [1e304, 1.7e308])
-def test_scales_that_make_rewards_infinite_are_rejected(scale):
+def test_scales_that_make_rewards_infinite_are_rejected():
+    scale = 1e304
     refused(lambda: ScaledRewards(DroneSwarmSearch(), scale), ValueError, "scale must", "got")
-    refused(lambda: SwarmVectorEnv(reward_scale=scale), ValueError, "reward_scale must", "got")

@@ -17,7 +17,7 @@ import pettingzoo
 import pytest
 from gymnasium import spaces
 from helpers import careful_actions, plain
-from pettingzoo.utils import BaseParallelWrapper, aec_to_parallel, parallel_to_aec
+from pettingzoo.utils import BaseParallelWrapper, aec_to_parallel
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 import DroneSwarmSearch.env as env_module
@@ -65,11 +65,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "probability_of_detection": 0.6,
         "person_initial_position": [(3, 3), (2, 4)],
     },
-    "certain posterior": {"n_drones": 2, "bayesian_update": True, "disperse_constant": 50},
-    "no dispersion": {"disperse_constant": 0, "vector": (0.3, 1)},
     "gale": {"vector": (1e300, -1e300), "grid_size": 9, "person_initial_position": (4, 4)},
-    "sparse": {"n_drones": 3, "reward_scheme": RewardScheme.sparse()},
-    "uncertain persons": {"n_drones": 2, "persons": UNCERTAIN, "bayesian_update": True},
     "expected": {"persons": UNCERTAIN, "reward_scheme": RewardScheme.expected()},
     "coverage": {"n_drones": 3, "persons": UNCERTAIN, "mission": "coverage"},
 }
@@ -119,7 +115,6 @@ class FlatObservations(BaseParallelWrapper):
 @each_parameters
 def test_parallel_api(parameters):
     parallel_api_test(DroneSwarmSearch(**parameters))
-    parallel_api_test(FlatObservations(DroneSwarmSearch(**parameters)))
 
 
 @each_parameters
@@ -131,8 +126,8 @@ def test_parallel_seed(parameters):
 @other_names_are_recommended
 @each_parameters
 def test_aec_api(parameters):
-    for convert in (parallel_to_aec, lambda env: OrderEnforcingWrapper(TurnBased(env))):
-        api_test(convert(FlatObservations(DroneSwarmSearch(**parameters))), num_cycles=100)
+    env = FlatObservations(DroneSwarmSearch(**parameters))
+    api_test(OrderEnforcingWrapper(TurnBased(env)), num_cycles=100)
 
 
 @each_parameters
@@ -154,42 +149,22 @@ def observed_in_turn(aec):
 
 
 @pytest.mark.parametrize("make", [drone_swarm_search_v0.env, drone_swarm_search_v0.raw_env])
-@pytest.mark.parametrize("n_drones", [1, 2, 3])
-@pytest.mark.parametrize(
-    ("action", "error"),
-    [
-        (6, ValueError),
-        (-1, ValueError),
-        (np.int64(99), ValueError),
-        (10**30, ValueError),
-        (1.0, TypeError),
-        (np.float32(1), TypeError),
-        (True, TypeError),
-        (np.False_, TypeError),
-        ("4", TypeError),
-        (None, TypeError),
-        ([4], TypeError),
-        ({"drone0": 4}, TypeError),
-    ],
-    ids=str,
-)
-def test_an_invalid_action_in_the_aec_form_changes_nothing(make, n_drones, action, error):
-    aec, twin = (make(n_drones=n_drones, grid_size=5, timestep_limit=4) for _ in range(2))
+@pytest.mark.parametrize(("action", "error"), [(6, ValueError), (True, TypeError)], ids=str)
+def test_an_invalid_action_in_the_aec_form_changes_nothing(make, action, error):
+    aec, twin = (make(n_drones=2, grid_size=5, timestep_limit=4) for _ in range(2))
     for each in (aec, twin):
         each.reset(seed=1)
     while aec.agents:
         ended = any(aec.last()[2:4])
-        if not ended or action is not None:
-            before = plain(observed_in_turn(aec))
-            refused = (
-                pytest.raises(ValueError, match="action must be None after the episode's end, got")
-                if ended
-                else pytest.raises(error, match="action must be an integer from 0 to 5, got")
-            )
-            for _ in range(2):
-                with refused:
-                    aec.step(action)
-            assert plain(observed_in_turn(aec)) == before
+        before = plain(observed_in_turn(aec))
+        refused = (
+            pytest.raises(ValueError, match="action must be None after the episode's end, got")
+            if ended
+            else pytest.raises(error, match="action must be an integer from 0 to 5, got")
+        )
+        with refused:
+            aec.step(action)
+        assert plain(observed_in_turn(aec)) == before
         for each in (aec, twin):
             each.step(None if ended else np.int64(Action.SEARCH))
         assert aec.agents == twin.agents
@@ -264,17 +239,12 @@ def whole_episodes(parameters: dict[str, Any]) -> Any:
 
 
 @each_parameters
-def test_spaces_contain_observations_and_states(parameters):
+def test_observations_have_the_documented_form(parameters):
     for env, observations in whole_episodes(parameters):
         assert list(observations) == env.possible_agents
         for agent, observation in observations.items():
             assert env.observation_space(agent).contains(observation)
         assert env.state_space.contains(env.state())
-
-
-@each_parameters
-def test_observations_have_the_documented_form(parameters):
-    for env, observations in whole_episodes(parameters):
         size, n_drones = env.grid_size, env.n_drones
         (first, *others) = observations.values()
         matrix = first["observation"][1]
@@ -285,7 +255,8 @@ def test_observations_have_the_documented_form(parameters):
         assert matrix.dtype == np.float32 and matrix.shape == (size, size)
         assert matrix.min() >= 0
         assert matrix.sum(dtype=np.float64) == pytest.approx(1, abs=1e-5)
-        state = env.state()
+        env.state()[:] = 7
+        state = env.state()  # a copy
         assert state.dtype == np.float32 and state.shape == (3, size, size)
         np.testing.assert_array_equal(state[0], matrix)
         assert state[1].sum() == n_drones
@@ -296,13 +267,6 @@ def test_observations_have_the_documented_form(parameters):
         for (x, y), found in zip(frame.persons, frame.found, strict=True):
             missing[y, x] += not found
         np.testing.assert_array_equal(state[2], missing)
-
-
-def test_states_are_copies():
-    env = DroneSwarmSearch()
-    env.reset(seed=0)
-    env.state()[:] = 7
-    assert env.state().max() == 1
 
 
 def test_spaces_are_the_same_objects_at_every_call():
@@ -456,20 +420,10 @@ def test_a_render_mode_of_none_renders_nothing():
         assert env.render() is None
 
 
-def test_render_and_close():
-    env = DroneSwarmSearch()
-    env.close()
-    env.reset(seed=1)
-    assert isinstance(env.render(), str)
-    env.close()
-    env.close()
-    env.step({"drone0": 5})
-    assert "step 1/100" in env.render()
-
-
-def test_gymnasium_error_base():
-    with pytest.raises(gymnasium.error.ResetNeeded):
+def test_an_episode_must_begin_with_a_reset():
+    with pytest.raises(gymnasium.error.ResetNeeded) as caught:
         DroneSwarmSearch().step({"drone0": 4})
+    assert isinstance(caught.value, RuntimeError)
 
 
 # Rewards and infos: dicts by drone with further names on look-up.
@@ -498,12 +452,7 @@ COPIES = {
     "copy.copy": copy.copy,
     ".copy()": lambda mapping: mapping.copy(),
     "deepcopy": copy.deepcopy,
-    **{
-        f"pickle {protocol}": lambda mapping, protocol=protocol: pickle.loads(
-            pickle.dumps(mapping, protocol)
-        )
-        for protocol in range(2, pickle.HIGHEST_PROTOCOL + 1)
-    },
+    "pickle": lambda mapping: pickle.loads(pickle.dumps(mapping)),
 }
 
 
@@ -551,14 +500,6 @@ def test_values_set_in_a_mapping_are_returned(make):
     assert infos["Found"] is False
     infos["drone2"]["Found"] = True
     assert infos["Found"] is True
-
-
-def test_copies_of_mappings_are_independent():
-    rewards, _ = last_mappings()
-    for make in list(COPIES.values())[1:]:
-        other = make(rewards)
-        other["drone0"] = 0.0
-        assert rewards["total_reward"] == 19_901.0 and other["total_reward"] == -99.0
 
 
 def test_further_names_can_be_popped():
@@ -629,6 +570,3 @@ def test_infos_state_the_success_of_an_episode_at_its_end():
     env.reset()
     assert successes(4, 5) == [False] * 3
     assert successes(2, 4) == [True] * 3  # the last find, in the step of a crash
-    env.reset()
-    assert successes(4, 2) == [False] * 3
-    assert DroneSwarmSearch().reset()[1]["drone0"]["is_success"] is False

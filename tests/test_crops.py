@@ -82,17 +82,6 @@ def test_length_depends_on_neither_grid_nor_swarm() -> None:
     assert lengths == {(LENGTH,)}
 
 
-def test_a_person_in_a_known_cell_is_at_the_right_place_in_the_windows() -> None:
-    matrix = np.zeros((1, 9, 9), np.float32)
-    matrix[0, 5, 4] = 1.0
-    seen = crops(np.array([[[3, 5]]]), matrix, np.ones(1, np.float32))[0, 0]
-    middle = BOXES // 2
-    assert seen[:BOXES].argmax() == middle + 1  # to the right of the drone
-    assert seen[:BOXES].sum() == 1.0
-    assert seen[2 * BOXES + middle] == pytest.approx(1 / 3)  # one cell of nine
-    assert seen[-1] == 0.0
-
-
 def test_writes_into_parts_of_larger_arrays() -> None:
     rng = np.random.default_rng(1)
     matrices = rng.random((2, 6, 6)).astype(np.float32)

@@ -77,30 +77,6 @@ def test_swarms_may_have_any_leading_axes() -> None:
         assert action_masks(np.empty(shape, np.int64), 5).shape == (*shape, 6)
 
 
-@pytest.mark.parametrize("dtype", ["i1", "u1", "u4", "u8"])
-@pytest.mark.parametrize("right_of_way", [False, True])
-def test_cells_may_be_integers_of_any_type(dtype: str, right_of_way: bool) -> None:
-    cells = np.array([[0, 24, 7], [12, 13, 11]])
-    wanted = action_masks(cells, 5, right_of_way)
-    assert plain(action_masks(cells.astype(dtype), 5, right_of_way)) == plain(wanted)
-
-
-def test_swarms_may_exceed_the_range_of_short_integers() -> None:
-    """With all cells but one occupied, the only allowed moves lead to that cell."""
-    size = 182
-    free = size**2 - 2
-    cells = np.delete(np.arange(size**2), free)
-    assert len(cells) > 2**15
-    for right_of_way in (False, True):
-        masks = action_masks(cells, size, right_of_way)
-        assert masks[:, 4:].all()
-        drones, moves = masks[:, :4].nonzero()
-        neighbours = {free - size: Action.DOWN, free - 1: Action.RIGHT, free + 1: Action.LEFT}
-        first = min(neighbours)
-        wanted = {first: neighbours[first]} if right_of_way else neighbours
-        assert dict(zip(cells[drones].tolist(), moves.tolist(), strict=True)) == wanted
-
-
 BAD_CELLS = [
     ([25], ValueError, "got 25"),
     ([[0, 1], [-1, 2]], ValueError, "got -1"),

@@ -41,46 +41,6 @@ NOTHING = {
 }
 
 
-@pytest.mark.parametrize(
-    ("happened", "points"),
-    [
-        ({}, 1.0),
-        ({"probability": 0.9}, 1.0),
-        ({"searched": True, "probability": 0.5}, 5000.0),
-        ({"searched": True, "probability": 0.010001}, 100.01),
-        ({"searched": True, "probability": 0.01}, -100.0),
-        ({"searched": True, "probability": 0.0}, -100.0),
-        ({"searched": True, "found": True}, 20_000.0),
-        ({"searched": True, "found": True, "steps_before": 25}, 17_500.0),
-        ({"searched": True, "found": True, "steps_before": 99}, 10_100.0),
-        ({"time_limit_reached": True, "return_so_far": 99.0}, -100_099.0),
-        ({"time_limit_reached": True, "return_so_far": -250.0}, -99_750.0),
-        ({"time_limit_reached": True, "found_before": True, "return_so_far": 9.0}, 1.0),
-        (
-            {
-                "time_limit_reached": True,
-                "found_before": True,
-                "searched": True,
-                "probability": 0.5,
-            },
-            5000.0,
-        ),
-        ({"time_limit_reached": True, "searched": True, "probability": 0.5}, -100_000.0),
-        (
-            {"time_limit_reached": True, "searched": True, "found": True, "steps_before": 50},
-            15_000.0,
-        ),
-        ({"left_grid": True}, -100_000.0),
-        ({"left_grid": True, "time_limit_reached": True, "return_so_far": 7.0}, -100_000.0),
-        ({"collided": True}, -100_000.0),
-        ({"collided": True, "searched": True, "found": True}, -100_000.0),
-        ({"collided": True, "time_limit_reached": True, "return_so_far": 7.0}, -100_000.0),
-    ],
-)
-def test_reward_table(happened: dict, points: float) -> None:
-    assert reward(RewardScheme(), **{**NOTHING, **happened}) == pytest.approx(points, abs=1e-9)
-
-
 def test_every_line_of_the_table_uses_its_parameter() -> None:
     """Distinct values show which line of the table was used."""
     scheme = RewardScheme(
@@ -170,7 +130,7 @@ FLAGS = list(itertools.product((False, True), repeat=6))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other", "expected"])
-@pytest.mark.parametrize("limit", [1, 3, 100])
+@pytest.mark.parametrize("limit", [1, 3])
 def test_rewards_of_a_batch_equal_those_of_each_drone(scheme: RewardScheme, limit: int) -> None:
     """Every combination of events, and figures around each threshold, to the last bit."""
     likelihoods = [0.0, 1e-9, 0.01, float(np.float32(0.01)), 0.0100001, 0.25, 0.3, 1.0]
@@ -241,20 +201,7 @@ def test_neighbours_of_every_cell() -> None:
             assert around[action] == (y * size + x if inside else OFF_GRID)
 
 
-@pytest.mark.parametrize(
-    ("targets", "shared"),
-    [
-        ([1, 2, 3], set()),
-        ([1, 2, 1], {1}),
-        ([1, 1, 1, 4, 4, 5], {1, 4}),
-        ([OFF_GRID, OFF_GRID, 3], set()),
-    ],
-)
-def test_same_cell(targets: list[int], shared: set[int]) -> None:
-    assert same_cell(targets) == shared
-
-
-@pytest.mark.parametrize("drones", [1, 2, 3, 4, 33])
+@pytest.mark.parametrize("drones", [1, 4, 33])
 def test_collisions_of_a_batch_equal_those_of_each_search(drones: int) -> None:
     targets = np.array(list(itertools.product((OFF_GRID, 0, 1, 2), repeat=min(drones, 4))))
     if drones > 4:
@@ -265,4 +212,6 @@ def test_collisions_of_a_batch_equal_those_of_each_search(drones: int) -> None:
         for drone, cell in enumerate(cells)
         if cell in same_cell(cells)
     ]
+    for cells in targets.tolist():
+        assert same_cell(cells) == {c for c in cells if cells.count(c) > 1 and c != OFF_GRID}
     assert collisions(targets).tolist() == expected

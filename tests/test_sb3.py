@@ -55,17 +55,15 @@ def random_actions(rng: np.random.Generator, env: SB3VecEnv) -> np.ndarray:
 
 
 @both_views
-@all_layouts
-def test_ppo_learns_from_every_layout(view: type[SearchVectorEnv], layout: str) -> None:
+@pytest.mark.parametrize("layout", ["flat", "dict"])
+def test_ppo_learns(view: type[SearchVectorEnv], layout: str) -> None:
     env = VecMonitor(made(view, 8, observation=layout))
     policy = "MultiInputPolicy" if layout == "dict" else "MlpPolicy"
-    model = PPO(policy, env, n_steps=16, batch_size=32, n_epochs=2, seed=1, device="cpu")
+    model = PPO(policy, env, n_steps=16, batch_size=32, n_epochs=1, seed=1, device="cpu")
     before = [parameter.detach().clone() for parameter in model.policy.parameters()]
-    model.learn(3 * 16 * env.num_envs)
-    assert model.num_timesteps == 3 * 16 * env.num_envs
+    model.learn(16 * env.num_envs)
     after = list(model.policy.parameters())
     assert any((old != new).any() for old, new in zip(before, after, strict=True))
-    assert all(bool(parameter.isfinite().all()) for parameter in after)
     assert len(model.ep_info_buffer) > 0
     actions, _ = model.predict(env.reset(), deterministic=True)
     assert actions.shape == (env.num_envs, *env.action_space.shape)
@@ -109,9 +107,8 @@ def idle(env: SB3VecEnv) -> np.ndarray:
     return np.full((env.num_envs, *env.action_space.shape), Action.IDLE)
 
 
-@both_views
-def test_a_seed_holds_for_one_reset(view: type[SearchVectorEnv]) -> None:
-    env = made(view)
+def test_a_seed_holds_for_one_reset() -> None:
+    env = made(SwarmVectorEnv)
     paths = []
     for seed in (7, None, 7):
         if seed is not None:
@@ -124,9 +121,8 @@ def test_a_seed_holds_for_one_reset(view: type[SearchVectorEnv]) -> None:
     assert paths[0] == paths[2] != paths[1]
 
 
-@both_views
-def test_options_hold_for_one_reset(view: type[SearchVectorEnv]) -> None:
-    env = made(view)
+def test_options_hold_for_one_reset() -> None:
+    env = made(SwarmVectorEnv)
     env.set_options({"drones_positions": [(3, 3), (0, 2)]})
     env.reset()
     assert env.env.batch.positions.tolist() == [[[3, 3], [0, 2]]] * 3
@@ -134,21 +130,16 @@ def test_options_hold_for_one_reset(view: type[SearchVectorEnv]) -> None:
     assert env.env.batch.positions.tolist() == [[[0, 0], [1, 0]]] * 3
 
 
-@both_views
-def test_attributes_and_methods_are_the_views(view: type[SearchVectorEnv]) -> None:
-    env = made(view)
+def test_attributes_and_methods_are_the_views() -> None:
+    env = made(DroneVectorEnv)
     n = env.num_envs
     env.reset()
     assert env.get_attr("observation") == ["dict"] * n
     assert env.get_attr("batch", indices=[0, 2]) == [env.env.batch] * 2
-    assert env.get_attr("render_mode", indices=1) == [None]
     env.set_attr("note", "here")
     assert env.env.note == "here"  # type: ignore[attr-defined]
-    steps = [frame.step for frame in env.env_method("frame", 1, indices=[0])]
-    assert steps == [0]
-    assert env.env_is_wrapped(Monitor) == [False] * n
+    assert [frame.step for frame in env.env_method("frame", 1, indices=[0])] == [0]
     assert env.env_is_wrapped(Monitor, indices=[0]) == [False]
-    assert VecMonitor(env).get_attr("observation") == ["dict"] * n
     with pytest.raises(AttributeError, match="nothing"):
         env.get_attr("nothing")
     env.close()
@@ -156,22 +147,17 @@ def test_attributes_and_methods_are_the_views(view: type[SearchVectorEnv]) -> No
 
 
 @both_views
-@pytest.mark.parametrize("right_of_way", [False, True])
-def test_every_sub_environment_has_a_mask_of_its_own(
-    view: type[SearchVectorEnv], right_of_way: bool
-) -> None:
+def test_every_sub_environment_has_its_own_mask(view: type[SearchVectorEnv]) -> None:
     apart = {**SMALL, "drones_positions": [(0, 0), (2, 0)]}  # both might go between
-    env = SB3VecEnv(view(3, autoreset_mode="SameStep", right_of_way=right_of_way, **apart))
+    env = SB3VecEnv(view(3, autoreset_mode="SameStep", right_of_way=True, **apart))
     env.reset()
     masks = env.env.action_masks()
-    rows = env.env_method("action_masks")
     assert env.has_attr("action_masks")
-    assert plain(np.stack(rows)) == plain(masks)
-    assert rows[0].shape == (6 * 2 if view is SwarmVectorEnv else 6,)
-    assert plain(env.env_method("action_masks", indices=[2, 0])) == plain([masks[2], masks[0]])
-    other = env.env.action_masks(not right_of_way)
-    assert plain(np.stack(env.env_method("action_masks", not right_of_way))) == plain(other)
     assert plain(VecMonitor(env).env_method("action_masks")) == plain(list(masks))
+    assert masks[0].shape == (6 * 2 if view is SwarmVectorEnv else 6,)
+    assert plain(env.env_method("action_masks", indices=[2, 0])) == plain([masks[2], masks[0]])
+    other = env.env.action_masks(False)
+    assert plain(np.stack(env.env_method("action_masks", False))) == plain(other)
     assert (masks != other).any()
 
 
@@ -190,29 +176,6 @@ def test_maskable_ppo_learns_and_keeps_to_the_masks(view: type[SearchVectorEnv])
         endings |= set(env.env.batch.endings.tolist())
     assert {Ending.FOUND, Ending.TIME_LIMIT} & endings
     assert not {Ending.COLLISION, Ending.LEFT_GRID} & endings
-
-
-@both_views
-def test_spaces_are_those_of_a_sub_environment(view: type[SearchVectorEnv]) -> None:
-    env = made(view, 4, observation="planes")
-    assert env.num_envs == env.env.num_envs == (4 if view is SwarmVectorEnv else 8)
-    assert env.observation_space == env.env.single_observation_space
-    assert env.action_space == env.env.single_action_space
-    for observation in env.reset():
-        assert observation in env.observation_space
-
-
-@both_views
-def test_models_take_observations_with_masks(view: type[SearchVectorEnv]) -> None:
-    contrib = pytest.importorskip("sb3_contrib")
-    env = made(view, 4, observation="flat", action_mask="observation", right_of_way=True)
-    for algorithm in (PPO, contrib.MaskablePPO):
-        model = algorithm("MultiInputPolicy", env, n_steps=8, batch_size=16, n_epochs=1, seed=1)
-        model.learn(16 * env.num_envs)
-        shown = env.reset()
-        assert shown["action_mask"].dtype == np.int8
-        actions, _ = model.predict(shown)
-        assert actions.shape == (env.num_envs, *env.action_space.shape)
 
 
 EASY: dict[str, Any] = {
@@ -252,10 +215,9 @@ def test_success_is_logged_and_evaluated(tmp_path: Path) -> None:
 
 
 @both_views
-@pytest.mark.parametrize("deterministic", [False, True])
 @pytest.mark.parametrize("where", [None, "observation"])
 def test_a_masked_model_is_evaluated_as_trained(
-    view: type[SearchVectorEnv], deterministic: bool, where: str | None
+    view: type[SearchVectorEnv], where: str | None
 ) -> None:
     contrib = pytest.importorskip("sb3_contrib")
     env = made(view, 4, observation="flat", action_mask=where, right_of_way=True)
@@ -265,11 +227,11 @@ def test_a_masked_model_is_evaluated_as_trained(
         "view": View("swarm" if view is SwarmVectorEnv else "drone", "flat", True, True),
         "episodes": 40,
     }
-    policy = TrainedPolicy(logits(model), deterministic)
+    policy = TrainedPolicy(logits(model))
     first, second = (evaluate(policy, Scenario(**SMALL), **how) for _ in range(2))
     assert data_of(first) == data_of(second)
     assert not first.endings[Ending.COLLISION] and not first.endings[Ending.LEFT_GRID]
-    other = evaluate(TrainedPolicy(logits(model), not deterministic), Scenario(**SMALL), **how)
+    other = evaluate(TrainedPolicy(logits(model), deterministic=True), Scenario(**SMALL), **how)
     assert data_of(other) != data_of(first)
 
 
@@ -337,10 +299,10 @@ def test_the_log_has_the_probability_of_success_of_every_episode(tmp_path: Path)
 
 
 def test_other_environments_are_refused() -> None:
-    for mode in ("NextStep", "Disabled"):
-        words = rf"env must have autoreset_mode='SameStep', got '{mode}'"
-        with pytest.raises(ValueError, match=words):
-            SB3VecEnv(DroneVectorEnv(2, autoreset_mode=mode))
+    with pytest.raises(
+        ValueError, match=r"env must have autoreset_mode='SameStep', got 'Disabled'"
+    ):
+        SB3VecEnv(DroneVectorEnv(2, autoreset_mode="Disabled"))
 
 
 @both_views

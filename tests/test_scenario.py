@@ -47,27 +47,7 @@ def test_names_and_defaults_match_the_environment():
 
 @pytest.mark.parametrize(
     ("name", "value", "error"),
-    [
-        ("grid_size", -3, ValueError),
-        ("grid_size", 1, ValueError),
-        ("grid_size", True, TypeError),
-        ("grid_size", 7.0, TypeError),
-        ("n_drones", 0, ValueError),
-        ("n_drones", 50, ValueError),
-        ("vector", (1, np.nan), ValueError),
-        ("vector", 3, TypeError),
-        ("person_initial_position", (7, 0), ValueError),
-        ("person_initial_position", [], ValueError),
-        ("person_initial_position", [(0, 0), (0, 0.5)], ValueError),
-        ("disperse_constant", -1, ValueError),
-        ("disperse_constant", "10", TypeError),
-        ("timestep_limit", 0, ValueError),
-        ("timestep_limit", 2**63, ValueError),
-        ("probability_of_detection", 1.5, ValueError),
-        ("probability_of_detection", (0.5, 0.5), ValueError),
-        ("bayesian_update", 1, TypeError),
-        ("reward_scheme", {}, TypeError),
-    ],
+    [("grid_size", 1, ValueError), ("vector", 3, TypeError), ("reward_scheme", {}, TypeError)],
 )
 def test_bad_values_are_rejected_wherever_a_scenario_is_made(name, value, error):
     usual = Scenario()
@@ -82,11 +62,6 @@ def test_bad_values_are_rejected_wherever_a_scenario_is_made(name, value, error)
     assert usual == Scenario()
 
 
-def test_is_frozen():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        Scenario().grid_size = 8  # type: ignore[misc]
-
-
 def test_equal_values_in_different_forms_are_equal():
     forms = [
         Scenario(9, 2, (1, 0), (3, 4), 2, 12, probability_of_detection=1),
@@ -97,6 +72,8 @@ def test_equal_values_in_different_forms_are_equal():
     assert len({*forms}) == 1
     assert repr(forms[0]) == repr(forms[2])
     assert [type(value) for value in dataclasses.astuple(forms[2])[:2]] == [int, int]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        forms[0].grid_size = 8  # type: ignore[misc]
     for form in forms:
         assert form == copy.deepcopy(form) == pickle.loads(pickle.dumps(form))
 
@@ -161,20 +138,17 @@ def test_batches_accept_a_scenario_or_its_parameters(kind: Any):
     assert plain(batches[0].matrices_of([0, 1, 2])) == plain(batches[1].matrices_of([0, 1, 2]))
 
 
-@pytest.mark.parametrize("name", list(OTHER))
+@pytest.mark.parametrize("name", ["grid_size", "person_initial_position", "reward_scheme"])
 def test_parameters_together_with_a_scenario_are_rejected(name):
     scenario, value = Scenario(**OTHER), OTHER[name]
     for kind in (
         DroneSwarmSearch,
         *(lambda each=each, **given: each(2, **given) for each in (SearchBatch, SwarmVectorEnv)),
     ):
-        given = {name: value}
-        if name == "probability_of_detection":
-            given = {name: 0.5}
         with pytest.raises(
             ValueError, match=rf"{name} .*together with a scenario.*replace\({name}="
         ) as caught:
-            kind(scenario=scenario, **given)
+            kind(scenario=scenario, **{name: value})
         assert "got" in str(caught.value)
 
 
@@ -210,13 +184,8 @@ def test_the_success_rates_of_the_example_are_as_documented() -> None:
         for name, updates in (("random", False), ("greedy-matrix", False), ("greedy-matrix", True))
     )
     assert random < 0.1
+    assert DroneSwarmSearch.example(n_drones=2).scenario == env.scenario.replace(n_drones=2)
     assert (round(prior, 2), round(posterior, 2)) == (0.89, 0.95)  # as in the docstring
-
-
-def test_the_example_can_be_changed() -> None:
-    env = DroneSwarmSearch.example(n_drones=2, render_mode="rgb_array")
-    assert env.scenario == DroneSwarmSearch.example().scenario.replace(n_drones=2)
-    assert env.render_mode == "rgb_array"
 
 
 def test_the_comparison_after_training_accepts_a_scenario(

@@ -55,13 +55,9 @@ class View:
             checks.boolean("bayesian_update", self.bayesian_update)
 
     @classmethod
-    def of(cls, view: object) -> View:
+    def of(cls, view: View | str) -> View:
         """Return a `View` from a `View` or from its form."""
-        if isinstance(view, View):
-            return view
-        if isinstance(view, str):
-            return cls(view)
-        raise TypeError(f"view must be a View or one of {', '.join(FORMS)}, got {view!r:.100}")
+        return view if isinstance(view, View) else cls(view)
 
     @property
     def masks(self) -> bool | None:

@@ -8,15 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "CLASSIC",
-    "PALETTES",
-    "Colour",
-    "Look",
-    "Palette",
-    "readable_on",
-    "shares_of_maximum",
-]
+__all__ = ["PALETTES", "Colour", "Look", "Palette", "readable_on", "shares_of_maximum"]
 
 Colour = tuple[int, int, int]
 
@@ -64,9 +56,10 @@ class Palette:
     @cached_property
     def ramp(self) -> NDArray[np.uint8]:
         """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
-        at = np.linspace(0.0, 1.0, N_SHADES)
-        places = np.linspace(0.0, 1.0, len(self.stops))
-        channels = [np.interp(at, places, channel) for channel in zip(*self.stops, strict=True)]
+        at = np.linspace(0.0, len(self.stops) - 1, N_SHADES)
+        channels = [
+            np.interp(at, range(len(self.stops)), each) for each in np.transpose(self.stops)
+        ]
         ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
         return ramp
 
@@ -98,8 +91,7 @@ PALETTES = {
 
 def shares_of_maximum(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     """A matrix divided by its maximum; all zeros if the maximum is 0."""
-    top = matrix.max()
-    return matrix / top if top > 0.0 else np.zeros_like(matrix)
+    return matrix / (matrix.max() or np.float32(1.0))
 
 
 @dataclass(frozen=True)
@@ -119,19 +111,13 @@ class Look:
     def colours(self, matrix: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The colours of probabilities; shape (*matrix.shape, 3)."""
         shares = shares_of_maximum(matrix)
-        if self.gradient:
-            shades = np.rint(shares * (N_SHADES - 1)).astype(np.intp)
-        else:
-            third = (shares >= MIDDLE_FROM).astype(np.intp) + (shares >= HIGH_FROM)
-            shades = third * (N_SHADES // 2)
-        return PALETTES[self.palette].ramp[shades]
+        if not self.gradient:
+            shares = np.float32(0.5) * np.digitize(shares, (MIDDLE_FROM, HIGH_FROM))
+        return PALETTES[self.palette].ramp[np.rint(shares * (N_SHADES - 1)).astype(np.intp)]
 
     def drone(self, number: int) -> Colour:
         """The colour of a drone."""
         return PALETTES[self.palette].drone(number)
-
-
-CLASSIC = Look()
 
 
 def readable_on(background: Colour) -> Colour:
