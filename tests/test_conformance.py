@@ -513,30 +513,6 @@ def test_further_names_can_be_popped():
             take("drone0")
 
 
-@pytest.mark.parametrize(
-    ("which", "name", "answer"), [(0, "total_reward", 19_901.0), (1, "ending", Ending.FOUND)]
-)
-def test_further_names_cannot_become_keys(which, name, answer):
-    mapping = last_mappings()[which]
-    values = dict(mapping)
-    assert mapping.setdefault(name, 5) == mapping.setdefault(name) == answer
-    for put in (
-        lambda: mapping.__setitem__(name, 5),
-        lambda: mapping.update({"drone9": 1, name: 5}),
-        lambda: mapping.update([(name, 5)]),
-        lambda: mapping.update(**{name: 5}),
-        lambda: mapping.__ior__({name: 5}),
-    ):
-        with pytest.raises(ValueError, match=f"'{name}' .* cannot be set"):
-            put()
-        assert dict(mapping) == values and mapping[name] == answer
-    mapping |= {"drone9": values["drone0"]}
-    mapping.update(drone8=values["drone1"])
-    assert mapping.setdefault("drone7", values["drone2"]) == values["drone2"]
-    assert list(mapping) == [*values, "drone9", "drone8", "drone7"]
-    assert type(mapping) is type(last_mappings()[which])
-
-
 @pytest.mark.parametrize("make", [make for name, make in COPIES.items() if name != ".copy()"])
 def test_mappings_of_reset_look_up_further_names(make):
     start = make(DroneSwarmSearch(n_drones=2).reset(seed=1))

@@ -187,10 +187,9 @@ class BatchState:
             The drones that found someone; one that found several persons occurs several times.
         """
         found = [drones[:0]]
+        findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
         for person, at in enumerate(self.person_cells) if self._is_rescue else ():
-            right = (at.take(rows) == cells) & self.missing[person].take(rows)
-            if not self._finds_last:
-                right &= (self.missing.sum(axis=0) > 1).take(rows)
+            right = (at.take(rows) == cells) & (self.missing[person] & findable).take(rows)
             hits = right.nonzero()[0]
             if not hits.size:
                 continue
