@@ -143,12 +143,12 @@ class TestDefaultWeights:
         ppo, pattern = [], []
         for number in range(1):
             drawn = scenario(
-                grid_size=25,
+                grid_size=15,
                 n_drones=3,
                 vector=rng.uniform(-0.4, 0.4, 2),
-                person_initial_position=rng.integers(5, 20, 2),
+                person_initial_position=rng.integers(4, 11, 2),
                 disperse_constant=float(rng.uniform(2, 12)),
-                timestep_limit=70,
+                timestep_limit=45,
             )
             search = NamedSearch(f"drawn-{number}", "Not trained on.", drawn)
             ppo.append(evaluate("ppo", search, episodes=1))
