@@ -24,15 +24,6 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = ["main"]
 
-TEXT_WIDTH = 100
-"""Characters in a line of sentences."""
-
-HOLD_VIDEO = 2.0
-"""Seconds for which the last picture of a video stays."""
-
-INTERRUPTED = 130
-"""The exit code of shells after Ctrl-C."""
-
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 """The policies whose results are compared with a flight by hand; all are quick."""
 
@@ -55,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
-        return INTERRUPTED
+        return 130  # as shells do after Ctrl-C
     except OSError as error:
         # Python must not fail again when it flushes the rest of the output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -75,7 +66,7 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     except (TypeError, ValueError) as error:
         parser.error(str(error))
     if options.search is not None:
-        print(textwrap.fill(f"{search.name}: {search.reason}", TEXT_WIDTH) + "\n", flush=True)
+        print(textwrap.fill(f"{search.name}: {search.reason}", 100) + "\n", flush=True)
     if options.record is not None:
         _record(parser, options, episode)
     elif options.text or not _play_in_window(parser, options, search):
@@ -86,19 +77,10 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
 
 
 class _Episode:
-    """A search from its reset to its end.
-
-    Args:
-        search: the search.
-        options: of the command line; they name the policy.
-        seed: the seed of the episode.
-        rival: the policy's name, in place of the option's; it flies all drones.
+    """A search from its reset to its end, flown by a rival, or else as the options say.
 
     Attributes:
         frame: the current one; its policy names who flies the drones.
-
-    Raises:
-        OSError, TypeError, ValueError: an argument is invalid.
     """
 
     def __init__(
@@ -146,15 +128,7 @@ class _Episode:
 def _print_summary(
     search: NamedSearch, options: argparse.Namespace, seed: int, frame: Frame, stopped: str = ""
 ) -> None:
-    """Print the result of an episode: of its last frame that was shown.
-
-    Args:
-        search: the search.
-        options: of the command line.
-        seed: of the episode.
-        frame: the frame.
-        stopped: why the user ended it early.
-    """
+    """Print the result of an episode by its last frame, and why the user stopped it there."""
     policy, outcome = options.policy, f"stopped: {stopped}"
     if options.manual:
         policy = f"you fly drone 0, {policy} the others"
@@ -193,7 +167,7 @@ def _record(
     print(f"recording to {path}, at most {first.timestep_limit} steps ...", file=sys.stderr)
     painter = Painter(first.grid_size, _look(options))
     try:
-        write_video(path, painter, episode.frames(), fps=options.fps, hold=HOLD_VIDEO)
+        write_video(path, painter, episode.frames(), fps=options.fps, hold=2.0)
     except (ImportError, ValueError) as error:
         parser.error(f"argument --record: {error}")
     except OSError as error:
@@ -203,11 +177,7 @@ def _record(
 def _play_in_window(
     parser: argparse.ArgumentParser, options: argparse.Namespace, search: NamedSearch
 ) -> bool:
-    """Play episodes in a window until the user closes it, and print summaries.
-
-    Returns:
-        Whether a window could be opened.
-    """
+    """Play episodes in a window until the user closes it; returns whether one could be opened."""
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
     window = PlayerWindow(search.scenario.grid_size, _look(options))

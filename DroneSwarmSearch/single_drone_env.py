@@ -25,7 +25,7 @@ from DroneSwarmSearch.wrappers import (
     SeparateFlags,
 )
 
-__all__ = ["SingleDroneEnv", "make_drones"]
+__all__ = ["SingleDroneEnv"]
 
 
 @shows_keywords_of(DroneSwarmSearch)
@@ -36,7 +36,6 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
 
         env = gymnasium.make("DroneSwarmSearch-v0", grid_size=10, bayesian_update=True)
 
-    Given the same seed and actions, it reproduces `DroneSwarmSearch` bit for bit.
     ``gymnasium.make_vec("DroneSwarmSearch-v0", num_envs=1024)`` makes a `DroneVectorEnv` whose
     sub-environments return the same observations, rewards, flags and infos.
 
@@ -109,37 +108,19 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: as for `DroneSwarmSearch.reset`; it also seeds `np_random`, which the
-                environment does not use.
-            options: as for `DroneSwarmSearch.reset`.
-
-        Returns:
-            The observation and the info.
-
-        Raises:
-            TypeError: an argument is of the wrong type.
-            ValueError: an argument is out of its limits.
-        """
+        """Begin an episode; see `DroneSwarmSearch.reset`. The seed also seeds `np_random`."""
         observations, infos = self._env.reset(seed=seed, options=options)
         super().reset(seed=None if seed is None else int(seed))
         return observations[self._drone], self._info(infos)
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Let the drone act once.
+        """Let the drone act once; see `DroneSwarmSearch.step`.
 
         Args:
             action: an integer from 0 to 5, see `rules.Action`.
 
         Returns:
             Observation, reward, termination, truncation and info.
-
-        Raises:
-            ResetNeeded: before the first `reset`, and after the end of an episode.
-            TypeError: the action is not an integer.
-            ValueError: the action is out of range.
         """
         name = self._drone
         action = checks.integer("action", action, 0, len(Action) - 1)
@@ -148,16 +129,11 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         return observations[name], rewards[name], terminations[name], truncations[name], info
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """The valid actions, as sb3-contrib expects them: bool, (6,), True where allowed.
-
-        Raises:
-            ResetNeeded: before the first `reset`.
-        """
-        masks = self._masks.action_masks()
-        return masks[self._drone].astype(np.bool_)
+        """The valid actions, as sb3-contrib expects them: bool, (6,), True where allowed."""
+        return self._masks.action_masks()[self._drone].astype(np.bool_)
 
     def render(self) -> Any:
-        """Render the current state as `render_mode` says, see `DroneSwarmSearch.render`."""
+        """See `DroneSwarmSearch.render`."""
         return self.search.render()
 
     def close(self) -> None:
@@ -185,9 +161,9 @@ def make_drones(
 
     Args:
         num_envs: the number of sub-environments, which are drones; a multiple of `n_drones`.
-        observation: as for `DroneVectorEnv`, with the default of `SingleDroneEnv`.
-        action_mask: likewise.
-        separate_flags: likewise.
+        observation: as for `SingleDroneEnv`, like the next two.
+        action_mask: see above.
+        separate_flags: see above.
         keywords: the other arguments of `DroneVectorEnv`.
     """
     scenario = keywords.get("scenario")

@@ -222,7 +222,6 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
         (["evaluate", "nofile.py:act", "pond"], "'nofile.py' does not exist"),
-        (["evaluate", "no.module:act", "pond"], "there is no 'no.module'"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--episodes", "x"], "--episodes: invalid int value: 'x'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),

@@ -108,8 +108,6 @@ def test_the_probability_of_failure() -> None:
     np.testing.assert_array_equal(1.0 - batch.probability_of_failure[:, 0], success)
     batch = SearchBatch(2, scenario=scenario.replace(bayesian_update=False))
     assert batch.probability_of_failure is None
-    with pytest.raises(TypeError, match="finds_last must be True or False, got 1"):
-        SearchBatch(2, scenario=scenario, finds_last=1)  # type: ignore[arg-type]
 
 
 # Results, comparisons, files.

@@ -72,8 +72,8 @@ class Climber(SwarmPolicy):
 
 
 @lru_cache(maxsize=64)
-def exact_curve(policy: Any, search: NamedSearch, view: View | str = "swarm") -> np.ndarray:
-    curves = play(policy, search, [0], View.of(view)).curves
+def exact_curve(policy: Any, search: NamedSearch, view: str = "swarm") -> np.ndarray:
+    curves = play(policy, search, [0], View(view)).curves
     return curves[0]
 
 

@@ -50,8 +50,8 @@ def watching(begin: Callable[[int], Recording] = lambda seed: Whole()) -> Player
 
 def step_of(player: Player) -> float:
     """The moment shown, in steps."""
-    moment = player.moment
-    return moment.frame.step + moment.progress
+    frame, _, progress = player.moment
+    return frame.step + progress
 
 
 def advance_for_long(player: Player) -> None:
@@ -118,7 +118,7 @@ class TestWatching:
         views = []
         for key in ("p", "tab", "return"):
             player.press(key)
-            views.append(player.moment.view)
+            views.append(player.view)
         assert views == ["both", "matrix", "matrix"]
         assert not player.quits, "Enter quits only at the end"
         player.press("end")
@@ -128,11 +128,11 @@ class TestWatching:
     def test_hidden_persons_are_shown_once_the_end_was_seen(self) -> None:
         player = watching()
         player.advance(1)
-        assert player.moment.frame.hide_persons
+        assert player.moment[0].hide_persons
         player.press("end")
         player.advance(0)
         player.press("left")
-        assert not player.moment.frame.hide_persons
+        assert not player.moment[0].hide_persons
 
 
 class TestRecording:
@@ -233,10 +233,10 @@ class TestFlying:
     ) -> None:
         for _ in range(LAST):
             player.press("space")
-        assert player.moment.frame.hide_persons
+        assert player.moment[0].hide_persons
         player.advance(60)
         assert player.is_at_end
-        assert not player.moment.frame.hide_persons
+        assert not player.moment[0].hide_persons
         player.press("left")
         assert step_of(player) == LAST - 1
         player.press("home")
@@ -249,7 +249,7 @@ class TestFlying:
         assert len(actions) == LAST
 
     def test_the_keys_on_the_screen_follow_the_flight(self, player: Player) -> None:
-        assert "search" in [each.meaning for each in player.keys]
+        assert "search" in [meaning for _, meaning, _ in player.keys]
         for _ in range(LAST):
             player.press("space")
-        assert "step" in [each.meaning for each in player.keys]
+        assert "step" in [meaning for _, meaning, _ in player.keys]

@@ -207,7 +207,7 @@ class TestCells:
 
     @pytest.mark.parametrize("palette", PALETTES)
     def test_the_luminance_of_every_shade_differs_strictly(self, palette: str) -> None:
-        part = PALETTES[palette].ramp / 255
+        part = Look(palette=palette).ramp / 255
         light = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
         steps = np.diff(light @ np.array([0.2126, 0.7152, 0.0722]))  # as WCAG 2 defines it
         assert (steps > 0).all() if palette == "classic" else (steps < 0).all()

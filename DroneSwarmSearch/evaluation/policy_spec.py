@@ -53,9 +53,10 @@ class PolicySpec:
             name: the policy's name in results.
 
         Raises:
+            ImportError: the module does not exist.
             TypeError: it is no policy.
-            ValueError: the policy, module, file or attribute does not exist, or the file
-                does not hold weights.
+            ValueError: the policy, file or attribute does not exist, or the file does not hold
+                weights.
         """
         if name is not None and not isinstance(name, str):
             raise TypeError(f"name must be a string or None, got {name!r:.100}")
@@ -117,14 +118,7 @@ def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
         found = runpy.run_path(where, run_name=f"_policy_{path.stem}").get(attribute)
         file: str | None = where
     else:
-        try:
-            module = importlib.import_module(where)
-        except (ModuleNotFoundError, TypeError, ValueError) as error:
-            if isinstance(error, ModuleNotFoundError) and error.name not in where.split("."):
-                raise  # the module exists, but one that it imports does not
-            raise ValueError(
-                f"policy must name a module, but there is no {where!r:.100} (in {text!r:.100})"
-            ) from error
+        module = importlib.import_module(where)
         found, file = getattr(module, attribute, None), getattr(module, "__file__", None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")

@@ -108,7 +108,7 @@ class Case:
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        spec, shown = PolicySpec.of(policy, name), View.of(view)
+        spec, shown = PolicySpec.of(policy, name), view if isinstance(view, View) else View(view)
         named = as_named(search).with_posterior(shown.bayesian_update)
         if issubclass(spec.kind, BatchPolicy) and (
             shown.form == "drone" or shown.observation != "dict" or shown.action_mask

@@ -98,8 +98,7 @@ class NamedSearch:
         """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
         if bayesian_update is None:
             return self
-        flag = checks.boolean("bayesian_update", bayesian_update)
-        return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
+        return replace(self, scenario=self.scenario.replace(bayesian_update=bayesian_update))
 
 
 def search(name: str) -> NamedSearch:

@@ -54,11 +54,6 @@ class View:
         if self.bayesian_update is not None:
             checks.boolean("bayesian_update", self.bayesian_update)
 
-    @classmethod
-    def of(cls, view: View | str) -> View:
-        """Return a `View` from a `View` or from its form."""
-        return view if isinstance(view, View) else cls(view)
-
     @property
     def masks(self) -> bool | None:
         """Whether the masks have right of way; None without masks."""

@@ -19,14 +19,9 @@ __all__ = ["Display"]
 
 
 class Display:
-    """Renders frames. The painter and the window are created on first use.
+    """Renders frames of one grid size, in the window at most `fps` per second.
 
-    Copies and pickles have no window.
-
-    Args:
-        grid_size: cells along each side of the grid.
-        look: how the cells are drawn.
-        fps: frames per second at most in the window.
+    The painter and the window are created on first use. Copies and pickles have no window.
     """
 
     def __init__(self, grid_size: int, look: Look | None = None, *, fps: float) -> None:

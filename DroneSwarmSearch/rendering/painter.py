@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE, Look
-from DroneSwarmSearch.rendering.panel import Panel
+from DroneSwarmSearch.rendering.panel import draw_panel, panel_size
 from DroneSwarmSearch.rendering.search_map import (
     BOTTOM,
     LEFT,
@@ -36,26 +36,20 @@ CAPTIONS = "prior: the drift alone", "posterior: given the searches"
 
 
 class Painter:
-    """Draws frames of one grid size; needs no display and starts none.
-
-    Args:
-        grid_size: cells along each side.
-        look: how the cells are drawn.
-        view: a key of `SIDES`.
+    """Draws frames of one grid size in a view of `SIDES`; needs no display and starts none.
 
     Attributes:
         size: width and height of the pictures in pixels; both even, as video codecs require.
     """
 
     def __init__(self, grid_size: int, look: Look | None = None, *, view: str = "matrix") -> None:
-        look = look or Look()
-        self._map = SearchMap(grid_size, look, side=SIDES[view])
-        self._panel = Panel(look, symbol=self._map.symbol, least_height=self._map.side)
+        self._look = look or Look()
+        self._map = SearchMap(grid_size, self._look, side=SIDES[view])
         width, height = self._map.size
         lefts = [0] if view == "matrix" else [0, width]
         self._map_areas = [pygame.Rect(left, HEAD, width, height) for left in lefts]
         right = self._map_areas[-1].right
-        self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), self._panel.size)
+        self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), panel_size(self._map.side))
         height = max(self._panel_area.bottom + BOTTOM, HEAD + height)
         width = self._panel_area.right + RIGHT
         self.size = width + width % 2, height + height % 2
@@ -84,7 +78,8 @@ class Painter:
         self._draw_head(canvas, frame)
         for area, each in zip(self._map_areas, shown, strict=True):
             self._map.draw(canvas.subsurface(area), each, towards or frame, progress)
-        self._panel.draw(canvas.subsurface(self._panel_area), frame)
+        panel = canvas.subsurface(self._panel_area)
+        draw_panel(panel, frame, self._look, self._map.symbol)
         return canvas
 
     def pixels(

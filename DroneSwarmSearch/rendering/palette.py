@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,7 @@ MIDDLE_FROM, HIGH_FROM = 0.25, 0.75
 """Without a gradient, the fractions of the maximum at which the middle and last shades start."""
 
 
-@dataclass(frozen=True)
-class Palette:
+class Palette(NamedTuple):
     """The colours of a map.
 
     Attributes:
@@ -52,22 +52,6 @@ class Palette:
 
     stops: tuple[Colour, ...]
     drones: str
-
-    @cached_property
-    def ramp(self) -> NDArray[np.uint8]:
-        """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
-        at = np.linspace(0.0, len(self.stops) - 1, N_SHADES)
-        channels = [
-            np.interp(at, range(len(self.stops)), each) for each in np.transpose(self.stops)
-        ]
-        ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-        return ramp
-
-    def drone(self, number: int) -> Colour:
-        """The colour of a drone; those beyond the table reuse the first ones."""
-        table = self.drones.split()
-        r, g, b = bytes.fromhex(table[number % len(table)])
-        return r, g, b
 
 
 PALETTES = {
@@ -108,16 +92,27 @@ class Look:
     gradient: bool = True
     palette: str = "classic"
 
+    @cached_property
+    def ramp(self) -> NDArray[np.uint8]:
+        """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
+        stops = np.array(PALETTES[self.palette].stops)
+        at, places = np.linspace(0.0, len(stops) - 1, N_SHADES), range(len(stops))
+        channels = [np.interp(at, places, channel) for channel in stops.T]
+        ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+        return ramp
+
     def colours(self, matrix: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The colours of probabilities; shape (*matrix.shape, 3)."""
         shares = shares_of_maximum(matrix)
         if not self.gradient:
             shares = np.float32(0.5) * np.digitize(shares, (MIDDLE_FROM, HIGH_FROM))
-        return PALETTES[self.palette].ramp[np.rint(shares * (N_SHADES - 1)).astype(np.intp)]
+        return self.ramp[np.rint(shares * (N_SHADES - 1)).astype(np.intp)]
 
     def drone(self, number: int) -> Colour:
-        """The colour of a drone."""
-        return PALETTES[self.palette].drone(number)
+        """The colour of a drone; those beyond the palette's table reuse the first ones."""
+        table = PALETTES[self.palette].drones.split()
+        r, g, b = bytes.fromhex(table[number % len(table)])
+        return r, g, b
 
 
 def readable_on(background: Colour) -> Colour:

@@ -24,7 +24,7 @@ from DroneSwarmSearch.rendering.palette import (
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-__all__ = ["Panel"]
+__all__ = ["draw_panel", "panel_size"]
 
 WIDTH, LEAST_HEIGHT = 232, 704
 
@@ -40,99 +40,93 @@ COMPASS = 62
 SYMBOL_LEAST, SYMBOL_MOST = 15, 24
 LABEL_GAP = 6
 
-FINDERS_NAMED = 4
-"""Drones named as finders; of more, only the first ones."""
+FINDERS_NAMED = 4  # of more drones that found somebody, only the first ones are named
 
 
-class Panel:
-    """Draws the panel on surfaces of its `size`.
+def panel_size(least_height: int) -> tuple[int, int]:
+    """The width and height of the panel in pixels."""
+    return WIDTH, max(least_height, LEAST_HEIGHT)
 
-    Args:
-        look: how the cells of the map are drawn.
-        symbol: side of a drone on the map in pixels; the legend shows it at this size.
-        least_height: in pixels.
 
-    Attributes:
-        size: width and height in pixels.
+def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) -> None:
+    """Draw all sections, one below the other, on a surface of `panel_size`.
+
+    The legend shows symbols in about the size that they have on the map, `symbol`.
     """
+    symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
+    write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
+    _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
+    _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), 54)
+    top = _draw_results(canvas, frame)
+    _draw_drift(canvas, frame.vector, top)
+    top += DRIFT_HEIGHT
+    _draw_scale(canvas, look, float(frame.matrix.max()), top)
+    top += SCALE_HEIGHT
+    _draw_symbols(canvas, look, symbol, bool(frame.persons), top)
+    top += SYMBOLS_HEIGHT
+    room = canvas.get_height() - top - HYPOTHESES_HEAD - DRONES_HEAD - DRONE_ROW
+    rows = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW, len(frame.uncertain_persons))
+    if rows:
+        _draw_hypotheses(canvas, frame, rows, top)
+        top += HYPOTHESES_HEAD + HYPOTHESES_ROW * rows
+    _draw_drones(canvas, look, symbol, len(frame.drones), top)
 
-    def __init__(self, look: Look, *, symbol: int, least_height: int) -> None:
-        self.size = WIDTH, max(least_height, LEAST_HEIGHT)
-        self._symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
-        self._look = look
 
-    def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """Draw all sections, one below the other."""
-        write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
-        _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
-        _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), 54)
-        top = _draw_results(canvas, frame)
-        _draw_drift(canvas, frame.vector, top)
-        top += DRIFT_HEIGHT
-        self._draw_scale(canvas, float(frame.matrix.max()), top)
-        top += SCALE_HEIGHT
-        self._draw_symbols(canvas, top, bool(frame.persons))
-        top += SYMBOLS_HEIGHT
-        room = self.size[1] - top - HYPOTHESES_HEAD - DRONES_HEAD - DRONE_ROW
-        rows = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW, len(frame.uncertain_persons))
-        if rows:
-            _draw_hypotheses(canvas, frame, rows, top)
-            top += HYPOTHESES_HEAD + HYPOTHESES_ROW * rows
-        self._draw_drones(canvas, len(frame.drones), top)
+def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) -> None:
+    """The colours, and the probabilities at their limits."""
+    _heading(canvas, "PROBABILITY OF A CELL, %", top)
+    colours = look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
+    bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
+    place = pygame.Rect(0, top + 22, WIDTH, 16)
+    canvas.blit(pygame.transform.scale(bar, place.size), place)
+    pygame.draw.rect(canvas, INK, place, width=1)
+    limits = (0.0, 0.5, 1.0) if look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
+    room = WIDTH
+    for share in reversed(limits):
+        at = min(round(share * WIDTH), WIDTH - 1)
+        pygame.draw.line(canvas, INK, (at, place.bottom), (at, place.bottom + 3))
+        label = text_line(_percentage(share * maximum), SMALL, INK)
+        width = label.get_width()
+        left = max(0, min(at - width // 2, room - width))
+        canvas.blit(label, (left, place.bottom + 7))
+        room = left - LABEL_GAP
 
-    def _draw_scale(self, canvas: pygame.Surface, maximum: float, top: int) -> None:
-        """The colours, and the probabilities at their limits."""
-        _heading(canvas, "PROBABILITY OF A CELL, %", top)
-        colours = self._look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
-        bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
-        place = pygame.Rect(0, top + 22, WIDTH, 16)
-        canvas.blit(pygame.transform.scale(bar, place.size), place)
-        pygame.draw.rect(canvas, INK, place, width=1)
-        limits = (0.0, 0.5, 1.0) if self._look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
-        room = WIDTH
-        for share in reversed(limits):
-            at = min(round(share * WIDTH), WIDTH - 1)
-            pygame.draw.line(canvas, INK, (at, place.bottom), (at, place.bottom + 3))
-            label = text_line(_percentage(share * maximum), SMALL, INK)
-            width = label.get_width()
-            left = max(0, min(at - width // 2, room - width))
-            canvas.blit(label, (left, place.bottom + 7))
-            room = left - LABEL_GAP
 
-    def _draw_symbols(self, canvas: pygame.Surface, top: int, persons: bool) -> None:
-        """The legend of the map."""
-        _heading(canvas, "SYMBOLS", top)
-        side, colour, half = self._symbol, self._look.drone(0), WIDTH // 2
-        small = sprites.drone(side - 4, colour)
-        symbols = [
-            (0, 0, "drone", (sprites.drone(side, colour),)),
-            (half, 0, "searching", (sprites.search_ring(SYMBOL_MOST + 4), small)),
-            (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL_MOST + 6), small)),
-        ]
-        if persons:
-            found = (sprites.found(side, colour),)
-            symbols.append((0, 1, "person", (sprites.person(side),)))
-            symbols.append((0, 2, "found, in the drone's colour", found))
-        for left, row, meaning, images in symbols:
-            middle = top + 36 + row * 30
-            for image in images:
-                canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
-            write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
+def _draw_symbols(canvas: pygame.Surface, look: Look, side: int, persons: bool, top: int) -> None:
+    """The legend of the map."""
+    _heading(canvas, "SYMBOLS", top)
+    colour, half = look.drone(0), WIDTH // 2
+    small = sprites.drone(side - 4, colour)
+    symbols = [
+        (0, 0, "drone", (sprites.drone(side, colour),)),
+        (half, 0, "searching", (sprites.search_ring(SYMBOL_MOST + 4), small)),
+        (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL_MOST + 6), small)),
+    ]
+    if persons:
+        found = (sprites.found(side, colour),)
+        symbols.append((0, 1, "person", (sprites.person(side),)))
+        symbols.append((0, 2, "found, in the drone's colour", found))
+    for left, row, meaning, images in symbols:
+        middle = top + 36 + row * 30
+        for image in images:
+            canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
+        write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
 
-    def _draw_drones(self, canvas: pygame.Surface, drones: int, top: int) -> None:
-        """The drones' colours and numbers, as many as fit."""
-        _heading(canvas, "DRONES", top, f"{drones}")
-        rows = (self.size[1] - top - DRONES_HEAD) // DRONE_ROW
-        shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
-        for number in range(shown):
-            row, column = divmod(number, DRONE_COLUMNS)
-            left, middle = column * WIDTH // DRONE_COLUMNS, top + 34 + row * DRONE_ROW
-            image = sprites.drone(min(self._symbol, DRONE_SYMBOL), self._look.drone(number))
-            canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
-            write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
-        if shown < drones:
-            middle = top + 34 + (rows - 1) * DRONE_ROW
-            write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
+
+def _draw_drones(canvas: pygame.Surface, look: Look, side: int, drones: int, top: int) -> None:
+    """The drones' colours and numbers, as many as fit."""
+    _heading(canvas, "DRONES", top, f"{drones}")
+    rows = (canvas.get_height() - top - DRONES_HEAD) // DRONE_ROW
+    shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
+    for number in range(shown):
+        row, column = divmod(number, DRONE_COLUMNS)
+        left, middle = column * WIDTH // DRONE_COLUMNS, top + 34 + row * DRONE_ROW
+        image = sprites.drone(min(side, DRONE_SYMBOL), look.drone(number))
+        canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
+        write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
+    if shown < drones:
+        middle = top + 34 + (rows - 1) * DRONE_ROW
+        write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
 
 
 def _heading(canvas: pygame.Surface, text: str, top: int, right: str = "") -> None:

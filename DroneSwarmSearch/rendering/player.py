@@ -14,7 +14,7 @@ from typing import NamedTuple
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
-__all__ = ["KeyHelp", "Moment", "Player", "Recording", "Score"]
+__all__ = ["KeyHelp", "Player", "Recording", "Score"]
 
 SLOWEST, FASTEST = 0.25, 8.0
 """Factors on the steps per second."""
@@ -30,33 +30,28 @@ FLIGHT_KEYS = {
 """Actions of drone 0 by the names of keys, as pygame names them."""
 
 
-class KeyHelp(NamedTuple):
-    """A line on the screen about keys."""
-
-    keys: str
-    meaning: str
-    details: str
-
+KeyHelp = tuple[str, str, str]
+"""Keys, what they do in a word or two, and in detail."""
 
 WATCHING = (
-    KeyHelp("Space", "play, pause", "pause or resume; at the end, play again"),
-    KeyHelp("Left, Right", "step", "one step back or forward"),
-    KeyHelp("Up, Down", "speed", "faster or slower; also + and -"),
+    ("Space", "play, pause", "pause or resume; at the end, play again"),
+    ("Left, Right", "step", "one step back or forward"),
+    ("Up, Down", "speed", "faster or slower; also + and -"),
 )
 FLYING = (
-    KeyHelp("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
-    KeyHelp("Space", "search", "search the cell of drone 0"),
-    KeyHelp("I", "wait", "wait for a step; also the period key"),
+    ("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
+    ("Space", "search", "search the cell of drone 0"),
+    ("I", "wait", "wait for a step; also the period key"),
 )
-REPLAY = KeyHelp("R", "replay", "play again; Home and End jump to the first and last step")
-FLY_AGAIN = KeyHelp("R", "fly again", "fly the same search again")
+REPLAY = ("R", "replay", "play again; Home and End jump to the first and last step")
+FLY_AGAIN = ("R", "fly again", "fly the same search again")
 ON_BOTH = (
-    KeyHelp("P", "prior", "show the prior beside the posterior, or only the map of the drones"),
-    KeyHelp("N", "new seed", "search again with the next seed: another drift"),
+    ("P", "prior", "show the prior beside the posterior, or only the map of the drones"),
+    ("N", "new seed", "search again with the next seed: another drift"),
 )
 AT_LAST = (
-    KeyHelp("H", "keys", "show or hide this list"),
-    KeyHelp("Esc", "quit", "close the window; also Q and, at the end, Enter"),
+    ("H", "keys", "show or hide this list"),
+    ("Esc", "quit", "close the window; also Q and, at the end, Enter"),
 )
 
 
@@ -154,22 +149,6 @@ class Recording:
         self._stopped = True
 
 
-class Moment(NamedTuple):
-    """What a picture shows.
-
-    Attributes:
-        frame: the last frame that was reached.
-        towards: the next one, if the drones are on their way to it.
-        progress: the part of the way, from 0 to 1.
-        view: "matrix", what the drones see, or "both", the prior and the posterior.
-    """
-
-    frame: Frame
-    towards: Frame | None
-    progress: float
-    view: str
-
-
 class Player:
     """Plays recordings: forward, step by step, and back.
 
@@ -181,7 +160,7 @@ class Player:
     Attributes:
         recording: of the search that is shown.
         seed: its seed.
-        view: see `Moment`.
+        view: "matrix", what the drones see, or "both", the prior and the posterior.
         speed: factor on the steps per second.
         hint: why the last key did nothing; empty if it did something.
         shows_keys: whether the list of keys is shown.
@@ -207,11 +186,11 @@ class Player:
     # What is shown.
 
     @property
-    def moment(self) -> Moment:
-        """What to draw."""
+    def moment(self) -> tuple[Frame, Frame | None, float]:
+        """The last frame that was reached; on the way to the next one, this and the progress."""
         frames, number = self.recording.frames, math.floor(self._position)
         progress = self._position - number
-        return Moment(frames[number], frames[number + 1] if progress else None, progress, self.view)
+        return frames[number], frames[number + 1] if progress else None, progress
 
     @property
     def _is_at_last(self) -> bool:

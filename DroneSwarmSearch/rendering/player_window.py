@@ -23,20 +23,12 @@ LONGEST_PAUSE = 0.1
 ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}
 """The keypad's names of keys."""
 
-FONT, LINE = 20, 30
-"""The size of the text, and the height of a line with its margins."""
-
-STRIP = FONT // 2 + 2 * LINE
-"""The height of the strip."""
+FONT, LINE, STRIP = 20, 30, 70
+"""The size of the text, and the heights of a line with its margins and of the strip."""
 
 
 class PlayerWindow(Window):
-    """Shows a player, and passes it keys and time.
-
-    Args:
-        grid_size: cells along each side of the searches.
-        look: how their cells are drawn.
-    """
+    """Shows a player, and passes it keys and time."""
 
     def __init__(self, grid_size: int, look: Look) -> None:
         self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
@@ -81,15 +73,15 @@ class PlayerWindow(Window):
                 if self.surface.get_size() == size:  # not resized by the user
                     self.resize(self._usual_size(view))
                     size = self.surface.get_size()
-            state = player.moment, player.status, player.hint, player.shows_keys
+            state = player.moment, player.view, player.status, player.hint, player.shows_keys
             if state != shown:
                 self._draw(player)
                 shown = state
             player.advance(min(self.wait(PICTURES_PER_SECOND), LONGEST_PAUSE))
 
     def _draw(self, player: Player) -> None:
-        frame, towards, progress, view = player.moment
-        picture = self._painters[view].paint(frame, towards=towards, progress=progress)
+        frame, towards, progress = player.moment
+        picture = self._painters[player.view].paint(frame, towards=towards, progress=progress)
         area = picture.get_rect()
         canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)
         canvas.blit(picture, area)
@@ -98,7 +90,7 @@ class PlayerWindow(Window):
             veil = pygame.Surface(area.size, pygame.SRCALPHA)
             veil.fill((*INK, 150))
             canvas.blit(veil, area)
-            card = _card("Keys", [(each.keys, each.details) for each in player.keys])
+            card = _card("Keys", [(keys, details) for keys, _, details in player.keys])
             canvas.blit(card, card.get_rect(center=area.center))
         elif player.is_at_end and player.recording.scores:
             heading = ("", "result", "POS", "return")
@@ -136,7 +128,7 @@ def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
 
 def _key_image(key: KeyHelp) -> pygame.Surface:
     """A key cap and what the key does."""
-    cap, meaning = text_line(key.keys, FONT, INK), text_line(key.meaning, FONT, GREY)
+    cap, meaning = text_line(key[0], FONT, INK), text_line(key[1], FONT, GREY)
     pad = FONT // 3
     box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, FONT + pad)
     image = pygame.Surface((box.width + meaning.get_width() + 4 * pad, box.height), 0, 32)

@@ -81,9 +81,9 @@ SEARCHED_SHARE, SEARCHED_LEAST, SEARCHED_MOST = 0.3, 5, 14
 """The mark of a search as a share of a cell, and its limits."""
 
 FADES = 6  # the opacities of marks that fade
-END_WIDTH = 5  # of the frame around the cells at the end of an episode
 
 Point = tuple[float, float]
+Places = Sequence[Sequence[float]]
 Sprite = tuple[pygame.Surface, Point]
 """An image and the place of its middle."""
 
@@ -91,14 +91,9 @@ Sprite = tuple[pygame.Surface, Point]
 class SearchMap:
     """Draws the map of one grid size on surfaces of its `size`.
 
-    Args:
-        grid_size: cells along each side.
-        look: how the cells are drawn.
-        side: the side of all shown cells together in pixels, about; if the whole grid is
-            shown, it is rounded so that a cell has whole pixels.
-
     Attributes:
-        side: side of all shown cells together, in pixels.
+        side: side of all shown cells together, in pixels: about that of the argument, so that
+            cells have whole pixels if the whole grid is shown.
         size: width and height in pixels, margins included.
         symbol: side of a drone alone in its cell, in pixels, at the largest scale.
     """
@@ -142,12 +137,12 @@ class SearchMap:
         self._draw_trails(frame, drones)
         self._draw_searched(frame)
         canvas.set_clip((LEFT - 2, TOP - 2, self.side + 4, self.side + 4))
-        self._draw_symbols(frame, drones, persons, end)
+        self._draw_symbols(frame, end, drones, persons)
         if self._cells < self._grid_size:
             self._draw_overview(frame)
         canvas.set_clip(None)
         if frame.ending is not None:
-            self._draw_border(outcome_colour(frame), END_WIDTH)
+            self._draw_border(outcome_colour(frame), 5)
 
     def _part(self, frame: Frame) -> tuple[float, float, float]:
         """The left, top and side of the part of the grid that a frame shows, in cells."""
@@ -219,8 +214,7 @@ class SearchMap:
         self._canvas.blit(scale(cells, (right - x, bottom - y)), (x, y))
 
     def _draw_lines(self) -> None:
-        side = self.side
-        stride = tick_stride(LINES_APART, self._pitch)
+        side, stride = self.side, tick_stride(LINES_APART, self._pitch)
         opacity = GRID_OPACITY * min(1.0, stride * self._pitch / OPAQUE_FROM)
         lines = pygame.Surface((side, side), pygame.SRCALPHA, 32)
         for axis, low in enumerate((self._left, self._top)):
@@ -246,8 +240,8 @@ class SearchMap:
             return sum(room.collidepoint(middle) for middle in middles)
 
         place = min(places, key=hidden)
-        image = pygame.transform.smoothscale(self._colours(frame.matrix), place.size)
-        self._canvas.blit(image, place)
+        whole = self._colours(frame.matrix)
+        self._canvas.blit(pygame.transform.smoothscale(whole, place.size), place)
         pygame.draw.rect(self._canvas, WHITE, place.inflate(2, 2), width=1)
         pygame.draw.rect(self._canvas, INK, place.inflate(4, 4), width=1)
         scale = side / self._grid_size
@@ -269,7 +263,7 @@ class SearchMap:
         ]
         _blit_all(self._canvas, marks)
 
-    def _draw_trails(self, frame: Frame, drones: Sequence[Sequence[float]]) -> None:
+    def _draw_trails(self, frame: Frame, drones: Places) -> None:
         """The drones' last moves, fading and with a rim, up to where the drones are."""
         width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
         layer = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
@@ -281,24 +275,17 @@ class SearchMap:
                     if tuple(start) == tuple(end):
                         continue
                     age = (len(moves) - 1 - index) / (TRAIL_STEPS + 1)
-                    (x0, x1), (y0, y1) = map(
-                        sorted, zip(self._centre(*start), self._centre(*end), strict=True)
-                    )
-                    left, top = round(x0) - LEFT - width // 2, round(y0) - TOP - width // 2
-                    move = pygame.Rect(left, top, round(x1) - round(x0), round(y1) - round(y0))
-                    move.width, move.height = move.width + width, move.height + width
-                    shade = *colour, _faded(age) * TRAIL_OPACITY // 255
-                    layer.fill(shade, move.inflate(2 * rim, 2 * rim))
+                    (x0, y0), (x1, y1) = self._centre(*start), self._centre(*end)
+                    move = pygame.Rect(round(x0) - LEFT, round(y0) - TOP, 0, 0)
+                    move.union_ip((round(x1) - LEFT, round(y1) - TOP, 0, 0))
+                    move.inflate_ip(width + 2 * rim, width + 2 * rim)
+                    layer.fill((*colour, _faded(age) * TRAIL_OPACITY // 255), move)
         self._canvas.blit(layer, (LEFT, TOP))
 
     # Drones and persons.
 
     def _draw_symbols(
-        self,
-        frame: Frame,
-        drones_at: Sequence[Sequence[float]],
-        persons_at: Sequence[Sequence[float]],
-        end: Frame,
+        self, frame: Frame, end: Frame, drones_at: Places, persons_at: Places
     ) -> None:
         """Drones and persons; those at one place share its room, unless they only pass there."""
         cells: dict[tuple[Sequence[float], Point], tuple[list[int], list[int]]] = {}
@@ -390,9 +377,7 @@ def _symbol_cells(frame: Frame) -> list[tuple[int, int]]:
     return [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
 
 
-def _on_the_way(
-    starts: Sequence[Sequence[float]], ends: Sequence[Sequence[float]], progress: float
-) -> list[tuple[float, ...]]:
+def _on_the_way(starts: Places, ends: Places, progress: float) -> list[tuple[float, ...]]:
     """Points between those of one frame and of the next one."""
     return [
         tuple(a + (b - a) * progress for a, b in zip(start, end, strict=True))

@@ -46,15 +46,10 @@ def write_video(
     hold: float,
     gif_width: int = 600,
 ) -> None:
-    """Write the frames of consecutive steps as a smooth video.
+    """Write the frames of consecutive steps as a smooth video; `fps` is in steps per second.
 
-    Args:
-        path: see `write_pictures`, as for `hold`, `gif_width` and errors.
-        painter: draws the frames.
-        frames: at least one; the first one is taken after all checks.
-        fps: steps per second.
-        hold: additional seconds for the last picture.
-        gif_width: the most pixels across in a GIF.
+    There is at least one frame; the first one is taken after all checks. The other arguments and
+    the errors are those of `write_pictures`.
     """
     per_step = max(1, round(SMOOTH / fps))
 

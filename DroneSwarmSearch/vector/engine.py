@@ -29,7 +29,7 @@ from DroneSwarmSearch.drift.belief import mean_over_missing
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.observations import batch_state_planes
+from DroneSwarmSearch.observations import state_planes
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
 from DroneSwarmSearch.scenario import (
     REPLACED,
@@ -336,39 +336,24 @@ class SearchBatch:
         rows, cells = self._row_of.take(searches), self.cells.take(searches)
 
         # 2. The rules decide outcomes, rewards and endings.
-        probability = world.observed(rows, cells)
+        observed = world.observed(rows, cells)
         found = world.search(rows, cells, searches)
-        rows_found = self._row_of.take(found)
-        left_grid = (targets.reshape(-1) == OFF_GRID).nonzero()[0]
-        collided = rules.collisions(targets)
-        last = (world.step == scenario.timestep_limit - 1).nonzero()[0]
-        timed_out = last[:0]
-        if scenario.mission == "rescue":
-            drones = last[:, None] * scenario.n_drones + np.arange(scenario.n_drones)
-            timed_out = drones[~self._finders[last]]
-        self._finders.reshape(-1)[found] = True
-        self.rewards = rules.rewards(
+        self.rewards, self.endings = rules.outcomes(
             scenario.reward_scheme,
-            targets.size,
-            searched=searches,
-            probability=probability,
-            timed_out=timed_out,
-            return_so_far=self._returns.take(timed_out),
+            scenario.timestep_limit,
+            scenario.mission == "rescue",
+            actions=chosen,
+            targets=targets,
+            observed=observed,
             found=found,
-            steps_before=world.step.take(rows_found),
-            timestep_limit=scenario.timestep_limit,
-            left_grid=left_grid,
-            collided=collided,
-        ).reshape(targets.shape)
-        self._returns += self.rewards
-        self.endings = rules.endings(
-            self.num_rows,
-            all_found=world.all_found(rows_found),
+            found_before=self._finders,
+            returns=self._returns,
+            steps_before=world.step,
+            all_found=world.all_found(self._row_of.take(found)),
             covered=world.covered(),
-            any_collided=self._row_of.take(collided),
-            any_left_grid=self._row_of.take(left_grid),
-            time_limit_reached=last,
         )
+        self._finders.reshape(-1)[found] = True
+        self._returns += self.rewards
         self.ended = self.endings != 0
         self.cells = np.where(targets == OFF_GRID, self.cells, targets)
 
@@ -520,7 +505,7 @@ class SearchBatch:
         if self._scenario.mission == "coverage":  # it has no persons
             missing[:] = False
         matrices = self.matrices_of(self._rows)
-        return batch_state_planes(matrices, self.cells, self.person_cells, missing)
+        return state_planes(matrices, self.cells, self.person_cells, missing)
 
     def probabilities(self, rows: ArrayLike, cells: ArrayLike) -> Singles:
         """The matrix entries of one cell in each of some rows: float32, (n,).

@@ -187,10 +187,9 @@ class BatchState:
             The drones that found someone; one that found several persons occurs several times.
         """
         found = [drones[:0]]
+        findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
         for person, at in enumerate(self.person_cells) if self._is_rescue else ():
-            right = (at.take(rows) == cells) & self.missing[person].take(rows)
-            if not self._finds_last:
-                right &= (self.missing.sum(axis=0) > 1).take(rows)
+            right = (at.take(rows) == cells) & (self.missing[person] & findable).take(rows)
             hits = right.nonzero()[0]
             if not hits.size:
                 continue
@@ -261,25 +260,30 @@ class BatchState:
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """The matrix entry of one cell in each of some rows: float32, (n,)."""
-        if self._persons == 1:
-            values = self.catalogue.forecasts.probabilities(self._entries[0].take(rows), cells)
-        else:
-            matrices = self._forecasts(rows).reshape(len(rows), self._size**2)
-            values = matrices[np.arange(len(rows)), cells]
-        if self._shown is not None:
-            begun = self._shown.begun[rows].nonzero()[0]
-            here = rows[begun]
-            counted = shown_persons(self.missing[:, here])
-            values[begun] = self._shown.probabilities(here, cells[begun], counted)
+        if self._shown is None:
+            return self._forecast_at(rows, cells)
+        begun, values = self._shown.begun[rows], np.empty(len(rows), np.float32)
+        here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
+        values[begun] = self._shown.probabilities(here, cells[begun], counted)
+        values[~begun] = self._forecast_at(rows[~begun], cells[~begun])
         return values
+
+    def _forecast_at(self, rows: Ints, cells: Ints) -> Singles:
+        """`probabilities` as forecasts without searches."""
+        if self._persons == 1:
+            return self.catalogue.forecasts.probabilities(self._entries[0].take(rows), cells)
+        matrices = self._forecasts(rows).reshape(-1, self._size**2)
+        return matrices[np.arange(len(rows)), cells]
 
     def matrices(self, rows: Ints) -> Singles:
         """The matrices of some rows: float32, shape (n, N, N)."""
-        out = self._forecasts(rows)
-        if self._shown is not None:
-            begun = self._shown.begun[rows]
-            here = rows[begun]
-            out[begun] = self._shown.matrices(here, shown_persons(self.missing[:, here]))
+        if self._shown is None:
+            return self._forecasts(rows)
+        begun = self._shown.begun[rows]
+        here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
+        out = np.empty((len(rows), self._size, self._size), np.float32)
+        out[begun] = self._shown.matrices(here, counted)
+        out[~begun] = self._forecasts(rows[~begun])
         return out
 
     def write_matrices(self, out: Singles) -> None:
