@@ -155,6 +155,7 @@ class DroneSwarmSearch(SearchSpaces):
         self._names = tuple(self.possible_agents)
         self._read = Reader(self._names)
         self._neighbours, self._positions = grid_of(self.grid_size)
+        self._flags = [dict.fromkeys(self._names, value) for value in (False, True)]
         self._streams: Streams | None = None
         self._episode = 0  # episodes since the seed
 
@@ -283,7 +284,7 @@ class DroneSwarmSearch(SearchSpaces):
         self._ending = ending
         if ending is None:
             self.agents = agents
-        flags = dict.fromkeys(self._names, ending is not None)
+        flags = self._flags[ending is not None]
         # 4. The drones observe the new state.
         if self.render_mode == "human":
             self._display.show(self.frame())
@@ -291,7 +292,7 @@ class DroneSwarmSearch(SearchSpaces):
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
-        return observations, Rewards(rewards), flags, flags.copy(), infos
+        return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
 
     # The rest of PettingZoo's API.
 
