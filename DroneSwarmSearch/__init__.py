@@ -49,7 +49,7 @@ if "DroneSwarmSearch-v0" not in gymnasium.registry:  # it is there after a reloa
     gymnasium.register(
         "DroneSwarmSearch-v0",
         entry_point=f"{__name__}.single_drone_env:SingleDroneEnv",
-        vector_entry_point=f"{__name__}.vector.drone_vector_env:make_drones",
+        vector_entry_point=f"{__name__}.single_drone_env:make_drones",
     )
 
 

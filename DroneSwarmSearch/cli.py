@@ -8,10 +8,11 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from DroneSwarmSearch import demo
-from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
@@ -37,7 +38,6 @@ examples:
   python -m DroneSwarmSearch evaluate --list
   python -m DroneSwarmSearch evaluate greedy-posterior classic man-overboard --bound
   python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
-  python -m DroneSwarmSearch evaluate my_network.py:policy pond --view drone --observation flat
 
 The file or module of your own policy is executed: only name code that you trust. The guide
 "Evaluation" of the documentation explains policies, and the files of searches.
@@ -95,19 +95,15 @@ OWN_POLICY = (
     "whose code is executed; each also after name="
 )
 
+FORMAT: Any = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
+
 SEARCH = "of the suite, or a file of a search, .json"
 
-POSTERIOR = "show {} the posterior, not the prior"
+POSTERIOR = "show policies the posterior, not the prior"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Args:
-        argv: the arguments; None for those of the process.
-
-    Returns:
-        The exit code.
+    """Run a command with the arguments, by default those of the process; returns the exit code.
 
     Raises:
         SystemExit: help was requested (code 0), or an argument is wrong (code 2).
@@ -136,26 +132,16 @@ def _run(argv: Sequence[str]) -> int:
         return demo.main(rest)
     if command.startswith("-") and command not in ("-h", "--help"):
         return demo.main(argv)
-    parser = _parser()
-    if not command.startswith("-") and command not in COMMANDS:
-        hint = did_you_mean(command, COMMANDS)
-        print(f"no such command: {command!r:.100}{hint}\n", file=sys.stderr)
-        parser.print_help(sys.stderr)
-        return 2
-    options = parser.parse_args(argv)
+    options = _parser().parse_args(argv)
     from DroneSwarmSearch.evaluation import commands  # here, so that `play` starts faster
 
     return commands.run(options)
 
 
-def _format(prog: str) -> argparse.HelpFormatter:
-    return argparse.RawDescriptionHelpFormatter(prog, max_help_position=28)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        formatter_class=_format,
+        formatter_class=FORMAT,
         usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
     )
@@ -166,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
             continue
         summary, description, more = text.split("\n\n", 2)
         command = commands.add_parser(
-            name, help=summary, description=description, epilog=more, formatter_class=_format
+            name, help=summary, description=description, epilog=more, formatter_class=FORMAT
         )
         command.set_defaults(command=name, parser=command)
         if name in ("record", "export"):
@@ -187,44 +173,39 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
         add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
     else:
         add("--policies", metavar="POLICY", nargs="+", default=["planner"], help=policies)
-        seeds = "of the episodes (default: 0)"
-        add("--seeds", metavar="N", nargs="+", type=int, default=[0], help=seeds)
+        add("--seeds", metavar="N", nargs="+", type=int, default=[0], help="(default: 0)")
     kind = "the video, .gif or .mp4" if name == "record" else "the file, .json"
     add("--out", metavar="FILE", required=True, help=kind)
-    add("--posterior", action="store_true", default=None, help=POSTERIOR.format("the policies"))
+    add("--posterior", action="store_true", default=None, help=POSTERIOR)
 
 
 def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
     """Add the options of commands that compute results."""
     add = parser.add_argument
     if name == "leaderboard":
-        parser.usage, whom = "%(prog)s [options]", "your own policies"
+        parser.usage = "%(prog)s [options]"
         searches = f"{SEARCH} (default: all)"
         add("--searches", metavar="NAME", nargs="+", default=["all"], help=searches)
         add("--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)}; default: all")
         own = f"{OWN_POLICY}; may be repeated"
         add("--add", metavar="POLICY", action="append", default=[], help=own)
-        without = "leave the bounds out: much faster"
-        add("--no-bound", dest="bound", action="store_false", help=without)
+        add("--no-bound", dest="bound", action="store_false", help="without bounds: much faster")
     else:
         if name == "evaluate":
-            parser.usage, whom = "%(prog)s POLICY SEARCH [SEARCH ...] [options]", "the policy"
+            parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
             own = f"a policy of this package, or {OWN_POLICY}"
+            parser.set_defaults(policies=[])
             add("policy", metavar="POLICY", nargs="?", help=own)
             add("--list", action="store_true", help="list the policies and the searches")
             add("--csv", action="store_true", help="print the estimates as CSV")
-            add(
-                "--bound", action="store_true", help="also show the upper bound and the share of it"
-            )
+            add("--bound", action="store_true", help="also show the bound, and the share of it")
         count = "+" if name == "bound" else "*"
         add("searches", metavar="SEARCH", nargs=count, help=f"{SEARCH}, or all")
-        mission = "of all searches (default: that of each search)"
-        add("--mission", choices=MISSIONS, help=mission)
+        add("--mission", choices=MISSIONS, help="of all searches (default: that of each)")
     if name != "bound":
-        episodes = "of each search (default: 2000)"
-        add("--episodes", metavar="N", type=int, default=2000, help=episodes)
+        add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
         add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
-        add("--posterior", action="store_true", default=None, help=POSTERIOR.format(whom))
+        add("--posterior", action="store_true", default=None, help=POSTERIOR)
         add("--view", default="swarm", help="what your policy sees: swarm, drone, parallel (swarm)")
         add("--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)")
         add("--action-mask", action="store_true", help="also show it masks of valid actions")

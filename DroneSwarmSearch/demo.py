@@ -6,39 +6,23 @@ import argparse
 import os
 import sys
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch.demo_options import parse, search_of
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.evaluation.tables import print_table
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.rendering import terminal
 from DroneSwarmSearch.rendering.palette import Look
-from DroneSwarmSearch.rendering.player import (
-    SCORE_HEADERS,
-    Player,
-    Recording,
-    Score,
-    score_row,
-)
+from DroneSwarmSearch.rendering.player import Player, Recording, Score
+from DroneSwarmSearch.rendering.text import print_frames
 from DroneSwarmSearch.rendering.video import write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = ["main"]
-
-TEXT_WIDTH = 100
-"""Characters in a line of sentences."""
-
-HOLD_VIDEO = 2.0
-"""Seconds for which the last picture of a video stays."""
-
-INTERRUPTED = 130
-"""The exit code of shells after Ctrl-C."""
 
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 """The policies whose results are compared with a flight by hand; all are quick."""
@@ -62,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except KeyboardInterrupt:
         print("\ninterrupted", file=sys.stderr)
-        return INTERRUPTED
+        return 130  # as shells do after Ctrl-C
     except OSError as error:
         # Python must not fail again when it flushes the rest of the output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -82,38 +66,28 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     except (TypeError, ValueError) as error:
         parser.error(str(error))
     if options.search is not None:
-        print(textwrap.fill(f"{search.name}: {search.reason}", TEXT_WIDTH) + "\n", flush=True)
+        print(textwrap.fill(f"{search.name}: {search.reason}", 100) + "\n", flush=True)
     if options.record is not None:
         _record(parser, options, episode)
     elif options.text or not _play_in_window(parser, options, search):
-        terminal.show(episode.frames(), options.fps)
+        print_frames(episode.frames(), options.fps)
     else:
         return
-    print("\n".join(_summary(search, options.seed, options.policy, episode.frame)), flush=True)
+    _print_summary(search, options, options.seed, episode.frame)
 
 
 class _Episode:
-    """A search from its reset to its end.
-
-    Args:
-        search: the search.
-        options: of the command line; they name the policy.
-        seed: the seed of the episode.
-        policy: the policy's name or file, in place of the option's.
+    """A search from its reset to its end, flown by a rival, or else as the options say.
 
     Attributes:
-        label: who flies the drones.
-        frame: the current one.
-
-    Raises:
-        OSError, TypeError, ValueError: an argument is invalid.
+        frame: the current one; its policy names who flies the drones.
     """
 
     def __init__(
-        self, search: NamedSearch, options: argparse.Namespace, seed: int, policy: str = ""
+        self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
-        name = policy or options.policy
-        self.label = f"you and {name}" if options.manual and not policy else name
+        name = rival or options.policy
+        self._label = f"you and {name}" if options.manual and not rival else name
         self._policy = make(name, search.scenario)
         self._policy.reset(seed=seed)
         self._hide_person = options.hide_person
@@ -122,19 +96,19 @@ class _Episode:
         self.frame = self._current_frame()
 
     def step(self, action: Action | None = None) -> Frame:
-        """Let the policy choose the drones' actions, and play a step.
-
-        Args:
-            action: of drone 0, in place of the policy's.
-
-        Returns:
-            The new frame.
-        """
+        """Play a step with the policy's actions, or another one for drone 0; return its frame."""
         if action is None:
             actions = self._policy(self._observations)
         else:
-            others = self._policy(_after_move_of_drone0(self._observations, action))
-            actions = {**others, "drone0": int(action)}
+            # Shown drone 0 where its action leads, the policy keeps the others away.
+            (x, y), matrix = self._observations["drone0"]["observation"]
+            size = len(matrix)
+            ahead = neighbours(y * size + x, size)[action]
+            if ahead != OFF_GRID:
+                y, x = divmod(ahead, size)
+            moved: Observation = {"observation": ((x, y), matrix)}
+            actions = self._policy({**self._observations, "drone0": moved})
+            actions = {**actions, "drone0": int(action)}
         self._observations, _, _, _, _ = self._env.step(actions)
         self.frame = self._current_frame()
         return self.frame
@@ -148,34 +122,16 @@ class _Episode:
     def _current_frame(self) -> Frame:
         frame = self._env.frame()
         hides = self._hide_person and frame.ending is None
-        return replace(frame, policy=self.label, hide_persons=hides)
+        return replace(frame, policy=self._label, hide_persons=hides)
 
 
-def _after_move_of_drone0(
-    observations: Mapping[str, Observation], action: Action
-) -> dict[str, Observation]:
-    """The observations with drone 0 where its action leads: a policy then keeps others away."""
-    (x, y), matrix = observations["drone0"]["observation"]
-    size = len(matrix)
-    ahead = neighbours(y * size + x, size)[action]
-    if ahead != OFF_GRID:
-        y, x = divmod(ahead, size)
-    return {**observations, "drone0": {"observation": ((x, y), matrix)}}
-
-
-def _summary(
-    search: NamedSearch, seed: int, policy: str, frame: Frame, stopped: str = ""
-) -> list[str]:
-    """The result of an episode as lines of text.
-
-    Args:
-        search: the search.
-        seed: of the episode.
-        policy: who flies the drones.
-        frame: the last one that was shown.
-        stopped: why the user ended it early.
-    """
-    outcome = f"stopped: {stopped}"
+def _print_summary(
+    search: NamedSearch, options: argparse.Namespace, seed: int, frame: Frame, stopped: str = ""
+) -> None:
+    """Print the result of an episode by its last frame, and why the user stopped it there."""
+    policy, outcome = options.policy, f"stopped: {stopped}"
+    if options.manual:
+        policy = f"you fly drone 0, {policy} the others"
     if frame.ending is not None:
         outcome = f"{frame.outcome} ({frame.ending.description})"
     total = frame.total_return or 0.0
@@ -195,7 +151,7 @@ def _summary(
     if search.scale is not None:
         cell, step = search.scale.metres_per_cell, search.scale.seconds_per_step
         lines.append(f"scale           cells of {cell:g} m, steps of {step:.3g} s")
-    return lines
+    print("\n".join(lines), flush=True)
 
 
 def _look(options: argparse.Namespace) -> Look:
@@ -211,24 +167,17 @@ def _record(
     print(f"recording to {path}, at most {first.timestep_limit} steps ...", file=sys.stderr)
     painter = Painter(first.grid_size, _look(options))
     try:
-        write_video(path, painter, episode.frames(), fps=options.fps, hold=HOLD_VIDEO)
+        write_video(path, painter, episode.frames(), fps=options.fps, hold=2.0)
     except (ImportError, ValueError) as error:
         parser.error(f"argument --record: {error}")
     except OSError as error:
         parser.exit(1, f"cannot write {path}: {error.strerror or error}\n")
 
 
-# The window.
-
-
 def _play_in_window(
     parser: argparse.ArgumentParser, options: argparse.Namespace, search: NamedSearch
 ) -> bool:
-    """Play in a window until the user closes it.
-
-    Returns:
-        Whether a window could be opened.
-    """
+    """Play episodes in a window until the user closes it; returns whether one could be opened."""
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
     window = PlayerWindow(search.scenario.grid_size, _look(options))
@@ -240,66 +189,30 @@ def _play_in_window(
             parser.error(f"--manual needs a display, and no window can be opened ({reason})")
         print(f"no window can be opened ({reason}): showing text", file=sys.stderr)
         return False
-    with window:
-        performances = _Performances(search, options)
-        player = Player(performances.begin, seed=options.seed, fps=options.fps)
-        performances.report(window.play(player))
-    return True
+    played: list[tuple[int, Recording]] = []
 
+    def report(stopped: str = "") -> None:
+        seed, recording = played[-1]
+        _print_summary(search, options, seed, recording.frames[recording.seen], stopped)
 
-class _Performances:
-    """The episodes that are played in the window, one after another, and their reports.
-
-    Args:
-        search: the search.
-        options: of the command line.
-    """
-
-    def __init__(self, search: NamedSearch, options: argparse.Namespace) -> None:
-        self._search = search
-        self._options = options
-        self._recording: Recording | None = None
-        self._seed = 0
-
-    def begin(self, seed: int) -> Recording:
-        """Report on the last episode if it has ended, and begin that of a seed."""
-        if self._recording is not None and self._recording.end_was_seen:
-            self.report("")
+    def begin(seed: int) -> Recording:
+        if played and played[-1][1].end_was_seen:
+            report()
             print()
-        episode = _Episode(self._search, self._options, seed)
-        title = f"{self._search.name}, {episode.label}, "
-        if self._options.manual:
-            rivals = self._rivals if self._options.hide_person else list
-            start = iter([episode.frame])
-            self._recording = Recording(start, title, fly=episode.step, rivals=rivals)
-        else:
-            self._recording = Recording(episode.frames(), title)
-        self._seed = seed
-        return self._recording
-
-    def _rivals(self) -> list[Score]:
-        """The results of the policies in the search that was flown."""
-        episodes = [_Episode(self._search, self._options, self._seed, name) for name in RIVALS]
-        return [Score(each.label, list(each.frames())[-1]) for each in episodes]
-
-    def report(self, stopped: str) -> None:
-        """Print what was seen of the last episode.
-
-        Args:
-            stopped: why the user ended it, if that was before its end.
-        """
-        recording, options = self._recording, self._options
-        if recording is None:
-            return
-        policy = options.policy
+        episode = _Episode(search, options, seed)
+        title = f"{search.name}, {episode.frame.policy}, "
         if options.manual:
-            policy = f"you fly drone 0, {policy} the others"
-        seen = recording.frames[recording.seen]
-        print("\n".join(_summary(self._search, self._seed, policy, seen, stopped)), flush=True)
-        if not (options.manual and recording.end_was_seen):
-            return
-        if options.hide_person:
-            print()
-            print_table(SCORE_HEADERS, [score_row(score) for score in recording.scores])
+            names = RIVALS if options.hide_person else ()
+            rivals = (_Episode(search, options, seed, name) for name in names)
+            scores = (Score(rival.frame.policy, list(rival.frames())[-1]) for rival in rivals)
+            recording = Recording(iter([episode.frame]), title, fly=episode.step, rivals=scores)
         else:
-            print("with --hide-person, your result is compared with those of the policies")
+            recording = Recording(episode.frames(), title)
+        played.append((seed, recording))
+        return recording
+
+    try:
+        report(window.play(Player(begin, seed=options.seed, fps=options.fps)))
+    finally:
+        window.close()
+    return True

@@ -63,17 +63,7 @@ GRID_LEAST, GRID_MOST = 20, 100
 
 
 def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse.Namespace]:
-    """Parse the command line of the demo.
-
-    Args:
-        argv: the arguments; those of the process if None.
-
-    Returns:
-        The parser, for errors, and the options.
-
-    Raises:
-        SystemExit: after `--help` (code 0), or if options do not belong together (code 2).
-    """
+    """Parse the command line of the demo; returns the parser, for errors, and the options."""
     parser = _parser()
     options = parser.parse_args(argv)
     if options.manual and options.policy != USUAL_POLICY:
@@ -147,9 +137,6 @@ def _parser() -> argparse.ArgumentParser:
 def search_of(options: argparse.Namespace) -> NamedSearch:
     """The search that the options name or describe.
 
-    Drones and user see the posterior of it, or the prior with `--prior`; the scenario states
-    which.
-
     Raises:
         TypeError, ValueError: an option is invalid.
     """
@@ -180,12 +167,9 @@ def search_of(options: argparse.Namespace) -> NamedSearch:
 def _around_the_border(n_drones: int, grid_size: int) -> tuple[Cell, ...]:
     """Start cells spread evenly around the border, clockwise from (0, 0)."""
     last = grid_size - 1
-    border = [
-        *((i, 0) for i in range(last)),
-        *((last, i) for i in range(last)),
-        *((last - i, last) for i in range(last)),
-        *((0, last - i) for i in range(last)),
-    ]
+    top = [(x, 0) for x in range(last)]
+    right = [(last, y) for y in range(last)]
+    border = [*top, *right, *((last - x, last - y) for x, y in top + right)]
     return tuple(border[drone * len(border) // n_drones] for drone in range(n_drones))
 
 
@@ -199,25 +183,21 @@ def _incident(options: argparse.Namespace, scale: Scale) -> Scenario:
         adrift=checks.real("--adrift", options.adrift, 0),
         scale=scale,
     )
-    sizes = range(GRID_LEAST, GRID_MOST)
-    size = next((size for size in sizes if _holds(_placed(person, size), size)), GRID_MOST)
-    placed = _placed(person, size)
+    for size in range(GRID_LEAST, GRID_MOST + 1):
+        placed = _placed(person, size)
+        steps = (0, TIMESTEP_LIMIT // 2, TIMESTEP_LIMIT)
+        if all(placed.mass_beyond(size, step) <= MASS_BEYOND for step in steps):
+            break
     warn_of_mass_beyond([placed], size, TIMESTEP_LIMIT, stacklevel=1)
     return Scenario(size, persons=(placed,))
 
 
 def _placed(person: Person, grid_size: int) -> Person:
     """The person where the mean position halfway through the search is the middle of the grid."""
-    centre, last = grid_size // 2, grid_size - 1
     steps = person.drifts[0].adrift + TIMESTEP_LIMIT / 2
     mean = np.average([drift.vector for drift in person.drifts], axis=0, weights=person.weights)
-    x, y = np.rint(centre - steps * mean).tolist()
+    start = np.rint(grid_size // 2 - steps * mean)
     if person.drifts[0].starts_in_known_cell:
-        x, y = (min(max(cell, 0.0), last) for cell in (x, y))
+        start = np.clip(start, 0.0, grid_size - 1)
+    x, y = start.tolist()
     return replace(person, drifts=tuple(replace(drift, start=(x, y)) for drift in person.drifts))
-
-
-def _holds(person: Person, grid_size: int) -> bool:
-    """Whether a grid holds the forecast at the start, halfway and at the end."""
-    steps = (0, TIMESTEP_LIMIT // 2, TIMESTEP_LIMIT)
-    return all(person.mass_beyond(grid_size, step) <= MASS_BEYOND for step in steps)

@@ -37,8 +37,7 @@ def random_search(coverage: Number) -> Number:
         TypeError: the coverage is not numbers.
         ValueError: it is negative or not finite.
     """
-    pod: Number = _plain(-np.expm1(-_amounts("coverage", coverage)))
-    return pod
+    return _plain(-np.expm1(-_amounts("coverage", coverage)))  # type: ignore[no-any-return]
 
 
 def inverse_cube(coverage: Number) -> Number:
@@ -46,35 +45,18 @@ def inverse_cube(coverage: Number) -> Number:
 
     It is erf(sqrt(pi) C / 2) (Koopman, 1946), the upper curve of search manuals.
 
-    Args:
-        coverage: C, at least 0; a number or an array.
-
-    Returns:
-        From 0 to 1; a float or a float64 array of the same shape.
-
-    Raises:
-        TypeError: the coverage is not numbers.
-        ValueError: it is negative or not finite.
+    Argument, result and errors are those of `random_search`.
     """
-    pod: Number = _plain(erf(_amounts("coverage", coverage) * (math.sqrt(math.pi) / 2)))
-    return pod
+    values = _amounts("coverage", coverage) * (math.sqrt(math.pi) / 2)
+    return _plain(erf(values))  # type: ignore[no-any-return]
 
 
 def definite_range(coverage: Number) -> Number:
     """The POD of parallel tracks with a sensor that never misses within its range: min(C, 1).
 
-    Args:
-        coverage: C, at least 0; a number or an array.
-
-    Returns:
-        From 0 to 1; a float or a float64 array of the same shape.
-
-    Raises:
-        TypeError: the coverage is not numbers.
-        ValueError: it is negative or not finite.
+    Argument, result and errors are those of `random_search`.
     """
-    pod: Number = _plain(np.minimum(_amounts("coverage", coverage), 1.0))
-    return pod
+    return _plain(np.minimum(_amounts("coverage", coverage), 1.0))  # type: ignore[no-any-return]
 
 
 def coverage(sweep_width: Number, speed: Number, time: Number, area: Number) -> Number:
@@ -104,22 +86,11 @@ def coverage(sweep_width: Number, speed: Number, time: Number, area: Number) -> 
     extent = _amounts("area", area)
     if not extent.all():
         raise ValueError(f"area must be finite numbers above 0, got {area!r}")
-    try:
-        np.broadcast(width, rate, duration, extent)
-    except ValueError:
-        shapes = ", ".join(str(each.shape) for each in (width, rate, duration, extent))
-        raise ValueError(
-            f"sweep_width, speed, time and area must have shapes that broadcast, got {shapes}"
-        ) from None
     with np.errstate(over="ignore", invalid="ignore"):
         found = width * rate * duration / extent
     if not np.isfinite(found).all():
-        raise ValueError(
-            f"area must be larger, so that the coverage is finite, got {area!r} for the swept area "
-            f"{sweep_width!r} * {speed!r} * {time!r}"
-        )
-    ratio: Number = _plain(found)
-    return ratio
+        raise ValueError(f"area must be larger, so that the coverage is finite, got {area!r}")
+    return _plain(found)  # type: ignore[no-any-return]
 
 
 def _amounts(name: str, value: object) -> Floats:

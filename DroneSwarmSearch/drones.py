@@ -20,7 +20,6 @@ class Drones:
     """The drones of a search, in one episode after another.
 
     Args:
-        names: the drones' names.
         scenario: the search.
 
     Attributes:
@@ -32,12 +31,9 @@ class Drones:
             actions in it. Also holds the start.
     """
 
-    def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self._scheme = scenario.reward_scheme
         self._timestep_limit = scenario.timestep_limit
-        self._names = names
-        self._uneventful = dict.fromkeys(names, rules.uneventful_reward(self._scheme))
-        self.start([])
 
     def start(self, cells: list[int]) -> None:
         """Start an episode with the drones in some cells."""
@@ -45,69 +41,51 @@ class Drones:
         self.chosen = bytes([Action.IDLE]) * len(cells)
         self.finders: set[int] = set()
         self.returns = [0.0] * len(cells)
-        self.history: deque[tuple[list[int], bytes]] = deque(
-            [(cells, self.chosen)], maxlen=HISTORY_STEPS + 1
-        )
+        self.history = deque([(cells, self.chosen)], maxlen=HISTORY_STEPS + 1)
 
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
-    ) -> tuple[dict[str, float], Ending | None]:
-        """Resolve the actions of a step: determine outcomes and rewards, move the drones.
+    ) -> tuple[list[float], Ending | None]:
+        """Resolve the actions of a step: let the drones search, reward and move them.
 
         Args:
             chosen: each drone's action.
-            targets: each drone's target cell, or OFF_GRID; `cells` itself if no drone moves.
+            targets: each drone's target cell, or OFF_GRID.
             world: the world state, which resolves the searches.
 
         Returns:
-            Each drone's reward, for reading only, and the ending, or None.
+            Each drone's reward, and the ending, or None.
         """
-        is_last = world.step == self._timestep_limit - 1
-        crashed = targets is not self.cells and len({OFF_GRID, *targets}) <= len(targets)
-        if crashed or is_last or _SEARCH in chosen:
-            rewards, ending = self._resolve_events(chosen, targets, world, crashed, is_last)
-            if OFF_GRID in targets:  # a drone that tries to leave the grid stays
-                pairs = zip(self.cells, targets, strict=True)
-                targets = [cell if target == OFF_GRID else target for cell, target in pairs]
-        else:
-            rewards, ending = self._uneventful, None
-        self.chosen, self.cells = chosen, targets
-        self.returns = [*map(add, self.returns, rewards.values())]
-        self.history.append((targets, chosen))
-        return rewards, ending
-
-    def _resolve_events(
-        self, chosen: bytes, targets: list[int], world: WorldState, crashed: bool, is_last: bool
-    ) -> tuple[dict[str, float], Ending | None]:
-        """`resolve` a step with searches, with crashes, or at the time limit."""
-        finders: set[int] = set()
-        observed: dict[int, float] = {}  # by searching drone: the probability of its cell
+        found: set[int] = set()
+        observed: dict[int, float] = {}
         if _SEARCH in chosen:
             pairs = enumerate(zip(self.cells, chosen, strict=True))
             # Before a step, no two drones share a cell.
             searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
             observed = world.observed(searches)
-            finders = world.search(searches)
-        shared = rules.same_cell(targets) if crashed else set()
-        rewards = self._uneventful.copy()
-        for drone in range(len(targets)) if crashed or is_last else observed:
-            rewards[self._names[drone]] = rules.reward(
-                self._scheme,
-                targets[drone] in shared,
-                targets[drone] == OFF_GRID,
-                drone in finders,
-                is_last and world.is_rescue,
-                drone in self.finders,
-                drone in observed,
-                observed.get(drone, 0.0),
-                world.step,
-                self._timestep_limit,
-                self.returns[drone],
-            )
-        self.finders |= finders
-        return rewards, rules.ending(
-            not world.missing, world.is_covered, bool(shared), OFF_GRID in targets, is_last
+            found = world.search(searches)
+        rewards, ending = rules.outcome(
+            self._scheme,
+            self._timestep_limit,
+            world.is_rescue,
+            actions=chosen,
+            targets=targets,
+            observed=observed,
+            found=found,
+            found_before=self.finders,
+            returns=self.returns,
+            steps_before=world.step,
+            all_found=not world.missing,
+            covered=world.is_covered,
         )
+        if OFF_GRID in targets:  # a drone that tries to leave the grid stays
+            moves = zip(self.cells, targets, strict=True)
+            targets = [cell if target == OFF_GRID else target for cell, target in moves]
+        self.finders |= found
+        self.chosen, self.cells = chosen, targets
+        self.returns = [*map(add, self.returns, rewards)]
+        self.history.append((targets, chosen))
+        return rewards, ending
 
     def trails(self) -> list[list[int]]:
         """For each drone, its last cells, oldest first, the current one last."""

@@ -162,7 +162,7 @@ class DroneSwarmSearch(SearchSpaces):
         # The episode, see `reset`.
         self._search: Scenario | None = None  # its parameters
         self._world: WorldState
-        self._drones = Drones(self._names, self._scenario)
+        self._drones = Drones(self._scenario)
         self._ending: Ending | None = None
 
     @classmethod
@@ -292,7 +292,8 @@ class DroneSwarmSearch(SearchSpaces):
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
-        return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
+        paid = Rewards(zip(self._names, rewards, strict=True))
+        return observations, paid, flags.copy(), flags.copy(), infos
 
     # The rest of PettingZoo's API.
 
@@ -335,7 +336,10 @@ class DroneSwarmSearch(SearchSpaces):
         """
         cells, world = self._cells_and_world()
         missing = [world.person_cell(person) for person in world.missing if world.is_rescue]
-        return state_planes(world.matrix(), cells, missing)
+        persons = np.array([missing], np.int64)
+        planes = state_planes(world.matrix()[None], np.array([cells]), persons, persons >= 0)
+        state: NDArray[np.float32] = planes[0]
+        return state
 
     # Beyond PettingZoo's API.
 

@@ -15,14 +15,13 @@ and then (jibing), which is left out here. `CLASSES` names the source of the coe
 from __future__ import annotations
 
 import csv
-import difflib
 import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person, warn_of_mass_beyond
@@ -43,12 +42,7 @@ KNOT = 1852 / 3600
 """One knot in m/s."""
 
 _FASTEST = 1000.0
-"""The highest speed of wind and current in m/s."""
-
-_FARTHEST = 1e9
-"""The largest distance in metres, and the longest time in seconds."""
-
-_LARGEST_COEFFICIENT = 1e6
+"""The highest speed of a wind in m/s."""
 
 _UNTRUNCATED = 40.0
 """Standard deviations below the mean at which truncation has no effect in floats."""
@@ -64,13 +58,7 @@ SOURCE = (
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of one component of the leeway, see `ObjectClass`.
-
-    Attributes:
-        slope: in percent of the wind speed at 10 m.
-        offset: in cm/s.
-        sd: standard deviation in cm/s.
-    """
+    """The coefficients of one component of the leeway, see `ObjectClass`."""
 
     slope: float
     offset: float
@@ -78,16 +66,7 @@ class Coefficients(NamedTuple):
 
 
 class LeewaySpeeds(NamedTuple):
-    """The mean and the standard deviation of each component of the leeway, in m/s.
-
-    Attributes:
-        downwind: mean downwind.
-        downwind_sd: its standard deviation.
-        right: mean to the right of the wind, for objects that go right.
-        right_sd: its standard deviation.
-        left: the same for objects that go left; usually negative.
-        left_sd: its standard deviation.
-    """
+    """The means and standard deviations of the leeway in m/s, see `ObjectClass.speeds`."""
 
     downwind: float
     downwind_sd: float
@@ -114,8 +93,8 @@ class ObjectClass:
 
     Raises:
         TypeError: a coefficient is not a number.
-        ValueError: a coefficient is beyond a million, a standard deviation is negative, or
-            there are not three coefficients.
+        ValueError: a coefficient is not finite, a standard deviation is negative, or there are
+            not three coefficients.
     """
 
     name: str
@@ -131,11 +110,8 @@ class ObjectClass:
             values = checks.items(name, getattr(self, name), what)
             if len(values) != 3:
                 raise ValueError(f"{name} must be {what}, got {values!r}")
-            largest = _LARGEST_COEFFICIENT
-            slope, offset = (
-                checks.real(f"{name}[{n}]", values[n], -largest, largest) for n in range(2)
-            )
-            sd = checks.real(f"{name}[2]", values[2], 0, largest)
+            slope, offset = (checks.real(f"{name}[{n}]", values[n]) for n in range(2))
+            sd = checks.real(f"{name}[2]", values[2], 0)
             object.__setattr__(self, name, Coefficients(slope, offset, sd))
 
     def speeds(self, wind_speed: float) -> LeewaySpeeds:
@@ -173,16 +149,14 @@ class ObjectClass:
 def _load() -> dict[str, ObjectClass]:
     path = Path(__file__).with_name("drift") / "leeway_classes.csv"
     lines = path.read_text("utf-8").splitlines()
-    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-    return {row["name"]: _object_class(row) for row in rows}
-
-
-def _object_class(row: dict[str, str]) -> ObjectClass:
-    downwind, right, left = (
-        Coefficients(*(float(row[f"{part}_{name}"]) for name in Coefficients._fields))
-        for part in ("downwind", "right", "left")
-    )
-    return ObjectClass(row["name"], row["description"], downwind, right, left)
+    classes = {}
+    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
+        downwind, right, left = (
+            Coefficients(*(float(row[f"{part}_{name}"]) for name in Coefficients._fields))
+            for part in ("downwind", "right", "left")
+        )
+        classes[row["name"]] = ObjectClass(row["name"], row["description"], downwind, right, left)
+    return classes
 
 
 CLASSES: Mapping[str, ObjectClass] = MappingProxyType(_load())
@@ -214,16 +188,7 @@ def wind_from(direction: float, speed: float) -> Pair:
 def current_towards(direction: float, speed: float) -> Pair:
     """The vector of a current that sets towards a direction, as currents are reported.
 
-    Args:
-        direction: where the current flows to, in degrees clockwise from north.
-        speed: at least 0; the result has its unit. Multiply knots by `KNOT` for m/s.
-
-    Returns:
-        (east, north).
-
-    Raises:
-        TypeError: an argument is not a number.
-        ValueError: an argument is not finite, or the speed is negative.
+    Like `wind_from`, but the direction is where the current flows to.
     """
     angle = math.radians(checks.real("direction", direction) % 360)
     length = checks.real("speed", speed, 0)
@@ -270,7 +235,7 @@ def person(
         current: in m/s, (east, north): where it flows to; see `current_towards`.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
         adrift: the time from the last known position to the start of the search, in seconds;
-            at most 1e9; rounded to whole steps.
+            rounded to whole steps.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
         hypotheses_per_side: from 1 to 9. One ignores the correlation of the leeway along x and
@@ -288,22 +253,26 @@ def person(
     kind = _class_of(object_class)
     if not isinstance(scale, Scale):
         raise TypeError(f"scale must be a Scale, got {scale!r}")
-    downwind, drifting = _velocity("wind", wind), _velocity("current", current)
-    seconds = checks.real("adrift", adrift, 0, _FARTHEST)
-    count = hypotheses_per_side
-    if count is not None:
-        count = checks.integer("hypotheses_per_side", count, 1, 9)
-    common = {
-        "start_sd": scale.cells(checks.real("position_sd", position_sd, 0, _FARTHEST)),
+    if hypotheses_per_side is not None:
+        checks.integer("hypotheses_per_side", hypotheses_per_side, 1, 9)
+    common: dict[str, Any] = {
+        "start_sd": scale.cells(checks.real("position_sd", position_sd, 0)),
         "diffusion": _diffusion(diffusivity, scale),
-        "adrift": scale.whole_steps(seconds),
+        "adrift": scale.whole_steps(checks.real("adrift", adrift, 0)),
     }
+    winds = checks.pair("wind", wind), checks.pair("current", current)
     drifts = [
-        Drift(start, vector=vector, vector_sd=vector_sd, weight=weight, **common)  # type: ignore[arg-type]
-        for vector, vector_sd, weight in _hypotheses(kind, downwind, drifting, scale, count)
+        Drift(start, vector=vector, vector_sd=vector_sd, weight=weight, **common)
+        for vector, vector_sd, weight in _hypotheses(kind, *winds, scale, hypotheses_per_side)
     ]
-    _warn_of_fast_drift(drifts)
-    result = Person(drifts, probability_of_detection)  # type: ignore[arg-type]
+    fastest = max(abs(speed) for drift in drifts for speed in drift.vector)
+    if fastest > 1.0:
+        warnings.warn(
+            f"the mean drift is {fastest:.3g} cells per step along an axis, and persons move at "
+            "most one: take shorter steps or larger cells",
+            stacklevel=2,
+        )
+    result = Person(tuple(drifts), probability_of_detection)
     if (grid_size is None) != (timestep_limit is None):
         raise ValueError(
             f"grid_size and timestep_limit must be given together, got {grid_size!r} and "
@@ -314,13 +283,6 @@ def person(
     return result
 
 
-def _velocity(name: str, value: object) -> Pair:
-    velocity = checks.pair(name, value)
-    if math.hypot(*velocity) > _FASTEST:
-        raise ValueError(f"{name} must be at most {_FASTEST:g} m/s, got {value!r}")
-    return velocity
-
-
 def _class_of(object_class: object) -> ObjectClass:
     if isinstance(object_class, ObjectClass):
         return object_class
@@ -329,18 +291,11 @@ def _class_of(object_class: object) -> ObjectClass:
     if object_class in CLASSES:
         return CLASSES[object_class]
     text = object_class.strip().lower()
-    near = difflib.get_close_matches(text.upper(), CLASSES, cutoff=0.5)
-    described = [
-        kind.name
-        for kind in CLASSES.values()
-        if text and text in f"{kind.name} {kind.description}".lower()
-    ]
-    # A part of a description says more than a similar spelling.
-    names = list(dict.fromkeys([*described, *near]))
-    hint = "; ".join(f"{name}, {CLASSES[name].description}" for name in names)
+    described = [f"{kind.name}, {kind.description}" for kind in CLASSES.values()]
+    near = [each for each in described if text and text in each.lower()]
     raise ValueError(
         f"object_class must be a key of leeway.CLASSES, got {object_class!r}; "
-        + (f"the nearest are {hint}" if names else f"the keys are {', '.join(CLASSES)}")
+        + (f"the nearest are {'; '.join(near)}" if near else f"the keys are {', '.join(CLASSES)}")
     )
 
 
@@ -361,16 +316,6 @@ def _diffusion(diffusivity: object, scale: Scale) -> float:
     return diffusion
 
 
-def _warn_of_fast_drift(drifts: list[Drift]) -> None:
-    fastest = max(abs(speed) for drift in drifts for speed in drift.vector)
-    if fastest > 1.0:
-        warnings.warn(
-            f"the mean drift is {fastest:.3g} cells per step along an axis, and persons move at "
-            "most one: take shorter steps or larger cells",
-            stacklevel=3,
-        )
-
-
 def _hypotheses(
     kind: ObjectClass, wind: Pair, current: Pair, scale: Scale, count: int | None
 ) -> list[tuple[Pair, Pair, float]]:
@@ -380,24 +325,18 @@ def _hypotheses(
         return [(scale.vector(current), (0.0, 0.0), 1.0)]
     speeds = kind.speeds(speed)
     east, north = wind[0] / speed, wind[1] / speed
-    sides = (speeds.right, speeds.right_sd), (speeds.left, speeds.left_sd)
     found = []
-    for cross, cross_sd in sides:
+    for cross, cross_sd in ((speeds.right, speeds.right_sd), (speeds.left, speeds.left_sd)):
         # Downwind is (east, north), and to the right of it is (north, -east).
-        mean = (
-            current[0] + speeds.downwind * east + cross * north,
-            current[1] + speeds.downwind * north - cross * east,
-        )
-        down, cross_variance = speeds.downwind_sd**2, cross_sd**2
-        covariance = (
-            down * east**2 + cross_variance * north**2,
-            down * north**2 + cross_variance * east**2,
-            (down - cross_variance) * east * north,
-        )
-        for shift, deviation, weight in _spread(*covariance, count):
-            velocity = (mean[0] + shift[0], mean[1] + shift[1])
+        mean_east = current[0] + speeds.downwind * east + cross * north
+        mean_north = current[1] + speeds.downwind * north - cross * east
+        along, across = speeds.downwind_sd**2, cross_sd**2
+        variances = along * east**2 + across * north**2, along * north**2 + across * east**2
+        covariance = (along - across) * east * north
+        for shift, deviation, weight in _spread(*variances, covariance, count):
+            velocity = mean_east + shift[0], mean_north + shift[1]
             per_metre = scale.seconds_per_step / scale.metres_per_cell
-            per_step = (deviation[0] * per_metre, deviation[1] * per_metre)
+            per_step = deviation[0] * per_metre, deviation[1] * per_metre
             found.append((scale.vector(velocity), per_step, weight / 2))
     return found
 
@@ -409,15 +348,8 @@ def _spread(
 
     The correlated part of the covariance is a single vector. The means lie along it with binomial
     weights, so that mean and covariance of the mixture are exact, and the components overlap.
-
-    Args:
-        east: variance to the east.
-        north: variance to the north.
-        both: covariance of the two.
-        count: the number of components; None for as many as the correlation requires.
-
-    Returns:
-        For each component, the shift of its mean, its standard deviations, and its weight.
+    Given are the variances and the covariance, and the number of components, or None for as many
+    as the correlation requires; returned is each one's shift, standard deviations, and weight.
     """
     sd = math.sqrt(east), math.sqrt(north)
     correlation = both / (sd[0] * sd[1]) if both else 0.0

@@ -1,23 +1,22 @@
 """The mappings that `reset` and `step` return, with the look-ups of the 2023 package.
 
 That package put "total_reward" among the drones' rewards and "Found" among their infos. RL
-libraries treat every key as an agent, so here these names can be looked up but are not listed as
-keys. Other facts about the episode can be looked up in the same way. The 2023 package's `reset`
-returned only the observations; here it returns (observations, infos), a tuple that can also be
-indexed by drone name.
+libraries treat every key as an agent, so here these names can be looked up, as can other facts
+about the episode, but are not listed as keys. The 2023 package's `reset` returned only the
+observations; here it returns a tuple that can also be indexed by drone name.
 """
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, Iterable, KeysView, Mapping, ValuesView
-from typing import Any, Generic, TypeVar, overload
+import copy
+from collections.abc import ItemsView, KeysView, Mapping, ValuesView
+from typing import Any, Generic, TypeVar
 
 from DroneSwarmSearch.rules import Ending, is_success
 
 __all__ = ["Infos", "Rewards", "Start", "SuccessInfos"]
 
 Value = TypeVar("Value")
-Default = TypeVar("Default")
 Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int, float | None]
 """The ending or None, the missing persons, all persons, completed steps, and the probability of
 success or None."""
@@ -41,36 +40,8 @@ class _Answering(dict[str, Value]):
     def __contains__(self, key: object) -> bool:
         return super().__contains__(key) or key in self.NAMES
 
-    @overload
-    def get(self, key: str, default: None = None, /) -> Value | None: ...
-    @overload
-    def get(self, key: str, default: Value, /) -> Value: ...
-    @overload
-    def get(self, key: str, default: Default, /) -> Value | Default: ...
     def get(self, key: str, default: Any = None, /) -> Any:
-        # dict.get ignores __missing__.
         return self[key] if key in self.NAMES else super().get(key, default)
-
-    def __setitem__(self, key: str, value: Value) -> None:
-        self._refuse((key,))
-        super().__setitem__(key, value)
-
-    def setdefault(self, key: str, default: Any = None, /) -> Any:
-        return self[key] if key in self.NAMES else super().setdefault(key, default)
-
-    def update(self, *values: Any, **more: Any) -> None:
-        new: dict[str, Value] = dict(*values, **more)
-        self._refuse(new)
-        super().update(new)
-
-    def __ior__(self, other: Any) -> Any:  # type: ignore[misc]
-        self.update(other)
-        return self
-
-    def _refuse(self, keys: Iterable[object]) -> None:
-        for key in keys:
-            if key in self.NAMES:
-                raise ValueError(f"{key!r} is computed on look-up and cannot be set")
 
     def __delitem__(self, key: str) -> None:
         if key not in self.NAMES:  # these are not listed anyway
@@ -80,7 +51,7 @@ class _Answering(dict[str, Value]):
         return self[key] if key in self.NAMES else super().pop(key, *default)
 
     def copy(self) -> Any:
-        return type(self)(self)
+        return copy.copy(self)
 
 
 class Rewards(_Answering[float]):
@@ -115,15 +86,7 @@ class Infos(_Answering[Any]):
             return is_success(ending)
         if name == "persons_found":
             return tuple(person not in missing for person in persons)
-        if name == "probability_of_success":
-            return success
-        return ending if name == "ending" else step
-
-    def copy(self) -> Infos:
-        """A shallow copy with the same look-ups."""
-        copied = type(self)(self)
-        copied.facts = self.facts
-        return copied
+        return {"ending": ending, "step": step, "probability_of_success": success}[name]
 
 
 class SuccessInfos(Infos):
@@ -145,27 +108,22 @@ class Start(tuple[dict[str, Value], Infos], Generic[Value]):
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
-            return self._observations[key]
+            return super().__getitem__(0)[key]
         if isinstance(key, Mapping):  # from `for name in env.reset(): ...`
             raise TypeError("reset() returns two mappings; write observations, infos = env.reset()")
         return super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:
-        return key in self._observations if isinstance(key, str) else super().__contains__(key)
-
-    @property
-    def _observations(self) -> dict[str, Value]:
-        observations, _ = self
-        return observations
+        return key in self[0] if isinstance(key, str) else super().__contains__(key)
 
     def keys(self) -> KeysView[str]:
         """The drones' names."""
-        return self._observations.keys()
+        return self[0].keys()
 
     def values(self) -> ValuesView[Value]:
         """The drones' observations."""
-        return self._observations.values()
+        return self[0].values()
 
     def items(self) -> ItemsView[str, Value]:
         """The drones' names and observations."""
-        return self._observations.items()
+        return self[0].items()

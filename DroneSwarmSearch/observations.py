@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Any, TypedDict
 
 import numpy as np
@@ -10,12 +11,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
+from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.actions import check_agent
 from DroneSwarmSearch.mappings import Facts, Infos, SuccessInfos
 from DroneSwarmSearch.rules import Action, is_success
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Observation", "SearchSpaces", "batch_state_planes", "observe", "state_planes"]
+__all__ = ["Observation", "SearchSpaces", "observe", "state_planes"]
 
 
 class Observation(TypedDict):
@@ -32,16 +34,7 @@ def observe(
     found: bool,
     facts: Facts = (None, (), (), 0, None),
 ) -> tuple[dict[str, Observation], Infos]:
-    """Each drone's observation and info.
-
-    Args:
-        names: the drones' names.
-        cells: each drone's cell, y * N + x.
-        positions: the (x, y) of every cell.
-        matrix: the matrix that all drones observe.
-        found: whether a drone has found a person.
-        facts: see `Infos`.
-    """
+    """Each drone's observation and info; `found` is whether a drone has found a person."""
     observations: dict[str, Observation] = {}
     info: dict[str, Any] = {"Found": found, "is_success": is_success(facts[0])}
     kind, success = Infos, facts[-1]
@@ -57,40 +50,12 @@ def observe(
     return observations, infos
 
 
-def state_planes(
-    matrix: NDArray[np.float32], drones: Iterable[int], missing_persons: Iterable[int]
-) -> NDArray[np.float32]:
-    """The global state as planes.
+def state_planes(matrices: Singles, drones: Ints, persons: Ints, missing: Flags) -> Singles:
+    """The global states of E searches as planes, see `DroneSwarmSearch.state`.
 
     Args:
-        matrix: the matrix that the drones observe, shape (N, N), indexed [y, x].
-        drones: each drone's cell, y * N + x.
-        missing_persons: the cell of each person not yet found.
-
-    Returns:
-        float32, shape (3, N, N), indexed [plane, y, x]: the matrix, the number of drones in
-        each cell, the number of missing persons in each cell.
-    """
-    planes = np.zeros((3, *matrix.shape), np.float32)
-    planes[0] = matrix
-    counts = planes[1:].reshape(2, -1)
-    for plane, cells in zip(counts, (drones, missing_persons), strict=True):
-        for cell in cells:
-            plane[cell] += 1.0
-    return planes
-
-
-def batch_state_planes(
-    matrices: NDArray[np.float32],
-    drones: NDArray[np.integer],
-    persons: NDArray[np.integer],
-    missing: NDArray[np.bool_],
-) -> NDArray[np.float32]:
-    """`state_planes` of E searches.
-
-    Args:
-        matrices: shape (E, N, N), indexed [y, x].
-        drones: each drone's cell, shape (E, n).
+        matrices: the matrices that the drones observe, shape (E, N, N), indexed [y, x].
+        drones: each drone's cell, y * N + x: shape (E, n).
         persons: each person's cell, shape (E, persons).
         missing: whether the person is counted, shape (E, persons).
 
@@ -109,11 +74,6 @@ class SearchSpaces(ParallelEnv[str, Observation, int]):
     """Parameters and spaces of `DroneSwarmSearch`; spaces are created on first use and kept."""
 
     _scenario: Scenario
-
-    def __init__(self) -> None:
-        self._observation_spaces: dict[str, spaces.Dict] = {}
-        self._action_spaces: dict[str, spaces.Discrete] = {}
-        self._state_space: spaces.Box | None = None
 
     @property
     def grid_size(self) -> int:
@@ -141,43 +101,35 @@ class SearchSpaces(ParallelEnv[str, Observation, int]):
         A Dict with one entry, "observation": a Tuple of the drone's (x, y), each Discrete(N),
         and the matrix, float32 in [0, 1] of shape (N, N), indexed [y, x].
         """
-        space = self._observation_spaces.get(agent)
-        if space is None:
-            check_agent(agent, self.possible_agents)
-            n = self.grid_size
-            position = spaces.Tuple((spaces.Discrete(n), spaces.Discrete(n)))
-            matrix = spaces.Box(0.0, 1.0, (n, n), np.float32)
-            space = spaces.Dict({"observation": spaces.Tuple((position, matrix))})
-            self._observation_spaces[agent] = space
-        return space
+        check_agent(agent, self.possible_agents)
+        return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Discrete:
         """Discrete(6), see `rules.Action`; the same object at every call."""
-        space = self._action_spaces.get(agent)
-        if space is None:
-            check_agent(agent, self.possible_agents)
-            space = self._action_spaces[agent] = spaces.Discrete(len(Action))
-        return space
+        check_agent(agent, self.possible_agents)
+        return self.action_spaces[agent]
 
-    @property
+    @cached_property
     def observation_spaces(self) -> dict[str, spaces.Dict]:
         """`observation_space` of every drone."""
-        return {agent: self.observation_space(agent) for agent in self.possible_agents}
+        n, made = self.grid_size, {}
+        for agent in self.possible_agents:
+            position = spaces.Tuple((spaces.Discrete(n), spaces.Discrete(n)))
+            matrix = spaces.Box(0.0, 1.0, (n, n), np.float32)
+            made[agent] = spaces.Dict({"observation": spaces.Tuple((position, matrix))})
+        return made
 
-    @property
+    @cached_property
     def action_spaces(self) -> dict[str, spaces.Discrete]:
         """`action_space` of every drone."""
-        return {agent: self.action_space(agent) for agent in self.possible_agents}
+        return {agent: spaces.Discrete(len(Action)) for agent in self.possible_agents}
 
-    @property
+    @cached_property
     def state_space(self) -> spaces.Box:
         """The space of `state()`: float32, shape (3, N, N).
 
         The persons' plane has no upper bound, because a reset may change their number.
         """
-        if self._state_space is None:
-            shape = (3, self.grid_size, self.grid_size)
-            high = np.array([1.0, self.n_drones, np.inf], np.float32)[:, None, None]
-            low = np.zeros(shape, np.float32)
-            self._state_space = spaces.Box(low, np.broadcast_to(high, shape), dtype=np.float32)
-        return self._state_space
+        high = np.ones((3, self.grid_size, self.grid_size), np.float32)
+        high[1:] *= np.array([self.n_drones, np.inf], np.float32)[:, None, None]
+        return spaces.Box(np.zeros_like(high), high, dtype=np.float32)

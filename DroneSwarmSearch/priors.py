@@ -3,7 +3,8 @@
 Each function returns the probability of every cell: float64, shape (grid_size, grid_size), indexed
 [y, x], with a sum of 1. Positions are in cells, (x, y), and may be real numbers. The centre of a
 cell has whole coordinates, so that the grid extends from -0.5 to grid_size - 0.5. What lies beyond
-the grid is cut off, with a warning if it is more than 1%.
+the grid is cut off, with a warning if it is more than 1%. The functions raise a TypeError for a
+value of the wrong type, and a ValueError for one out of its limits or a prior off the grid.
 """
 
 from __future__ import annotations
@@ -42,11 +43,6 @@ def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
         grid_size: cells along each side, at least 2.
         vertices: at least three, in order along the boundary, shape (n, 2). The polygon need
             not be convex, but its edges must not cross.
-
-    Raises:
-        TypeError: a value is of the wrong type.
-        ValueError: a value is out of its limits, the edges cross, or the polygon and the grid
-            share no area.
     """
     size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 3)
@@ -81,11 +77,6 @@ def line(grid_size: int, vertices: ArrayLike, *, sd: float = 0.0) -> Floats:
             the probability of a cell is exactly proportional to the length of the line in
             it; otherwise points on the line stand for it, at most sd/4 (but at least 0.02
             cells) apart.
-
-    Raises:
-        TypeError: a value is of the wrong type.
-        ValueError: a value is out of its limits, the line has no length, or the line and the
-            grid share nothing.
     """
     size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 2)
@@ -117,10 +108,6 @@ def gaussian(
         sd: standard deviation in cells, above 0: a number, or a pair (x, y).
         correlation: between x and y, from -0.999 to 0.999. Positive values stretch the map
             from the upper left to the lower right, because y grows downward.
-
-    Raises:
-        TypeError: a value is of the wrong type.
-        ValueError: a value is out of its limits, or nothing lies on the grid.
     """
     size = _checked_size(grid_size)
     centre_x, centre_y = checks.pair("mean", mean)
@@ -128,8 +115,7 @@ def gaussian(
     sd_x, sd_y = (checks.positive("sd", each) for each in both)
     rho = checks.real("correlation", correlation, -_MAX_CORRELATION, _MAX_CORRELATION)
     if rho == 0.0:
-        x = _cell_masses(size, np.array(centre_x), sd_x)
-        y = _cell_masses(size, np.array(centre_y), sd_y)
+        x, y = _cell_masses(size, centre_x, sd_x), _cell_masses(size, centre_y, sd_y)
         return _normalised("mean", np.multiply.outer(y, x), 1.0)
     # Given x, y is normal too: integrate over the x of each column.
     rest = math.sqrt(1.0 - rho**2)
@@ -159,24 +145,16 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
         grid_size: cells along each side, at least 2.
         points: positions, shape (n, 2).
         weights: of the points, at least 0, shape (n,); None for equal ones.
-
-    Raises:
-        TypeError: a value is of the wrong type.
-        ValueError: a value is out of its limits, or no point with a weight is on the grid.
     """
     size = _checked_size(grid_size)
     given = _positions("points", points, 1)
-    what = f"{len(given)} finite numbers of at least 0, one for each point"
     share = np.ones(len(given))
     if weights is not None:
+        what = f"{len(given)} numbers of at least 0, one for each point"
         share = checks.numbers("weights", weights, what).astype(np.float64)
-        if share.shape != (len(given),):
-            raise ValueError(f"weights must be {what}, got shape {share.shape}")
-        wrong = share[~(np.isfinite(share) & (share >= 0.0))]
-        if wrong.size:
-            raise ValueError(f"weights must be {what}, got {wrong[0]}")
-    with np.errstate(over="ignore"):
-        total = float(share.sum())
+        if share.shape != (len(given),) or not (share >= 0.0).all():
+            raise ValueError(f"weights must be {what}, got {weights!r:.100}")
+    total = float(share.sum())
     if not 0.0 < total < math.inf:
         raise ValueError(f"weights must have a positive, finite sum, got {total}")
     return _normalised("points", _histogram(size, given, share), total)
@@ -221,11 +199,11 @@ def _histogram(grid_size: int, points: Floats, weights: Floats) -> Floats:
     return sums.astype(np.float64).reshape(grid_size, grid_size)
 
 
-def _cell_masses(grid_size: int, mean: Floats, sd: float) -> Floats:
+def _cell_masses(grid_size: int, mean: Floats | float, sd: float) -> Floats:
     """The probability of each cell of an axis: shape (..., N) for means of shape (..., 1)."""
     edges = np.arange(grid_size + 1) - 0.5
     with np.errstate(over="ignore"):  # an infinite argument of erf is clipped
-        phi = erf((edges - mean) / (sd * math.sqrt(2)))
+        phi = erf(np.divide(edges - mean, sd * math.sqrt(2), dtype=np.float64))
     return 0.5 * np.diff(phi, axis=-1)
 
 
@@ -233,12 +211,10 @@ def _pieces(start: Floats, end: Floats, grid_size: int, error: float) -> tuple[F
     """A segment in pieces, none of which is in two cells: their middles and their lengths."""
     step = end - start
     length = float(np.hypot(*step))
-    cuts = [np.array([0.0, 1.0])]
     edges = np.arange(grid_size + 1) - 0.5
-    for axis in (0, 1):
-        if step[axis]:
-            with np.errstate(over="ignore"):
-                cuts.append((edges - start[axis]) / step[axis])
+    with np.errstate(over="ignore"):
+        cuts = [(edges - at) / by for at, by in zip(start, step, strict=True) if by]
+    cuts.append(np.array([0.0, 1.0]))
     if error:
         count = math.ceil(length / max(error / 4, 0.02))
         checks.fits("the points on the line", 16 * count * grid_size, vertices=length, sd=error)
@@ -251,14 +227,8 @@ def _pieces(start: Floats, end: Floats, grid_size: int, error: float) -> tuple[F
 def _before(edges: Floats, start: list[float], end: list[float]) -> Floats:
     """The integral of min(x, X) dy along an edge of a polygon, where y <= Y.
 
-    Args:
-        edges: the boundaries of rows and columns, Y and X, n of them. The part of the edge
-            before the first row is left out.
-        start: where the edge begins, (x, y).
-        end: where it ends, at another y.
-
-    Returns:
-        Shape (n, n): for each Y and X.
+    The boundaries of rows and columns, Y and X, index the result. The part of the edge before the
+    first row is left out.
     """
     (x0, y0), (x1, y1) = start, end
     with np.errstate(over="ignore"):  # clipped; the heights of the ends may be almost equal
@@ -277,14 +247,12 @@ def _check_simple(corners: Floats) -> None:
     """Raise a ValueError if two edges of a polygon cross."""
     after = np.roll(corners, -1, axis=0)
     for place, (start, end) in enumerate(zip(corners, after, strict=True)):
-        one, two = _side(start, end, corners), _side(start, end, after)
-        back = _side(corners, after, start), _side(corners, after, end)
-        crossing = (one * two < 0) & (back[0] * back[1] < 0)
+        apart = _side(start, end, corners) * _side(start, end, after) < 0
+        crossing = apart & (_side(corners, after, start) * _side(corners, after, end) < 0)
         if crossing.any():
-            other = int(crossing.argmax())
             raise ValueError(
                 f"vertices must form a polygon whose edges do not cross, but the edges from "
-                f"vertices[{place}] and vertices[{other}] do"
+                f"vertices[{place}] and vertices[{crossing.argmax()}] do"
             )
 
 

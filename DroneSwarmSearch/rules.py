@@ -22,14 +22,15 @@ The episode ends for all drones together if drones collide, a drone leaves the g
 persons are found, and with step number L. In the coverage mission nobody is found. The line on
 the time limit does not apply, and the episode also ends once less than 1% is left to find.
 
-`reward` implements the table for one drone; `RewardScheme` holds its figures. Each rule has a
-scalar form and, beside it, an array form for many searches.
+`reward` implements the table for one drone; `RewardScheme` holds its figures. `outcome` decides a
+step given all that happens in it. Each rule has a scalar form and, beside it, an array form for
+many searches.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any
@@ -47,15 +48,14 @@ __all__ = [
     "RewardScheme",
     "collisions",
     "ending",
-    "endings",
     "is_success",
     "neighbours",
     "neighbours_of_all",
+    "outcome",
+    "outcomes",
     "reward",
-    "rewards",
     "same_cell",
     "successes",
-    "uneventful_reward",
 ]
 
 
@@ -289,59 +289,6 @@ def reward(
     return scheme.search_unlikely
 
 
-def uneventful_reward(scheme: RewardScheme) -> float:
-    """The `reward` of every drone in a step without searches, crashes and the time limit."""
-    return scheme.step
-
-
-def rewards(
-    scheme: RewardScheme,
-    drones: int,
-    *,
-    searched: Ints,
-    probability: Floats,
-    timed_out: Ints,
-    return_so_far: Floats,
-    found: Ints,
-    steps_before: Ints,
-    timestep_limit: int,
-    left_grid: Ints,
-    collided: Ints,
-) -> Floats:
-    """`reward` for many drones; applies the lines from last to first, so the first one wins.
-
-    The drones that each line may concern are given by number; `probability`, `return_so_far`
-    and `steps_before` belong to the drones above them.
-
-    Args:
-        scheme: the figures of the table.
-        drones: the number of drones, n.
-        searched: the drones that searched.
-        probability: as in `reward`.
-        timed_out: the drones at the time limit that found nobody before this step.
-        return_so_far: as in `reward`.
-        found: the drones whose search found a person.
-        steps_before: as in `reward`.
-        timestep_limit: the number of steps in an episode.
-        left_grid: the drones that tried to leave the grid.
-        collided: the drones with another drone in their cell after moving.
-
-    Returns:
-        float64, shape (n,).
-    """
-    points = np.full(drones, scheme.step)
-    if scheme.expected_finds:
-        points[searched] = scheme.find * probability
-    else:
-        likely = probability > scheme.search_threshold
-        points[searched] = np.where(likely, scheme.search * probability, scheme.search_unlikely)
-        points[timed_out] = scheme.timeout - return_so_far
-        points[found] = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-    points[left_grid] = scheme.leave_grid
-    points[collided] = scheme.collision
-    return points
-
-
 def ending(
     all_found: bool,
     covered: bool,
@@ -369,30 +316,109 @@ def ending(
     return Ending.TIME_LIMIT if time_limit_reached else None
 
 
-def endings(
-    searches: int,
+def outcome(
+    scheme: RewardScheme,
+    timestep_limit: int,
+    is_rescue: bool,
     *,
+    actions: Sequence[int],
+    targets: Sequence[int],
+    observed: Mapping[int, float],
+    found: Collection[int],
+    found_before: Collection[int],
+    returns: Sequence[float],
+    steps_before: int,
+    all_found: bool,
+    covered: bool,
+) -> tuple[list[float], Ending | None]:
+    """The drones' rewards in a step, and the ending if it is the last one.
+
+    Args:
+        scheme: the figures of the table.
+        timestep_limit: the number of steps in an episode.
+        is_rescue: whether the mission is to find persons.
+        actions: each drone's action.
+        targets: the cell that each drone tries to enter, or OFF_GRID.
+        observed: the `probability` in `reward`, for each drone that searches.
+        found: the drones whose searches find a person.
+        found_before: the drones that found one in an earlier step of the episode.
+        returns: each drone's sum of rewards before this step.
+        steps_before: steps completed before this one.
+        all_found: whether all persons have been found.
+        covered: whether the coverage mission is complete, see `COVERED_AT`.
+    """
+    is_last = steps_before == timestep_limit - 1
+    crashed = len({OFF_GRID, *targets}) <= len(targets)
+    rewards = [scheme.step] * len(targets)
+    if not (crashed or is_last or observed):
+        return rewards, None
+    shared = same_cell(targets)
+    for drone in range(len(targets)) if crashed or is_last else observed:
+        rewards[drone] = reward(
+            scheme,
+            targets[drone] in shared,
+            targets[drone] == OFF_GRID,
+            drone in found,
+            is_last and is_rescue,
+            drone in found_before,
+            actions[drone] == Action.SEARCH,
+            observed.get(drone, 0.0),
+            steps_before,
+            timestep_limit,
+            returns[drone],
+        )
+    return rewards, ending(all_found, covered, bool(shared), OFF_GRID in targets, is_last)
+
+
+def outcomes(
+    scheme: RewardScheme,
+    timestep_limit: int,
+    is_rescue: bool,
+    *,
+    actions: Ints,
+    targets: Ints,
+    observed: Floats,
+    found: Ints,
+    found_before: NDArray[np.bool_],
+    returns: Floats,
+    steps_before: Ints,
     all_found: Ints,
     covered: Ints,
-    any_collided: Ints,
-    any_left_grid: Ints,
-    time_limit_reached: Ints,
-) -> NDArray[np.int8]:
-    """`ending` for many searches, given the numbers of those that each fact holds for.
+) -> tuple[Floats, NDArray[np.int8]]:
+    """`outcome` for many searches; applies the lines of the table from last to first.
+
+    Arrays have the shape (searches, n), or (searches,) without drones. Exceptions: `observed` is
+    for the drones that search, in their order; `found` holds the numbers of drones, row * n +
+    drone, possibly with repetitions; `all_found` and `covered` hold numbers of searches.
 
     Returns:
-        int8, shape (searches,): each an `Ending`, or 0.
+        Rewards, float64, (searches, n), and endings, int8, (searches,): an `Ending`, or 0.
     """
-    ended = np.zeros(searches, np.int8)
-    for where, reason in (  # in ascending order of precedence
-        (time_limit_reached, Ending.TIME_LIMIT),
-        (any_left_grid, Ending.LEFT_GRID),
-        (any_collided, Ending.COLLISION),
-        (covered, Ending.COVERED),
-        (all_found, Ending.FOUND),
-    ):
-        ended[where] = reason
-    return ended
+    n = targets.shape[1]
+    searched = (actions == Action.SEARCH).reshape(-1).nonzero()[0]
+    left_grid, collided = (targets == OFF_GRID).reshape(-1).nonzero()[0], collisions(targets)
+    last = (steps_before == timestep_limit - 1).nonzero()[0]
+    rewards = np.full(targets.size, scheme.step)
+    if scheme.expected_finds:
+        rewards[searched] = scheme.find * observed
+    else:
+        likely = observed > scheme.search_threshold
+        rewards[searched] = np.where(likely, scheme.search * observed, scheme.search_unlikely)
+        if is_rescue and last.size:
+            timed_out = (last[:, None] * n + np.arange(n))[~found_before[last]]
+            rewards[timed_out] = scheme.timeout - returns.take(timed_out)
+        early = 1 - steps_before.take(found // n) / timestep_limit
+        rewards[found] = scheme.find + scheme.find_early * early
+    rewards[left_grid] = scheme.leave_grid
+    rewards[collided] = scheme.collision
+
+    endings = np.zeros(len(targets), np.int8)
+    endings[last] = Ending.TIME_LIMIT
+    endings[left_grid // n] = Ending.LEFT_GRID
+    endings[collided // n] = Ending.COLLISION
+    endings[covered] = Ending.COVERED
+    endings[all_found] = Ending.FOUND
+    return rewards.reshape(targets.shape), endings
 
 
 def is_success(ending: Ending | None) -> bool:

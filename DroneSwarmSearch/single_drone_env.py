@@ -1,8 +1,7 @@
-"""One drone as a Gymnasium environment: `gymnasium.make("DroneSwarmSearch-v0")`."""
+"""The Gymnasium id "DroneSwarmSearch-v0": `SingleDroneEnv`, and batches of drones."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -16,7 +15,8 @@ from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.mappings import Infos
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.vector_env import MASKS_IN
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.vector_env import MASKS_IN, DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
     FlatObservation,
@@ -36,7 +36,6 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
 
         env = gymnasium.make("DroneSwarmSearch-v0", grid_size=10, bayesian_update=True)
 
-    Given the same seed and actions, it reproduces `DroneSwarmSearch` bit for bit.
     ``gymnasium.make_vec("DroneSwarmSearch-v0", num_envs=1024)`` makes a `DroneVectorEnv` whose
     sub-environments return the same observations, rewards, flags and infos.
 
@@ -80,15 +79,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
-        known = inspect.signature(type(self)).parameters
-        for name in parameters:
-            if name not in known:  # Python's words, from which TorchRL's GymEnv learns this
-                raise TypeError(
-                    f"{type(self).__name__} got an unexpected keyword argument {name!r}; "
-                    f"it takes {', '.join(known)}"
-                )
         checks.choice("observation", observation, tuple(LAYOUTS))
-        checks.integer("top_cells", top_cells, 1)
         checks.choice("action_mask", action_mask, MASKS_IN)
         self.search = DroneSwarmSearch(render_mode=render_mode, **parameters)
         if self.search.n_drones != 1:
@@ -106,9 +97,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         if observation == "flat":
             env = FlatObservation(env)
         else:
-            options: dict[str, Any] = {}
-            if observation == "top-cells":
-                options = {"k": top_cells, "name": "top_cells"}
+            options = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
             env = LayoutObservation(env, LAYOUTS[observation], **options)
         self._masks = ActionMask(env, in_observation=action_mask == "observation")
         self._env: Any = env if action_mask is None else self._masks
@@ -119,37 +108,19 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: as for `DroneSwarmSearch.reset`; it also seeds `np_random`, which the
-                environment does not use.
-            options: as for `DroneSwarmSearch.reset`.
-
-        Returns:
-            The observation and the info.
-
-        Raises:
-            TypeError: an argument is of the wrong type.
-            ValueError: an argument is out of its limits.
-        """
+        """Begin an episode; see `DroneSwarmSearch.reset`. The seed also seeds `np_random`."""
         observations, infos = self._env.reset(seed=seed, options=options)
         super().reset(seed=None if seed is None else int(seed))
         return observations[self._drone], self._info(infos)
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Let the drone act once.
+        """Let the drone act once; see `DroneSwarmSearch.step`.
 
         Args:
             action: an integer from 0 to 5, see `rules.Action`.
 
         Returns:
             Observation, reward, termination, truncation and info.
-
-        Raises:
-            ResetNeeded: before the first `reset`, and after the end of an episode.
-            TypeError: the action is not an integer.
-            ValueError: the action is out of range.
         """
         name = self._drone
         action = checks.integer("action", action, 0, len(Action) - 1)
@@ -158,16 +129,11 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         return observations[name], rewards[name], terminations[name], truncations[name], info
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """The valid actions, as sb3-contrib expects them: bool, (6,), True where allowed.
-
-        Raises:
-            ResetNeeded: before the first `reset`.
-        """
-        masks = self._masks.action_masks()
-        return masks[self._drone].astype(np.bool_)
+        """The valid actions, as sb3-contrib expects them: bool, (6,), True where allowed."""
+        return self._masks.action_masks()[self._drone].astype(np.bool_)
 
     def render(self) -> Any:
-        """Render the current state as `render_mode` says, see `DroneSwarmSearch.render`."""
+        """See `DroneSwarmSearch.render`."""
         return self.search.render()
 
     def close(self) -> None:
@@ -181,3 +147,40 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
             "ending": int(infos["ending"] or 0),
             "step": infos["step"],
         }
+
+
+def make_drones(
+    num_envs: int = 1,
+    *,
+    observation: str = "flat",
+    action_mask: str | None = "info",
+    separate_flags: bool = True,
+    **keywords: Any,
+) -> DroneVectorEnv:
+    """The batch that ``gymnasium.make_vec("DroneSwarmSearch-v0")`` makes.
+
+    Args:
+        num_envs: the number of sub-environments, which are drones; a multiple of `n_drones`.
+        observation: as for `SingleDroneEnv`, like the next two.
+        action_mask: see above.
+        separate_flags: see above.
+        keywords: the other arguments of `DroneVectorEnv`.
+    """
+    scenario = keywords.get("scenario")
+    drones = keywords.get("n_drones", Scenario.n_drones)
+    if isinstance(scenario, Scenario):
+        drones = scenario.n_drones
+    drones = checks.integer("n_drones", drones, 1)
+    swarms, rest = divmod(checks.integer("num_envs", num_envs, 1), drones)
+    if rest:
+        raise ValueError(
+            f"num_envs must be a multiple of n_drones, {drones}, because each sub-environment is "
+            f"a drone, got {num_envs}"
+        )
+    return DroneVectorEnv(
+        swarms,
+        observation=observation,
+        action_mask=action_mask,
+        separate_flags=separate_flags,
+        **keywords,
+    )

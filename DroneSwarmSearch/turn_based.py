@@ -13,16 +13,6 @@ from DroneSwarmSearch.rules import Action
 
 __all__ = ["TurnBased"]
 
-_SET_BY_RESET = {
-    "agents",
-    "num_agents",
-    "agent_selection",
-    "rewards",
-    "terminations",
-    "truncations",
-    "infos",
-}
-
 
 class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
     """PettingZoo's conversion to the AEC form, with each action validated when it is given.
@@ -34,11 +24,6 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env)
         self._is_ready = False  # an episode has begun, and no call was interrupted
-
-    def __getattr__(self, name: str) -> Any:
-        if name in _SET_BY_RESET:
-            raise AttributeError(f"{name} cannot be accessed before reset")
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def observe(self, agent: str) -> Any:
         """The drone's latest observation; ResetNeeded without an episode, else see `step`."""

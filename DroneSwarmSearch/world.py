@@ -7,14 +7,13 @@ when draws are made, or how many at a time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
-from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 
@@ -26,8 +25,6 @@ _FEWEST_AHEAD, _MOST_AHEAD = 8, 32
 
 class WorldState:
     """The persons of a search and what is known about them, in one episode after another.
-
-    `start` begins an episode and `advance` completes a step.
 
     The matrix comes from one of three sources: a forecast, if the shown persons share one; the
     mean of several forecasts; or the beliefs, once an episode with `bayesian_update` has seen a
@@ -57,15 +54,7 @@ class WorldState:
         self.persons = tuple(range(len(self._models)))
 
     def start(self, streams: Streams, episode: int) -> Singles:
-        """Start an episode.
-
-        Args:
-            streams: the random streams.
-            episode: the number of the episode since the seed, from 0.
-
-        Returns:
-            The matrix of step 0, see `advance`.
-        """
+        """Start the episode with this number since the seed; returns as `advance` does."""
         self._streams = streams
         self._episode = episode
         self.step = 0
@@ -76,18 +65,12 @@ class WorldState:
         self._beliefs: list[Belief] | None = None  # from the first search on
         self.success = 0.0 if self._keeps_beliefs else None
         self.is_covered = False
-        self._shared = self._shared_model(self.persons)
         return self._shown_matrix()
 
     # Time.
 
     def advance(self) -> Singles:
-        """Complete a step: the persons and the matrix drift.
-
-        Returns:
-            The matrix of the new step, float32, shape (N, N), indexed [y, x]: a read-only
-            copy for the caller, which the world never reads again.
-        """
+        """Complete a step: the persons and the matrix drift; returns a read-only matrix."""
         if self._beliefs is not None:
             self._beliefs = [belief.after_drift(self.step) for belief in self._beliefs]
         self.step += 1
@@ -103,7 +86,10 @@ class WorldState:
         if self._beliefs is not None and self._shows_beliefs:
             maps = [belief.map() for belief in self._beliefs]
             return mean_over_missing(maps, self.missing).astype(np.float32)
-        return self._mean_forecast() if self._shared is None else self._shared.matrix(self.step)
+        first, *others = (self._models[person] for person in self.missing or self.persons)
+        if all(other.key == first.key for other in others):
+            return first.matrix(self.step)
+        return self._mean_forecast()
 
     # The persons.
 
@@ -133,14 +119,7 @@ class WorldState:
     # Searches.
 
     def search(self, searches: Mapping[int, int]) -> set[int]:
-        """Resolve the searches of a step, and update the beliefs.
-
-        Args:
-            searches: the drone that searches each searched cell, by cell.
-
-        Returns:
-            The drones that have found a person.
-        """
+        """Let drones, given by cell, search, and update the beliefs; returns those with a find."""
         finders = set()
         for person in self.missing if self.is_rescue else ():
             cell = self.person_cell(person)
@@ -152,8 +131,6 @@ class WorldState:
             self._beliefs = [belief.after_search(searches) for belief in self._begun_beliefs()]
             self.success = 1.0 - mean_over_missing([each.kept for each in self._beliefs], ())
             self.is_covered = not self.is_rescue and self.success > COVERED_AT
-        if finders:
-            self._shared = self._shared_model(self.missing or self.persons)
         return finders
 
     def _begun_beliefs(self) -> list[Belief]:
@@ -176,9 +153,6 @@ class WorldState:
 
         What the matrix of the current step holds for the searched cell; or, with
         `RewardScheme.expected_finds`, the probability of success that the search adds.
-
-        Args:
-            searches: as for `search`.
         """
         if self._pays_expectation:
             added = [belief.added_success([*searches]) for belief in self._begun_beliefs()]
@@ -205,8 +179,3 @@ class WorldState:
     def _mean_forecast(self) -> Singles:
         forecasts = [model.exact(self.step) for model in self._models]
         return mean_over_missing(forecasts, self.missing).astype(np.float32)
-
-    def _shared_model(self, persons: Sequence[int]) -> DriftModel | None:
-        """The model that some persons share, or None if theirs differ."""
-        first, *others = (self._models[person] for person in persons)
-        return first if all(other.key == first.key for other in others) else None

@@ -44,12 +44,12 @@ DRONES = 16
 
 def index() -> dict[str, Any]:
     """The content of `index.js`."""
-    sea = palette.PALETTES["sea"]
+    sea = palette.Look(palette="sea")
     return {
         "searches": {name: SUITE[name].reason for name in SEARCHES},
         "policies": POLICIES,
         "colours": {
-            "map": sea.stops,
+            "map": palette.PALETTES["sea"].stops,
             "drones": [sea.drone(number) for number in range(DRONES)],
             "person": palette.LIFE_RING,
             "found": palette.FOUND,

@@ -48,7 +48,7 @@ HEAD, FONT = 30, 23
 
 def logo() -> None:
     """Save the symbol of a drone, the logo of the documentation."""
-    symbol = sprites.drone(192, palette.PALETTES["classic"].drone(0))
+    symbol = sprites.drone(192, palette.Look(palette="classic").drone(0))
     pixels = pygame.image.tobytes(symbol, "RGBA")
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / "logo.png", optimize=True)
 
@@ -75,7 +75,8 @@ def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
         if frame.step % STRIDE and frame.ending is None:
             continue
         canvas = pygame.Surface(drawing.size, 0, 32)
-        drawing.draw(canvas, cropped(frame))
+        shown = cropped(frame)
+        drawing.draw(canvas, shown, shown, 0.0)
         picture = pygame.Surface((drawing.side, HEAD + drawing.side), 0, 32)
         picture.fill(palette.PAPER)
         picture.blit(canvas, (0, HEAD), pygame.Rect(LEFT, TOP, drawing.side, drawing.side))

@@ -29,12 +29,6 @@ CATALOGUE = [
 """Three situations on 6 x 6 cells."""
 
 
-def moved(cell: int, number: float, higher: np.ndarray, lower: np.ndarray) -> int:
-    if number < higher[cell]:
-        return cell + 1
-    return cell - 1 if number < higher[cell] + lower[cell] else cell
-
-
 def seen(batch: SearchBatch) -> list[Any]:
     """All that can be seen of every row, the parameters included."""
     matrices = batch.matrices_of(np.arange(batch.num_rows))

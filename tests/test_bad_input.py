@@ -23,7 +23,6 @@ from DroneSwarmSearch import (
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
     FlatObservation,
     ScaledRewards,
@@ -487,4 +486,3 @@ def test_forecasts_reject_invalid_steps(ask, step, error):
 def test_scales_that_make_rewards_infinite_are_rejected():
     scale = 1e304
     refused(lambda: ScaledRewards(DroneSwarmSearch(), scale), ValueError, "scale must", "got")
-    refused(lambda: SwarmVectorEnv(reward_scale=scale), ValueError, "reward_scale must", "got")

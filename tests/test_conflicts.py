@@ -46,15 +46,6 @@ def test_no_drones_collide_and_none_waits_unnecessarily(data: st.DataObject) -> 
         assert nexts[0] == wanted[0], "the first moves if no drone is in its way"
 
 
-def test_the_first_drone_enters_a_contested_cell() -> None:
-    cells, wanted = [(0, 0), (2, 0)], [(1, 0), (1, 0)]
-    assert resolve_conflicts(cells, wanted) == [(1, 0), (2, 0)]
-
-
-def test_a_drone_behind_one_that_stays_also_stays() -> None:
-    assert resolve_conflicts(LINE[:3], [(1, 0), (2, 0), (2, 0)]) == LINE[:3]
-
-
 def test_a_ring_rotates_even_if_another_drone_would_enter() -> None:
     # Drones 1 and 2 exchange cells; drone 0 would enter the cell of drone 1.
     cells, wanted = [(0, 0), (1, 0), (2, 0)], [(1, 0), (2, 0), (1, 0)]

@@ -9,18 +9,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import DroneSwarmSearch, Scale, demo, leeway
+from DroneSwarmSearch import Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.player import Player
 from DroneSwarmSearch.rules import Ending
@@ -204,16 +202,6 @@ class TestText:
             assert len(lines) == 8
             assert max(map(len, lines)) <= 30
 
-    def test_an_interrupt_ends_without_a_traceback(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def interrupt(*_: object) -> None:
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(DroneSwarmSearch, "step", interrupt)
-        assert demo.main(["--text"]) == 130
-        assert capsys.readouterr().err == "\ninterrupted\n"
-
     @pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
     def test_a_closed_output_pipe_ends_the_demo_quietly(self) -> None:
         with subprocess.Popen(
@@ -230,32 +218,18 @@ class TestText:
 
 
 class TestOptions:
-    def test_help(self, capsys: pytest.CaptureFixture[str]) -> None:
-        with pytest.raises(SystemExit) as stop:
-            demo.main(["--help"])
-        assert stop.value.code == 0
-        text = capsys.readouterr().out
-        for option in ("--manual", "--record FILE", "--wind FROM KNOTS"):
-            assert re.search(rf"^ +{option} ", text, re.MULTILINE), option
-
     @pytest.mark.parametrize(
         ("arguments", "problem"),
         [
             ("--drones 0", "--drones must be an integer from 1 to 92, got 0"),
-            ("--drones many", "argument --drones: invalid int value: 'many'"),
-            ("--seed -1", "--seed must be an integer of at least 0, got -1"),
             ("--fps 0", "--fps must be a finite number of at least 0.1 and at most 50.0, got 0.0"),
             ("--policy none.npz", "argument --policy: there is no file 'none.npz'"),
             ("--policy planer", "got 'planer'; did you mean planner?"),
-            ("gael", "did you mean gale"),
             ("pond --drones 2", "argument --drones: not allowed with a SEARCH"),
-            ("pond --wind 240 20", "argument --wind: not allowed with a SEARCH"),
             ("--wind 240 20", "argument --wind: needs --object-class"),
             ("--object-class PIW-1", "argument --object-class: needs --wind FROM KNOTS"),
             ("--object-class PIW --wind 1 1", "must be a key of leeway.CLASSES, got 'PIW'; the"),
-            ("--object-class PIW-1 --wind 240 -1", "speed must be a finite number of at least 0"),
             ("--object-class PIW-1 --wind 1 1 --adrift -1", "--adrift must be a finite number"),
-            ("--object-class PIW-1 --wind 1 1 --cell 0", "--cell must be a finite number above 0"),
             ("--manual", "argument --text: not allowed with argument --manual"),
         ],
     )
@@ -267,16 +241,6 @@ class TestOptions:
     def test_manual_needs_the_usual_policy(self, capsys: pytest.CaptureFixture[str]) -> None:
         line = refusal(capsys, "--manual", "--policy", "greedy-posterior")
         assert line.endswith("the other drones use greedy-matrix: leave out --policy")
-
-    @pytest.mark.parametrize("policy", POLICIES)
-    def test_every_policy_runs_and_is_deterministic(
-        self, short: str, capsys: pytest.CaptureFixture[str], policy: str
-    ) -> None:
-        shown = []
-        for _ in range(2):
-            assert demo.main([short, "--text", "--policy", policy]) == 0
-            shown.append(capsys.readouterr().out)
-        assert shown[0] == shown[1]
 
     @pytest.mark.parametrize("drones", [1, 7, 92])
     def test_drones_start_around_the_border(
@@ -312,7 +276,7 @@ class TestOptions:
 def shown_as_text(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> list[Frame]:
     """The frames of an episode in the terminal."""
     shown: list[Frame] = []
-    monkeypatch.setattr(demo.terminal, "show", lambda frames, fps: shown.extend(frames))
+    monkeypatch.setattr(demo, "print_frames", lambda frames, fps: shown.extend(frames))
     assert demo.main(["--text", *arguments]) == 0
     return shown
 
@@ -363,46 +327,18 @@ class TestWindow:
     def test_it_plays_to_the_end_and_stays_open(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        opened = []
-
         def script(player: Player) -> Iterator[str]:
             yield from watch(player)
-            for _ in range(200):
-                opened.append(pygame.display.get_surface() is not None)
+            for _ in range(50):
+                assert pygame.display.get_surface() is not None
                 yield ""
             yield "return"
             raise AssertionError("Enter closes the window at the end")
 
         shown = perform(monkeypatch, script)
         assert demo.main(["--fps", "50"]) == 0
-        captured = capsys.readouterr()
-        assert captured.err == ""
-        assert all(opened)
-        assert shown[-1].ending is Ending.FOUND
-        assert "The target was found" in figures(captured.out)["outcome"]
+        assert "The target was found" in figures(capsys.readouterr().out)["outcome"]
         assert not pygame.display.get_init()
-
-    @pytest.mark.parametrize(
-        ("key", "reason"),
-        [("", "the window was closed"), ("escape", "you quit"), ("q", "you quit")],
-    )
-    @pytest.mark.parametrize("manual", [[], ["--manual"]])
-    def test_quitting(
-        self,
-        capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch,
-        key: str,
-        reason: str,
-        manual: list[str],
-    ) -> None:
-        perform(monkeypatch, lambda player: iter([key] if key else []))
-        assert demo.main(manual) == 0
-        assert figures(capsys.readouterr().out)["outcome"] == f"stopped: {reason}"
-        assert not pygame.display.get_init()
-
-    def test_the_default_search_is_worth_watching(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        shown = perform(monkeypatch, watch)
-        assert demo.main(["--fps", "50"]) == 0
         first, last = shown[0], shown[-1]
         ((x, y),) = first.persons
         assert min(abs(x - a) + abs(y - b) for a, b in first.drones) > 10
@@ -411,18 +347,14 @@ class TestWindow:
         assert np.hypot(*last.vector) * last.step > 5, "the map drifts"
         assert last.matrix.max() < 0.05, "and spreads"
 
-    def test_frames_hold_the_prior_the_policy_and_the_return(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    @pytest.mark.parametrize("key", ["escape", "q"])
+    def test_quitting(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, key: str
     ) -> None:
-        shown = perform(monkeypatch, watch)
-        assert demo.main(["--fps", "50", "--policy", "greedy-posterior"]) == 0
-        last = shown[-1]
-        assert last.policy == "greedy-posterior"
-        assert last.prior is not None
-        searched = [cell for frame in shown for cell in compress(frame.drones, frame.searching)]
-        where = tuple(np.transpose(searched)[::-1])
-        assert last.matrix[where].sum() < last.prior[where].sum()
-        assert figures(capsys.readouterr().out)["return"].startswith(f"{last.total_return:,.1f}")
+        perform(monkeypatch, lambda player: iter([key]))
+        assert demo.main([]) == 0
+        assert figures(capsys.readouterr().out)["outcome"] == "stopped: you quit"
+        assert not pygame.display.get_init()
 
     def test_the_prior_beside_the_posterior(self, monkeypatch: pytest.MonkeyPatch) -> None:
         sizes = []
@@ -486,8 +418,8 @@ class TestManual:
     def test_the_other_drones_avoid_drone_0(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        shown = perform(monkeypatch, keys(*["right", "i", "left", "down", "i", "up"] * 20))
-        crowd = {"grid_size": 4, "n_drones": 6, "drones_positions": [], "timestep_limit": 40}
+        shown = perform(monkeypatch, keys(*["right", "i", "left", "down", "i", "up"] * 4))
+        crowd = {"grid_size": 4, "n_drones": 6, "drones_positions": [], "timestep_limit": 20}
         start = {"person_initial_position": [2, 2], "probability_of_detection": 0}
         demo.main(["--manual", search_file(tmp_path, **crowd, **start)])
         assert {frame.ending for frame in shown} == {None, Ending.TIME_LIMIT}
@@ -496,18 +428,22 @@ class TestManual:
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         path = search_file(tmp_path, timestep_limit=40)
-        shown = perform(monkeypatch, keys(*["space"] * 40))
+        results = {}
+
+        def script(player: Player) -> Iterator[str]:
+            yield from keys(*["space"] * 40)(player)
+            results.update((name, last.step) for name, last in player.recording.scores)
+
+        shown = perform(monkeypatch, script)
         assert demo.main([path, "--manual", "--hide-person"]) == 0
         assert {frame.hide_persons for frame in shown if frame.ending is None} == {True}
         assert shown[-1].hide_persons is False
-        output = capsys.readouterr().out
-        rows = re.findall(r"^([\w() -]+?)  +((?:not )?found in \d+ steps?)", output, re.MULTILINE)
-        results = dict(rows)
+        capsys.readouterr()
         assert set(results) == {"you (drone 0)", *demo.RIVALS}
         for policy in demo.RIVALS:
             assert demo.main([path, "--text", "--policy", policy]) == 0
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
-            assert re.search(r"\d+", results[policy])[0] == steps
+            assert results[policy] == int(steps)
 
     def test_without_a_display(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -531,13 +467,6 @@ class TestVideo:
             # Eight steps of 100 ms; the last picture, like all, is shown for a part of a step.
             assert sum(durations) == pytest.approx(8 * 100 + 2000, abs=60)
         assert video.stat().st_size < 250_000
-
-    def test_mp4(self, short: str, tmp_path: Path) -> None:
-        ffmpeg = pytest.importorskip("imageio_ffmpeg")
-        video = tmp_path / "search.mp4"
-        assert demo.main([short, "--record", str(video), "--fps", "10"]) == 0
-        _, seconds = ffmpeg.count_frames_and_secs(str(video))
-        assert seconds == pytest.approx(8 / 10 + 2, abs=0.1)
 
     def test_another_format(self, capsys: pytest.CaptureFixture[str]) -> None:
         line = refusal(capsys, "--record", "video.avi")

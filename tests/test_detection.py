@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from DroneSwarmSearch import detection
 
-NAN, INF = math.nan, math.inf
+INF = math.inf
 FUNCTIONS = (detection.random_search, detection.inverse_cube, detection.definite_range)
 
 # Coverage, and the POD of a random search and of the inverse cube law.
@@ -25,23 +25,12 @@ TABLE = (
     (2.0, 0.864665, 0.987811),
 )
 
-# Sweep width in metres, and the two PODs of a straight crossing of a cell of 130 m.
-CROSSINGS = ((100, 0.537, 0.665), (130, 0.632, 0.790), (185, 0.759, 0.926))
-
 
 @pytest.mark.parametrize(("coverage", "random", "cube"), TABLE)
 def test_published_probabilities(coverage, random, cube):
     assert detection.random_search(coverage) == pytest.approx(random, abs=5e-7)
     assert detection.inverse_cube(coverage) == pytest.approx(cube, abs=5e-7)
     assert detection.definite_range(coverage) == min(coverage, 1)
-
-
-@pytest.mark.parametrize(("sweep_width", "random", "cube"), CROSSINGS)
-def test_a_drone_that_crosses_a_cell(sweep_width, random, cube):
-    coverage = detection.coverage(sweep_width, speed=10, time=13, area=130**2)
-    assert coverage == pytest.approx(sweep_width / 130)
-    assert detection.random_search(coverage) == pytest.approx(random, abs=5e-4)
-    assert detection.inverse_cube(coverage) == pytest.approx(cube, abs=5e-4)
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
@@ -91,24 +80,12 @@ def test_coverage_broadcasts():
     ("call", "error", "message"),
     [
         (lambda: detection.random_search(-0.1), ValueError, "coverage must .*got -0.1"),
-        (lambda: detection.random_search("1"), TypeError, "coverage must .*got '1'"),
-        (lambda: detection.random_search(None), TypeError, "coverage must .*got None"),
-        (lambda: detection.inverse_cube(NAN), ValueError, "coverage must .*got nan"),
-        (lambda: detection.inverse_cube(True), TypeError, "coverage must .*got True"),
-        (lambda: detection.definite_range(INF), ValueError, "coverage must .*got inf"),
-        (lambda: detection.definite_range([1, -1]), ValueError, r"coverage must .*got \[1, -1\]"),
+        (lambda: detection.inverse_cube("1"), TypeError, "coverage must .*got '1'"),
+        (lambda: detection.definite_range([1, INF]), ValueError, r"coverage must .*got \[1, inf\]"),
         (lambda: detection.coverage(-1, 1, 1, 1), ValueError, "sweep_width must .*got -1"),
-        (lambda: detection.coverage(1, "1", 1, 1), TypeError, "speed must .*got '1'"),
-        (lambda: detection.coverage(1, 1, INF, 1), ValueError, "time must .*got inf"),
-        (lambda: detection.coverage(1, 1, 1, 0), ValueError, "area must .*above 0, got 0"),
         (lambda: detection.coverage(1, 1, 1, [1, 0]), ValueError, "area must .*above 0"),
         (lambda: detection.coverage(1e300, 1e300, 1, 1), ValueError, "area must be larger"),
-        (lambda: detection.coverage(1, 1, 1, 5e-324), ValueError, "area must be larger"),
-        (
-            lambda: detection.coverage([1, 2], [1, 2, 3], 1, 1),
-            ValueError,
-            r"sweep_width, speed, time and area must .*got \(2,\), \(3,\), \(\), \(\)",
-        ),
+        (lambda: detection.coverage([1, 2], [1, 2, 3], 1, 1), ValueError, "broadcast"),
     ],
 )
 def test_bad_values_are_rejected(call, error, message):

@@ -138,17 +138,12 @@ def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     else:
         monkeypatch.chdir(tmp_path)
         hide_the_display(monkeypatch)
-        printed = run_block(block)
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            exec(compile(block.text, block.name, "exec"), {"__name__": "__main__"})
+        printed = output.getvalue()
     assert printed.strip()
     if block.output is not None:
         assert printed.rstrip() == block.output.rstrip()
-
-
-def run_block(block: Block) -> str:
-    """Run a block in this process and return its output."""
-    with contextlib.redirect_stdout(io.StringIO()) as output:
-        exec(compile(block.text, block.name, "exec"), {"__name__": "__main__"})
-    return output.getvalue()
 
 
 def skip_without(package: str) -> None:
@@ -191,11 +186,6 @@ class Command(NamedTuple):
         return self.arguments[0] if self.arguments[0].endswith(".py") else ""
 
     @property
-    def needs_ray(self) -> bool:
-        """Whether it starts Ray."""
-        return "--ray" in self.arguments
-
-    @property
     def is_slow(self) -> bool:
         """Whether it may take minutes, or needs a file that is missing."""
         if any("runs/" in argument for argument in self.arguments):  # the result of a training
@@ -227,14 +217,12 @@ def command_params(slow: bool) -> list[object]:
     Commands that start Ray and those that record MP4 videos are marked as slow.
     """
     unique = {shlex.join(each.arguments): each for each in commands() if each.is_slow == slow}
-    return [
-        pytest.param(
-            each,
-            id=f"{each.page}: {text}{'-needs-rllib' * each.needs_ray}",
-            marks=[pytest.mark.slow] * (each.needs_ray or ".mp4" in text),
-        )
-        for text, each in unique.items()
-    ]
+    params: list[object] = []
+    for text, each in unique.items():
+        marks = [pytest.mark.slow] * ("--ray" in text or ".mp4" in text)
+        needs = "-needs-rllib" * ("--ray" in text)
+        params.append(pytest.param(each, id=f"{each.page}: {text}{needs}", marks=marks))
+    return params
 
 
 @functools.cache
@@ -263,7 +251,7 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
 def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
     arguments = list(command.arguments)
-    if command.needs_ray:
+    if "--ray" in command.arguments:
         skip_without("ray")
     elif command.script == "examples/random_searches.py":
         arguments += ["--seed", "11"]  # a small search
@@ -273,7 +261,7 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
             arguments[place] = str(min(int(arguments[place]), most))
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "basic_env.py", tmp_path)
-    if command.needs_ray or "--workers" in arguments:
+    if "--ray" in command.arguments or "--workers" in arguments:
         printed = run_python(arguments, tmp_path)
     else:
         printed = run_here(arguments, tmp_path, monkeypatch)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -107,24 +106,6 @@ def in_parallel(shown: Any) -> dict[str, int]:
     }
 
 
-class Drawn:
-    """Acts at random, by the seeds of the episodes; records its seeds and observations."""
-
-    def __init__(self) -> None:
-        self.seeds: list[Any] = []
-        self.shown: list[Any] = []
-
-    def reset(self, seed: Any = None, rows: Any = None) -> None:
-        self.seeds.append(seed)
-        self.generators = [np.random.default_rng(each) for each in seed]
-
-    def __call__(self, shown: Any) -> Any:
-        self.shown.append(shown)
-        drones = shown["positions"].shape[1]
-        rows = shown["row"].tolist()
-        return np.array([self.generators[row].integers(0, 6, drones) for row in rows])
-
-
 def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int) -> dict[str, Any]:
     """What an evaluation records, played in a single environment."""
     parameters = {**each.parameters}
@@ -196,34 +177,39 @@ def test_every_view_plays_the_same_episodes(bayesian_update):
     assert results[0].search.scenario.bayesian_update is bayesian_update
 
 
-@pytest.mark.parametrize("observation", ["dict", "flat", "planes"])
+def arrays_in(shown: Any, name: str = "") -> dict[str, np.ndarray]:
+    """The arrays of nested observations."""
+    if not isinstance(shown, dict):
+        return {name: shown}
+    parts = [arrays_in(part, f"{name}/{key}") for key, part in shown.items()]
+    return {key: array for part in parts for key, array in part.items()}
+
+
+@pytest.mark.parametrize("masks", [None, False, True])
+@pytest.mark.parametrize("observation", LAYOUTS)
 @pytest.mark.parametrize("kind", [SwarmVectorEnv, DroneVectorEnv])
-def test_policies_see_the_observations_of_the_vector_environments(kind, observation):
+def test_policies_see_the_observations_of_the_vector_environments(kind, observation, masks):
     """All arrays, with the rows of the episodes that have not ended."""
     each, n = named(bayesian_update=True), 8
-    env = kind(n, observation=observation, autoreset_mode="Disabled", **each.parameters)
+    how = {} if masks is None else {"action_mask": "observation", "right_of_way": masks}
+    env = kind(n, observation=observation, autoreset_mode="Disabled", **how, **each.parameters)
     expected, _ = env.reset(seed=list(range(n)))
     rng = np.random.default_rng(1)
     per_swarm = env.num_envs // n
     under_way = np.arange(n)
-    checked = over_early = 0
+    over_early = 0
 
     def policy(shown: Any) -> Any:
-        nonlocal expected, under_way, checked, over_early
+        nonlocal expected, under_way, over_early
         indices = (under_way[:, None] * per_swarm + np.arange(per_swarm)).reshape(-1)
-        if observation == "dict":
-            shown = dict(shown)
-            rows = shown.pop("row", None)
-            assert (rows is None) == (kind is DroneVectorEnv)
-            assert rows is None or rows.tolist() == under_way.tolist()
-            assert {*shown} == {*expected}
-            for key, array in shown.items():
-                assert array.dtype == expected[key].dtype
-                np.testing.assert_array_equal(array, expected[key][indices])
-        else:
-            assert shown.dtype == expected.dtype
-            np.testing.assert_array_equal(shown, expected[indices])
-        checked += 1
+        seen, wanted = arrays_in(shown), arrays_in(expected)
+        rows = [seen.pop(key) for key in [*seen] if key.endswith("/row")]
+        assert len(rows) == (kind is SwarmVectorEnv and observation == "dict")
+        assert all(row.tolist() == under_way.tolist() for row in rows)
+        assert {*seen} == {*wanted}
+        for key, array in seen.items():
+            assert array.dtype == wanted[key].dtype
+            np.testing.assert_array_equal(array, wanted[key][indices])
         actions = rng.choice([1, 3, 4, 5], size=(n, 3), p=[0.03, 0.03, 0.54, 0.4])
         mine = actions[under_way]
         over = np.setdiff1d(np.arange(n), under_way)
@@ -237,59 +223,9 @@ def test_policies_see_the_observations_of_the_vector_environments(kind, observat
         return mine if kind is SwarmVectorEnv else mine.reshape(-1)
 
     view = "swarm" if kind is SwarmVectorEnv else "drone"
-    play(policy, each, range(n), View(view, observation), wants_curves=False)
-    assert checked > 8
+    shown = View(view, observation, masks is not None, bool(masks))
+    play(policy, each, range(n), shown, wants_curves=False)
     assert over_early
-
-
-@pytest.mark.parametrize("right_of_way", [False, True])
-@pytest.mark.parametrize("observation", [*LAYOUTS])
-@pytest.mark.parametrize("view", ["swarm", "drone"])
-def test_policies_see_masks_on_request(view, observation, right_of_way):
-    """Those of the vector environments, for episodes that have not ended."""
-    each, n = named(bayesian_update=True), 6
-    kind = SwarmVectorEnv if view == "swarm" else DroneVectorEnv
-    shape = (n, 3, 6) if view == "swarm" else (n * 3, 6)
-    how = {"observation": observation, "action_mask": "observation", "right_of_way": right_of_way}
-    env = kind(n, **how, **each.parameters)
-    expected, _ = env.reset(seed=5)
-    rng = np.random.default_rng(0)
-    steps = 0
-
-    def policy(shown: Any) -> Any:
-        nonlocal expected, steps
-        assert {*shown} == {"observation", "action_mask"}
-        masks = shown["action_mask"]
-        assert masks.dtype == np.int8 and masks.shape[1:] == shape[1:]
-        if len(masks) == shape[0]:
-            np.testing.assert_array_equal(masks, expected["action_mask"])
-            seen, wanted = shown["observation"], expected["observation"]
-            if observation == "dict":
-                rows = seen.pop("row", None)
-                assert (rows is None) == (view == "drone")
-                assert {*seen} == {*wanted}
-            for one, other in zip(arrays_in(seen), arrays_in(wanted), strict=True):
-                np.testing.assert_array_equal(one, other)
-            steps += 1
-        actions = (masks * rng.random(masks.shape)).argmax(axis=-1)
-        if len(masks) == shape[0]:
-            expected, *_ = env.step(actions)
-        return actions
-
-    episodes = play(
-        policy,
-        each,
-        range(5, 5 + n),
-        View(view, observation, True, right_of_way),
-        wants_curves=False,
-    )
-    assert steps > 2
-    assert Ending.LEFT_GRID not in episodes.endings
-    assert not (right_of_way and Ending.COLLISION in episodes.endings)
-
-
-def arrays_in(observations: Any) -> list[np.ndarray]:
-    return [*observations.values()] if isinstance(observations, dict) else [observations]
 
 
 @pytest.mark.parametrize("masks", [(False, False), (True, False), (True, True)])
@@ -317,63 +253,36 @@ def test_the_parallel_view_shows_what_the_environment_shows(masks):
     assert not env.agents
 
 
-def test_reset_receives_the_seeds_of_each_portion(monkeypatch, tmp_path):
+def test_a_policy_is_prepared_once_and_copied_for_every_portion(monkeypatch, tmp_path):
     monkeypatch.setattr(run, "PORTION", 4)
     log = tmp_path / "log"
 
     class Listener:
-        def reset(self, seed: Any = None, rows: Any = None) -> None:
+        calls = 0
+
+        def tell(self, *words: Any) -> None:
             with log.open("a") as file:
-                print(seed, rows, file=file)
-
-        def __call__(self, shown: Any) -> Any:
-            names = shown if "drone0" in shown else None
-            idle = int(Action.IDLE)
-            return dict.fromkeys(names, idle) if names else np.full((len(shown["row"]), 3), idle)
-
-    evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
-    portions = ["[10, 11, 12, 13] None", "[14, 15] None"]
-    assert log.read_text().splitlines() == portions
-    log.unlink()
-    evaluate(Listener(), named(), episodes=2, seed=10, view="parallel", progress=False)
-    assert log.read_text().splitlines() == ["10 None", "11 None"]
-
-
-def test_every_portion_is_played_by_a_fresh_copy(monkeypatch):
-    """A policy without `reset` does not remember earlier portions."""
-    monkeypatch.setattr(run, "PORTION", 5)
-
-    class Remembers:
-        calls = 0
-
-        def __call__(self, shown: Any) -> Any:
-            self.calls += 1
-            first = int(Action.SEARCH if self.calls <= 3 else Action.IDLE)
-            return np.full(shown["positions"].shape[:2], first)
-
-    each = named(timestep_limit=3)
-    policy = Remembers()
-    got = evaluate(policy, each, episodes=10, progress=False)
-    assert got.reliability.searches.sum() == 3 * got.episodes.steps.sum()
-    assert policy.calls == 0
-
-
-def test_prepare_is_called_once(monkeypatch):
-    monkeypatch.setattr(run, "PORTION", 5)
-
-    class Prepares:
-        calls = 0
-        drones: Any = None
+                print(*words, file=file)
 
         def prepare(self, drones: Any) -> None:
-            self.calls += 1
-            self.drones = drones
+            self.tell("prepare", drones)
+
+        def reset(self, seed: Any = None, rows: Any = None) -> None:
+            self.tell("reset", seed, rows, "after", self.calls)
 
         def __call__(self, shown: Any) -> Any:
-            assert (self.calls, self.drones) == (1, ((1, 1), (4, 5), (5, 0)))
-            return in_swarms(shown)
+            self.calls += 1
+            idle = int(Action.IDLE)
+            if "drone0" in shown:
+                return dict.fromkeys(shown, idle)
+            return np.full((len(shown["row"]), 3), idle)
 
-    assert len(evaluate(Prepares(), named(), episodes=10).episodes) == 10
+    evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
+    prepared, *portions = log.read_text().splitlines()
+    assert prepared == "prepare ((1, 1), (4, 5), (5, 0))"
+    assert portions == ["reset [10, 11, 12, 13] None after 0", "reset [14, 15] None after 0"]
+    evaluate(Listener(), named(), episodes=2, seed=10, view="parallel", progress=False)
+    assert log.read_text().splitlines()[4:] == ["reset 10 None after 0", "reset 11 None after 12"]
 
 
 @pytest.mark.parametrize("policy", [in_swarms, "random", "greedy-posterior", "planner"])
@@ -430,7 +339,7 @@ def test_actions_are_validated(returned, view, error, message):
     [
         ({"episodes": 0}, ValueError, "episodes must be an integer of at least 1, got 0"),
         ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
-        ({"view": 3}, TypeError, "view must be a View or one of swarm, drone, parallel, got 3"),
+        ({"view": 3}, TypeError, "view must be one of 'swarm', 'drone', 'parallel', got 3"),
         ({"policy": "ppo", "view": MASKED}, ValueError, "view must be .* without masks, for ppo"),
         ({"workers": 0}, ValueError, "workers must be an integer of at least 1, got 0"),
         ({"ray": True}, TypeError, "ray must be 'local', an address or None, got True"),
@@ -610,21 +519,14 @@ def test_a_finished_result_is_read_from_the_folder(played, tmp_path, changes):
     )
 
 
-def test_a_policy_in_memory_plays_again(played, tmp_path):
-    for _ in range(2):
-        played.clear()
-        evaluate(in_swarms, named(), episodes=4, out=tmp_path)
-        assert played
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"episodes": 5}, "its episodes is 4, got 5"),
         ({"seed": 1}, "its seed is 0, got 1"),
-        ({"search": named(disperse_constant=3)}, "its searches: small is '"),
-        ({"view": View(bayesian_update=True)}, "view: bayesian_update is None, got True"),
-        ({"text": OWN.format(5)}, "policies: mine: sha256 is '"),
+        ({"search": named(disperse_constant=3)}, "its search small is '"),
+        ({"view": View(bayesian_update=True)}, "policy mine: bayesian_update is None, got True"),
+        ({"text": OWN.format(5)}, "policy mine: sha256 is '"),
     ],
 )
 def test_the_folder_of_another_run_is_refused(played, tmp_path, changes, message):
@@ -653,19 +555,10 @@ def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
 def test_workers_have_no_effect(search, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "PORTION", 4)
     (tmp_path / "mine.py").write_text(OWN.format(4), "utf-8")
-    for policy in ("random", "greedy-posterior", Drawn(), f"{tmp_path}/mine.py:act"):
+    for policy in ("random", "greedy-posterior", in_swarms, f"{tmp_path}/mine.py:act"):
         one, two = (evaluate(policy, search, episodes=10, workers=each) for each in (1, 2))
         assert two.summary == one.summary
         assert data_of(two) == data_of(one)
-
-
-@pytest.mark.parametrize(
-    ("package", "how"), [("joblib", {"workers": 2}), ("ray", {"ray": "local"})]
-)
-def test_a_missing_package_is_named(monkeypatch, package, how):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ImportError, match=f"(?i)needs the package {package}"):
-        evaluate("random", named(), episodes=2, **how)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -127,7 +127,7 @@ def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
                 mission(mission=name, timestep_limit=8, persons=person, bayesian_update=True),
                 episodes=episodes,
             )
-            for name, episodes in (("rescue", 2000), ("coverage", 2))
+            for name, episodes in (("rescue", 2), ("coverage", 2))
         )
         assert coverage.is_exact
         assert 0.2 < coverage.success.value < 0.99

@@ -107,12 +107,8 @@ class TestFile:
         data = export(["greedy-posterior", "random"], search, path, seeds=[1, 5])
         assert json.loads(path.read_text("utf-8")) == json.loads(json.dumps(data))
         played = [(episode["policy"], episode["seed"]) for episode in data["episodes"]]
-        assert played == [
-            ("greedy-posterior", 1),
-            ("greedy-posterior", 5),
-            ("random", 1),
-            ("random", 5),
-        ]
+        names = ("greedy-posterior", "random")
+        assert played == [(name, seed) for name in names for seed in (1, 5)]
         check_against_the_environment(data, search)
 
     def test_it_holds_finds(self, tmp_path: Path) -> None:
@@ -147,10 +143,8 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("changed", "error", "words"),
         [
-            ({"path": "storm.txt"}, ValueError, r"path must end in \.json, got '.*storm\.txt'"),
             ({"policies": ["randon"]}, ValueError, "got 'randon'; did you mean random?"),
             ({"seeds": [-1]}, ValueError, "seeds must be an integer of at least 0, got -1"),
-            ({"search": "pnd"}, ValueError, "got 'pnd'; did you mean pond?"),
             ({"bayesian_update": 1}, TypeError, "bayesian_update must be True or False, got 1"),
         ],
     )
@@ -201,10 +195,7 @@ class TestCommand:
         [
             (["pnd", "--out", "a.json"], "did you mean pond?"),
             (["pond", "--out", "a.gif"], "argument --out: must end in .json, got 'a.gif'"),
-            (["pond", "--policies", "x", "--out", "a.json"], "policy must be one of"),
-            (["pond", "--seeds", "-1", "--out", "a.json"], "seeds must be an integer of at least"),
             (["pond", "--policies", "random", "--out", "/dev/null/a.json"], "/dev/null/a.json: "),
-            (["pond"], "the following arguments are required: --out"),
         ],
     )
     def test_wrong_arguments_are_refused(

@@ -97,15 +97,6 @@ def test_the_first_pages_state_the_results_of_the_leaderboard(page: str) -> None
         assert float(stated[name]) == round(100 * results[name].mean())
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    figures.main(["survival", "--short", "--into", str(tmp_path)])
-    written = sorted(path.name for path in tmp_path.iterdir())
-    assert written == ["survival-dark.svg", "survival-light.svg"]
-    for theme, background in BACKGROUNDS.items():
-        assert background in (tmp_path / f"survival-{theme}.svg").read_bytes()
-    assert "survival-light.svg" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("detection", [0.4, 0.8])
 def test_the_kept_fractions_predict_the_episodes_without_a_find(detection: float) -> None:
     episodes = 1000

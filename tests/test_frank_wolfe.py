@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +12,8 @@ from small_searches import forecast_of, paths_of, search, success_of
 
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
-from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.bound import drone_paths
-from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
+from DroneSwarmSearch.planning.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
 from DroneSwarmSearch.planning.paths import Path, values_to_go
@@ -41,10 +39,8 @@ class TestObjectives:
     FORECAST = forecast_of(OF)
     SHAPE = (5, 5, 5)
 
-    def chain(self, effort: Floats, rate: Any) -> MarkovChainObjective:
-        return MarkovChainObjective(
-            self.FORECAST, self.FORECAST.joint(0), rate, effort.reshape(self.SHAPE)
-        )
+    def chain(self, effort: Floats, rate: float) -> MarkovChainObjective:
+        return MarkovChainObjective(self.FORECAST, rate, effort.reshape(self.SHAPE))
 
     def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
         paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
@@ -77,7 +73,7 @@ class TestObjectives:
 
     def test_tangents_of_the_chain_objective_touch_and_lie_above(self) -> None:
         rng = np.random.default_rng(0)
-        rate = rng.random((5, 5)) + 0.5
+        rate = 0.8
         point = rng.random(self.SHAPE)
         objective = self.chain(point.copy(), rate)
         value = objective.value()
@@ -101,7 +97,7 @@ class TestObjectives:
     ) -> None:
         rng = np.random.default_rng(1)
         drones = self.drones(detection, memory)
-        objective = TrajectoryObjective(drones, detection)
+        objective = TrajectoryObjective(drones)
         assert objective.value() == 0.0
         mixture = np.zeros((2, len(drones.probabilities)))
         for _ in range(12):
@@ -118,22 +114,21 @@ class TestObjectives:
     def test_the_chain_objective_is_the_larger_one(self) -> None:
         chain = self.chain(np.zeros(125), -math.log(0.4))
         drones = self.drones(0.6, 0)
-        lower = frank_wolfe(TrajectoryObjective(drones, 0.6), drones, gap=0.005, iterations=300)
+        lower = frank_wolfe(TrajectoryObjective(drones), drones, gap=0.005, iterations=300)
         upper = frank_wolfe(chain, partial(drone_paths, [0, 2]), gap=0.005, iterations=300)
         assert lower.value <= lower.upper_bound
         assert lower.value <= upper.upper_bound
         assert lower.upper_bound - lower.value == lower.gap <= 0.005 * lower.upper_bound
 
 
-class TestOracles:
-    def test_drone_paths_gain_as_much_as_the_best_paths(self) -> None:
-        gains = np.random.default_rng(3).random((6, 4, 4))
-        starts = [0, 7, 15]
-        gained, effort = drone_paths(starts, gains)
-        values = values_to_go(gains, np.zeros((4, 4)))[0].reshape(-1)
-        assert gained == pytest.approx(values[starts].sum(), rel=1e-12)
-        assert gained == pytest.approx(np.vdot(gains, effort))
-        assert effort.sum() <= 18
+def test_drone_paths_gain_as_much_as_the_best_paths() -> None:
+    gains = np.random.default_rng(3).random((6, 4, 4))
+    starts = [0, 7, 15]
+    gained, effort = drone_paths(starts, gains)
+    values = values_to_go(gains, np.zeros((4, 4)))[0].reshape(-1)
+    assert gained == pytest.approx(values[starts].sum(), rel=1e-12)
+    assert gained == pytest.approx(np.vdot(gains, effort))
+    assert effort.sum() <= 18
 
 
 def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
@@ -147,29 +142,8 @@ def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
     return oracle
 
 
-def stationary(size: int) -> DriftModel:
-    """The chain of a stationary person."""
-    return ProbabilityMatrix(size, Drift((0, 0)))
-
-
 class TestFreeEffort:
     """Without paths, the method solves the classical problem of optimal search effort."""
-
-    def test_over_three_cells(self) -> None:
-        """Charnes and Cooper (Management Science 5:44, 1958): the optimum is in closed form."""
-        rates, prior = np.array([9.0, 3.0, 6.0]), np.array([2.0, 4.0, 2.0]) / 8
-        first, rate = np.append(prior, 0.0).reshape(1, 2, 2), np.append(rates, 1.0).reshape(2, 2)
-        effort = np.zeros((1, 2, 2))
-        objective = MarkovChainObjective(stationary(2), first, rate, effort)
-        reached = frank_wolfe(objective, free_effort(0.2), gap=0.0, iterations=1500)
-        best_effort = np.array([0.073224, 0.0845173, 0.0422587])
-        np.testing.assert_allclose(effort.reshape(4)[:3], best_effort, rtol=0.01)
-        assert effort[0, 1, 1] == 0.0
-        assert effort.sum() == pytest.approx(0.2, rel=0.001)
-        most = float(prior @ (1 - np.exp(-rates * best_effort)))
-        assert reached.value <= most + 1e-6
-        assert reached.upper_bound >= most - 1e-6
-        assert reached.gap < 0.001 * most
 
     SIDE, SIGMA = 27, 3.5
 
@@ -180,24 +154,18 @@ class TestFreeEffort:
         chances = np.diff(erf(edges / math.sqrt(2))) / 2
         return np.multiply.outer(chances, chances) / chances.sum() ** 2
 
-    @classmethod
-    def searched(cls, tau: float, steps: int = 1) -> tuple[Solution, Floats]:
-        """The optimum reached and its effort; tau is H² t = W v t / (pi sigma²)."""
-        effort = np.zeros((steps, cls.SIDE, cls.SIDE))
-        objective = MarkovChainObjective(stationary(cls.SIDE), cls.normal()[None], 1.0, effort)
-        amount = tau * math.pi * cls.SIGMA**2 / steps
-        reached = frank_wolfe(objective, free_effort(amount), gap=0.003, iterations=2500)
-        return reached, effort.sum(axis=0)
-
-    @pytest.mark.parametrize(
-        ("tau", "chance"),
-        [(0.5, 0.158279), (1.0, 0.264241), (2.0, 0.413064), (4.0, 0.593994), (8.0, 0.773718)],
-    )
+    @pytest.mark.parametrize(("tau", "chance"), [(0.5, 0.158279), (2.0, 0.413064), (8.0, 0.773718)])
     def test_around_a_datum(self, tau: float, chance: float) -> None:
-        """Koopman's table (Search and Screening, 1946): 1 - (1 + sqrt(tau)) exp(-sqrt(tau))."""
+        """Koopman's table (Search and Screening, 1946): 1 - (1 + sqrt(tau)) exp(-sqrt(tau)).
+
+        tau is H² t = W v t / (pi sigma²).
+        """
         assert chance == pytest.approx(
             1 - (1 + math.sqrt(tau)) * math.exp(-math.sqrt(tau)), abs=1e-6
         )
-        reached, _ = self.searched(tau)
+        stationary = ProbabilityMatrix(self.SIDE, Drift(self.normal()))
+        objective = MarkovChainObjective(stationary, 1.0, np.zeros((1, self.SIDE, self.SIDE)))
+        amount = tau * math.pi * self.SIGMA**2
+        reached = frank_wolfe(objective, free_effort(amount), gap=0.003, iterations=2500)
         assert reached.value == pytest.approx(chance, rel=0.01)
         assert reached.upper_bound == pytest.approx(chance, rel=0.01)

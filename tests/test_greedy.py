@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 from helpers import target_of
 from small_searches import Cell, observations, paths_of, search, success_of
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, Scenario
+from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.drift import Drift, Person
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
@@ -59,25 +59,6 @@ def make_env(size: int = 20, drones: int = 4, **changes: Any) -> DroneSwarmSearc
         "bayesian_update": True,
     }
     return DroneSwarmSearch(**{**parameters, **changes})
-
-
-def play(
-    env: DroneSwarmSearch,
-    policy: Callable[[dict[str, Any]], Actions],
-    seed: int,
-    positions: Any = None,
-) -> list[Actions]:
-    """All actions of an episode; the policy is not reset."""
-    observations, _ = env.reset(seed, drones_positions=positions)
-    taken = []
-    while env.agents:
-        taken.append(policy(observations))
-        observations, *_ = env.step(taken[-1])
-    return taken
-
-
-def corners(size: int) -> list[tuple[int, int]]:
-    return [(0, 0), (size - 1, 0), (size - 1, size - 1), (0, size - 1)]
 
 
 class TestChoice:
@@ -146,31 +127,6 @@ def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() 
     policy = GreedyPolicy(Scenario(grid_size=7, n_drones=1, bayesian_update=True))
     assert policy(seen(7, [here], peaks)) == search
     assert policy(seen(7, [here], peaks)) == search
-
-
-class TestSuccess:
-    EPISODES = 40
-
-    def rate(self, make: Callable[[Any], Any], episodes: int = EPISODES, **changes: Any) -> float:
-        env = make_env(**changes)
-        policy = make(env.scenario)
-        found = 0
-        for seed in range(episodes):
-            policy.reset()
-            play(env, policy, seed, corners(20))
-            found += env.frame().ending is Ending.FOUND
-        return found / episodes
-
-    @pytest.mark.parametrize(
-        ("changes", "least"),
-        [
-            ({}, 0.7),
-            ({"bayesian_update": False}, 0.65),
-            ({"probability_of_detection": 0.5}, 0.5),
-        ],
-    )
-    def test_usually_finds_the_person(self, changes: dict[str, Any], least: float) -> None:
-        assert self.rate(GreedyPolicy, **changes) >= least
 
 
 def test_posterior_greedy_ignores_unlikely_cells() -> None:

@@ -85,8 +85,9 @@ def test_gymnasiums_checker_passes(
     assert env.spec is not None and env.spec.id == ID
 
 
-@pytest.mark.parametrize("layout", [*LAYOUTS])
-@pytest.mark.parametrize("separate", [False, True])
+@pytest.mark.parametrize(
+    ("layout", "separate"), [("dict", False), ("flat", True), ("planes", True)]
+)
 def test_it_steps_as_the_parallel_environment(layout: str, separate: bool) -> None:
     env = made(observation=layout, separate_flags=separate, reward_scale=2.0**-17)
     single = DroneSwarmSearch(**SMALL)
@@ -129,11 +130,9 @@ def test_it_steps_as_the_parallel_environment(layout: str, separate: bool) -> No
 
 
 @all_arguments
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_the_batch_equals_gymnasiums_vector_of_single_drones(
-    arguments: dict[str, Any], mode: AutoresetMode
-) -> None:
+def test_the_batch_equals_gymnasiums_vector_of_single_drones(arguments: dict[str, Any]) -> None:
     """Observations, rewards, flags and infos, with their names."""
+    mode = AutoresetMode.SAME_STEP if "observation" in arguments else AutoresetMode.NEXT_STEP
     how = {**SMALL, **arguments}
     in_observations = arguments.get("action_mask") == "observation"
     batch = gymnasium.make_vec(ID, num_envs=4, autoreset_mode=mode, **how)
@@ -211,38 +210,20 @@ def test_num_envs_counts_drones() -> None:
         ({"num_envs": 7, "n_drones": 3}, ValueError, "num_envs must be a multiple of n_drones, 3,"),
         ({"num_envs": 3, "scenario": scenario}, ValueError, "num_envs must be a multiple of n_dr"),
         ({"num_envs": 0}, ValueError, "num_envs must be an integer of at least 1, got 0"),
-        ({"num_envs": 2.5}, TypeError, "num_envs must be an integer .* got 2.5"),
-        (
-            {"num_envs": 2 * 10**12, "n_drones": 2},
-            ValueError,
-            "num_envs or n_drones must be smaller: with num_envs=2000000000000, n_drones=2,",
-        ),
-        (
-            {"num_envs": 10**6, "grid_size": 500, "bayesian_update": True},
-            ValueError,
-            "num_envs or grid_size must be smaller: with num_envs=1000000, grid_size=500,",
-        ),
-        ({"num_envs": 2, "n_drones": 0}, ValueError, "n_drones must be an integer .* got 0"),
         ({"num_envs": 2, "n_drones": "2"}, TypeError, "n_drones must be an integer .* got '2'"),
-        (
-            {"num_envs": 2, "speed": 1},
-            TypeError,
-            "DroneVectorEnv got an unexpected keyword argument 'speed'",
-        ),
     ):
         with pytest.raises(error, match=words):
             gymnasium.make_vec(ID, **wrong)
 
 
-@all_arguments
-def test_copies_go_on_identically(arguments: dict[str, Any]) -> None:
-    env = SingleDroneEnv(**{**SMALL, **arguments})
+@pytest.mark.parametrize("layout", ["flat", "crops"])
+def test_copies_go_on_identically(layout: str) -> None:
+    env = SingleDroneEnv(**SMALL, observation=layout)
     env.reset(seed=4)
     env.step(Action.SEARCH)
-    for copied in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
-        assert plain(copied.step(Action.RIGHT)) == plain(copy.deepcopy(env).step(Action.RIGHT))
-        assert [*episodes(copied, 5)] == [*episodes(copy.deepcopy(env), 5)]
-    assert copied.observation_space == env.observation_space
+    copies = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+    expected = [*episodes(env, 5)]
+    assert [[*episodes(each, 5)] for each in copies] == [expected, expected]
 
 
 def test_a_seed_determines_the_episodes_and_np_random() -> None:
@@ -299,11 +280,7 @@ def test_success_and_statistics_are_reported() -> None:
     ("arguments", "error", "words"),
     [
         ({"n_drones": 2}, ValueError, "n_drones must be 1 in a SingleDroneEnv, got 2; for several"),
-        ({"scenario": Scenario(n_drones=3)}, ValueError, "n_drones must be 1 in .*, got 3"),
-        ({"n_drones": 0}, ValueError, "n_drones must be an integer"),
         ({"observation": "pixels"}, ValueError, "observation must be one of 'dict', 'flat'"),
-        ({"observation": None}, ValueError, "observation must be one of"),
-        ({"top_cells": 0}, ValueError, "top_cells must be an integer of at least 1, got 0"),
         (
             {"observation": "top-cells", "top_cells": 17, "grid_size": 4},
             ValueError,
@@ -312,13 +289,7 @@ def test_success_and_statistics_are_reported() -> None:
         ({"action_mask": True}, TypeError, "action_mask must be one of None, 'observation', 'inf"),
         ({"separate_flags": 1}, TypeError, "separate_flags must be True or False, got 1"),
         ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
-        ({"render_mode": "video"}, ValueError, "render_mode must be one of"),
-        ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
-        (
-            {"speed": 1},
-            TypeError,
-            "SingleDroneEnv got an unexpected keyword argument 'speed'; it takes observation",
-        ),
+        ({"speed": 1}, TypeError, "unexpected keyword argument 'speed'"),
     ],
 )
 def test_wrong_arguments_are_refused(

@@ -17,7 +17,6 @@ from DroneSwarmSearch import Action
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.evaluation import (
     SUITE,
-    Episodes,
     View,
     leaderboard,
     run,
@@ -26,7 +25,7 @@ from DroneSwarmSearch.evaluation.board import Leaderboard
 from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
 from DroneSwarmSearch.evaluation.tables import percent
 from DroneSwarmSearch.planning import SuccessBound
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.scenario import Scenario
 
 SHORT = ["--episodes", "30", "--searches", "pond", "harbour", "--workers", "1"]
 FEW = ["--policies", "greedy-matrix", "random"]
@@ -74,156 +73,150 @@ def board_of(*rows: tuple[str, str, int, int], bound: float | None = None, **mad
     return Leaderboard(several)
 
 
-class TestFigures:
-    def test_searches_have_equal_weight_and_times_are_relative_to_the_limit(self) -> None:
-        board = board_of(("planner", "pond", 80, 10), ("planner", "night", 40, 50), bound=0.9)
-        success = mean_of(each.success for each in board.evaluations)
-        pond, night = (SUITE[name].scenario.timestep_limit for name in ("pond", "night"))
-        time = (0.8 * 10 / pond + 0.2 + 0.4 * 50 / night + 0.6) / 2
-        _, (policy, shown, gap, times), bound = board.summary_table
-        assert (policy, shown) == ("planner", percent(success))
-        assert success.value == pytest.approx(0.6)
-        assert gap == percent(Estimate(0.9 - 0.6, 0.9 - success.high, 0.9 - success.low))
-        assert times.startswith(f"{100 * time:.1f} (")
-        assert bound == ["bound", "90.0", "", ""]
-
-    def test_tables_show_the_best_first(self) -> None:
-        board = board_of(
-            *[("random", "pond", 20, 10), ("planner", "pond", 50, 10)],
-            *[("random", "fog", 40, 10), ("planner", "fog", 30, 10)],
-            bound=0.9,
-            is_exact=True,
-        )
-        assert [row[:3] for row in board.summary_table] == [
-            ["policy", "success, %", "gap, points"],
-            ["planner", "40.0", "50.0"],
-            ["random", "30.0", "60.0"],
-            ["bound", "90.0", ""],
-        ]
-        assert board.search_table == [
-            ["search", "bound", "planner", "random"],
-            ["pond", "90.0", "50.0*", "20.0"],
-            ["fog", "90.0", "30.0", "40.0*"],
-        ]
+def test_searches_have_equal_weight_and_times_are_relative_to_the_limit() -> None:
+    board = board_of(("planner", "pond", 80, 10), ("planner", "night", 40, 50), bound=0.9)
+    success = mean_of(each.success for each in board.evaluations)
+    pond, night = (SUITE[name].scenario.timestep_limit for name in ("pond", "night"))
+    time = (0.8 * 10 / pond + 0.2 + 0.4 * 50 / night + 0.6) / 2
+    _, (policy, shown, gap, times), bound = board.summary_table
+    assert (policy, shown) == ("planner", percent(success))
+    assert success.value == pytest.approx(0.6)
+    assert gap == percent(Estimate(0.9 - 0.6, 0.9 - success.high, 0.9 - success.low))
+    assert times.startswith(f"{100 * time:.1f} (")
+    assert bound == ["bound", "90.0", "", ""]
 
 
-class TestRun:
-    def test_a_rerun_reads_everything_from_the_folder(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        played: list[object] = []
-        honest = run.play
+def test_tables_show_the_best_first() -> None:
+    board = board_of(
+        *[("random", "pond", 20, 10), ("planner", "pond", 50, 10)],
+        *[("random", "fog", 40, 10), ("planner", "fog", 30, 10)],
+        bound=0.9,
+        is_exact=True,
+    )
+    assert [row[:3] for row in board.summary_table] == [
+        ["policy", "success, %", "gap, points"],
+        ["planner", "40.0", "50.0"],
+        ["random", "30.0", "60.0"],
+        ["bound", "90.0", ""],
+    ]
+    assert board.search_table == [
+        ["search", "bound", "planner", "random"],
+        ["pond", "90.0", "50.0*", "20.0"],
+        ["fog", "90.0", "30.0", "40.0*"],
+    ]
 
-        def counted(*arguments: Any, **how: Any) -> Episodes:
-            played.append(arguments[2])
+
+def test_a_rerun_reads_everything_from_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = dict.fromkeys(("play", "success_bound"), 0)
+
+    def counted(name: str) -> Callable[..., Any]:
+        honest = getattr(run, name)
+
+        def call(*arguments: Any, **how: Any) -> Any:
+            calls[name] += 1
             return honest(*arguments, **how)
 
-        monkeypatch.setattr(run, "play", counted)
-        limited: list[object] = []
-        quick: Callable[..., SuccessBound] = run.success_bound
+        return call
 
-        def bounded(scenario: Scenario, drones: tuple[Cell, ...], **more: Any) -> SuccessBound:
-            limited.append(scenario)
-            return quick(scenario, drones, **more)
+    for name in calls:
+        monkeypatch.setattr(run, name, counted(name))
 
-        monkeypatch.setattr(run, "success_bound", bounded)
+    def board(*policies: str) -> Leaderboard:
+        where = ["pond", "fog"]
+        return leaderboard(policies, where, episodes=20, out=tmp_path, progress=False)
 
-        def board(*policies: str) -> Leaderboard:
-            where = ["pond", "fog"]
-            return leaderboard(policies, where, episodes=20, out=tmp_path, progress=False)
+    first, again = board("random"), board("random")
+    assert [*calls.values()] == [2, 2]
+    for one, other in zip(first.evaluations, again.evaluations, strict=True):
+        assert one.summary == other.summary
+    board("random", "sector-search")
+    assert [*calls.values()] == [8, 2]
 
-        first = board("random")
-        assert (len(played), len(limited)) == (2, 2)
-        again = board("random")
-        assert (len(played), len(limited)) == (2, 2)
-        for one, other in zip(first.evaluations, again.evaluations, strict=True):
-            assert one.summary == other.summary
-        board("random", "sector-search")
-        assert (len(played), len(limited)) == (8, 2)
 
-    def test_every_policy_plays_the_same_episodes_and_has_the_bound(self) -> None:
-        board = leaderboard(
-            ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
-        )
-        assert [row[0] for row in board.summary_table[1:-1]] == ["sector-search", "random"]
-        assert [row[0] for row in board.search_table] == ["search", "pond", "fog"]
-        for each in board.evaluations:
-            assert (each.seed, len(each.episodes)) == (3, 7)
-            assert each.bound is not None
-            assert each.bound.by_time[-1] == 0.875
-
-    def test_an_added_policy_can_see_the_posterior(self) -> None:
-        def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
-            return np.full(seen["positions"].shape[:2], int(Action.SEARCH))
-
-        board = leaderboard(
-            ["random"], ["pond"], added=[stay], view=View(bayesian_update=True), episodes=2,
-            bounds=False, progress=False,
-        )  # fmt: skip
-        shown = {each.policy: each.search.scenario.bayesian_update for each in board.evaluations}
-        assert shown == {"stay": True, "random": False}
-
-    @pytest.mark.parametrize(
-        ("arguments", "words"),
-        [
-            ({"policies": []}, "policies must be at least one"),
-            ({"policies": ["random", "random"]}, "different names, got random, random"),
-            ({"searches": ["pond", "fog", "pond"]}, "different names, got pond, fog, pond"),
-            ({"policies": ["randm"]}, "did you mean random"),
-            ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
-            ({"bounds": 1}, "bounds must be True or False, got 1"),
-        ],
+def test_every_policy_plays_the_same_episodes_and_has_the_bound() -> None:
+    board = leaderboard(
+        ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
     )
-    def test_bad_input_is_refused(self, arguments: dict[str, Any], words: str) -> None:
-        with pytest.raises((TypeError, ValueError), match=words):
-            leaderboard(**{"searches": ["pond"], "episodes": 1, **arguments}, progress=False)
+    assert [row[0] for row in board.summary_table[1:-1]] == ["sector-search", "random"]
+    assert [row[0] for row in board.search_table] == ["search", "pond", "fog"]
+    for each in board.evaluations:
+        assert (each.seed, len(each.episodes)) == (3, 7)
+        assert each.bound is not None
+        assert each.bound.by_time[-1] == 0.875
 
 
-class TestCommand:
-    def test_it_prints_and_writes_everything(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        pytest.importorskip("matplotlib")
-        out = tmp_path / "out"
-        assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(out)]) == 0
-        output = capsys.readouterr().out
-        with (out / "leaderboard.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        assert [(row["policy"], row["search"], row["method"]) for row in rows] == [
-            (policy, search, method)
-            for search in ("pond", "harbour")
-            for policy, method in (("greedy-matrix", "exact"), ("random", "conditional"))
-        ]
-        for row in rows:
-            assert f"{100 * float(row['success']):.1f}" in output
-        for name in ("time", "success"):
-            for theme in ("light", "dark"):
-                assert (out / f"{name}-{theme}.svg").stat().st_size > 5_000
-        assert not list(out.glob(".*"))
+def test_an_added_policy_can_see_the_posterior() -> None:
+    def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
+        return np.full(seen["positions"].shape[:2], int(Action.SEARCH))
 
-    @pytest.mark.usefixtures("_no_plots")
-    def test_an_added_policy_has_a_row(
-        self, tmp_path: Path, idler: str, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        out = tmp_path / "out"
-        arguments = ["--episodes", "5", "--searches", "pond", "--workers", "1", "--no-bound"]
-        assert (
-            command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
-        )
-        output = capsys.readouterr().out
-        assert re.search(rf"search +greedy-matrix +random +{re.escape(idler)}\n", output)
-        assert re.search(rf"{re.escape(idler)} +0\.0 \(0\.0-43\.4\)", output)
+    board = leaderboard(
+        ["random"], ["pond"], added=[stay], view=View(bayesian_update=True), episodes=2,
+        bounds=False, progress=False,
+    )  # fmt: skip
+    shown = {each.policy: each.search.scenario.bayesian_update for each in board.evaluations}
+    assert shown == {"stay": True, "random": False}
 
-    def test_without_matplotlib_there_are_tables_and_a_hint(
-        self,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
-        monkeypatch.setitem(sys.modules, "matplotlib", None)
-        monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
-        monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)
-        assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(tmp_path)]) == 0
-        assert "pip install" in capsys.readouterr().err
-        assert (tmp_path / "leaderboard.csv").exists()
-        assert not list(tmp_path.glob("*.svg"))
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"policies": []}, "policies must be at least one"),
+        ({"policies": ["random", "random"]}, "different names, got random, random"),
+        ({"searches": ["pond", "fog", "pond"]}, "different names, got pond, fog, pond"),
+        ({"policies": ["randm"]}, "did you mean random"),
+        ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
+    ],
+)
+def test_bad_input_is_refused(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=words):
+        leaderboard(**{"searches": ["pond"], "episodes": 1, **arguments}, progress=False)
+
+
+def test_it_prints_and_writes_everything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "out"
+    assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(out)]) == 0
+    output = capsys.readouterr().out
+    with (out / "leaderboard.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["policy"], row["search"], row["method"]) for row in rows] == [
+        (policy, search, method)
+        for search in ("pond", "harbour")
+        for policy, method in (("greedy-matrix", "exact"), ("random", "conditional"))
+    ]
+    for row in rows:
+        assert f"{100 * float(row['success']):.1f}" in output
+    for name in ("time", "success"):
+        for theme in ("light", "dark"):
+            assert (out / f"{name}-{theme}.svg").stat().st_size > 5_000
+    assert not list(out.glob(".*"))
+
+
+@pytest.mark.usefixtures("_no_plots")
+def test_an_added_policy_has_a_row(
+    tmp_path: Path, idler: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["--episodes", "5", "--searches", "pond", "--workers", "1", "--no-bound"]
+    assert command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
+    output = capsys.readouterr().out
+    assert re.search(rf"search +greedy-matrix +random +{re.escape(idler)}\n", output)
+    assert re.search(rf"{re.escape(idler)} +0\.0 \(0\.0-43\.4\)", output)
+
+
+def test_without_matplotlib_there_are_tables_and_a_hint(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
+    monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)
+    assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(tmp_path)]) == 0
+    assert "pip install" in capsys.readouterr().err
+    assert (tmp_path / "leaderboard.csv").exists()
+    assert not list(tmp_path.glob("*.svg"))

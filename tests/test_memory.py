@@ -16,7 +16,7 @@ from DroneSwarmSearch.planning.trajectories import Trajectories
 
 Floats = np.ndarray
 
-SIZE, STEPS = 3, 5
+SIZE, STEPS = 3, 4
 
 
 @cache
@@ -92,7 +92,7 @@ def test_no_path_gains_more_than_the_best_one(
     assert (weights * drones.collected(paths)).sum() == pytest.approx(most, rel=1e-5)
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=25, derandomize=True)
 @given(cases())
 def test_paths_collect_credits_and_searches(
     case: tuple[Trajectories, float, int, np.random.Generator],
@@ -118,7 +118,7 @@ def test_paths_collect_credits_and_searches(
     )
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=25, derandomize=True)
 @given(cases())
 def test_credits_are_at_least_the_probability_of_finding(
     case: tuple[Trajectories, float, int, np.random.Generator],

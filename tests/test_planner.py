@@ -18,7 +18,6 @@ from small_searches import (
     assert_legal,
     best,
     fly,
-    observations,
     paths_of,
     search,
     shortened,
@@ -71,8 +70,8 @@ def small_searches(draw: st.DrawFn) -> NamedSearch:
     )
 
 
-TYPICAL = (0, 3, 6, 9, 10, 11, 12, 13)
-"""Searches of `SMALL`: with and without drift, one drone and two, each kind of uncertainty."""
+TYPICAL = (3, 6, 10, 13)
+"""Searches of `SMALL`: with and without drift, one drone and two, hypotheses and arrays."""
 
 
 @pytest.mark.good_plans
@@ -93,9 +92,7 @@ class TestQuality:
         ("name", "steps"),
         [
             ("pond", 20),
-            pytest.param("pond", None, marks=pytest.mark.slow),
             pytest.param("two-positions", None, marks=pytest.mark.slow),
-            pytest.param("harbour", None, marks=pytest.mark.slow),
             pytest.param("fog", None, marks=pytest.mark.slow),
         ],
     )
@@ -119,7 +116,7 @@ class TestQuality:
 class TestNeverBelowGreedy:
     """Holds for plans made with little work, too."""
 
-    @settings(deadline=None, max_examples=10, derandomize=True)
+    @settings(deadline=None, max_examples=6, derandomize=True)
     @given(small_searches())
     def test_is_never_below_greedy_with_one_person(self, of: NamedSearch) -> None:
         greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))[0]
@@ -155,14 +152,11 @@ class TestFollowingPlans:
         assert plans_made == [0]
         assert 0 < found < 200
 
-    @pytest.mark.parametrize(
-        "duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))]
-    )
-    def test_copies_include_a_prepared_plan(self, plans_made: list[int], duplicate: Any) -> None:
+    def test_copies_include_a_prepared_plan(self, plans_made: list[int]) -> None:
         policy = planner(A_SEARCH)
         policy.prepare(A_SEARCH.drones)
         assert plans_made == [0]
-        twin = duplicate(policy)
+        twin = pickle.loads(pickle.dumps(policy))
         paths = paths_of(twin, A_SEARCH)
         assert plans_made == [0]
         for path, other in zip(paths, paths_of(planner(A_SEARCH), A_SEARCH), strict=True):
@@ -225,17 +219,6 @@ class TestReplanning:
         assert plans_made == [0, 1]
         staying = Path(np.full(20, likeliest), np.ones(19, bool))
         assert success_of(of, paths, start)[0] > success_of(of, [staying], start)[0] > belief.max()
-
-    def test_after_a_drone_was_delayed(self, plans_made: list[int]) -> None:
-        policy, tracker = planner(A_SEARCH), BeliefTracker(A_SEARCH.scenario)
-        cells = list(A_SEARCH.drones)
-        for _ in range(3):  # from the same cells each time, as if no action had an effect
-            actions = policy(observations(cells, tracker.matrix()))
-            assert Action.IDLE not in actions.values()
-            tracker.update(cells, list(actions.values()))
-        assert plans_made == [0, 1, 2]
-        fly(policy, tracker, cells, A_SEARCH.scenario.timestep_limit - 3)
-        assert plans_made == [0, 1, 2, 3]
 
 
 class Terminal(io.StringIO):

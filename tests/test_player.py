@@ -5,18 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.player import (
-    Player,
-    Recording,
-    Score,
-    score_row,
-)
+from DroneSwarmSearch.rendering.player import Player, Recording
 from DroneSwarmSearch.rules import Action, Ending
 
 LAST = 10
@@ -56,8 +50,8 @@ def watching(begin: Callable[[int], Recording] = lambda seed: Whole()) -> Player
 
 def step_of(player: Player) -> float:
     """The moment shown, in steps."""
-    moment = player.moment
-    return moment.frame.step + moment.progress
+    frame, _, progress = player.moment
+    return frame.step + progress
 
 
 def advance_for_long(player: Player) -> None:
@@ -70,70 +64,40 @@ def advance_for_long(player: Player) -> None:
 
 
 class TestWatching:
-    def test_it_plays_to_the_end_and_stays_there(self) -> None:
+    @pytest.mark.parametrize(
+        ("script", "step", "status"),
+        [
+            ("0.3", 1.5, "calm, seed 3"),
+            ("10 10", LAST, "Enter closes the window"),
+            ("0.3 space 10", 2, "paused"),
+            ("0.3 space 10 space 0.2", 3, "speed 1\N{MULTIPLICATION SIGN}"),
+            ("0.3 right 1", 2, "paused"),
+            ("0.3 right 1 right right 1", 4, "paused"),
+            ("right held-right 1", 2, "paused"),
+            ("0.6 space 1 left", 2, "paused"),
+            ("0.6 left left left left left 1", 0, "paused"),
+            ("end 1 space 0.2", 1, ""),
+            ("end 1 r 0.2", 1, ""),
+            ("end home 1", 0, "paused"),
+            ("up 0.2", 2, "speed 2\N{MULTIPLICATION SIGN}"),
+            ("- - - -", 0, "speed 0.25\N{MULTIPLICATION SIGN}"),
+            ("+ + + + + +", 0, "speed 8\N{MULTIPLICATION SIGN}"),
+            ("held-n held-p held-h held-r 0.3", 1.5, "seed 3"),
+        ],
+    )
+    def test_keys_and_time(self, script: str, step: float, status: str) -> None:
+        """A script has names of keys, also of keys held down, and seconds."""
         player = watching()
-        assert step_of(player) == 0
-        player.advance(0.3)
-        moment = player.moment
-        assert (moment.frame.step, moment.towards and moment.towards.step) == (1, 2)
-        assert moment.progress == pytest.approx(0.5)
-        assert not player.is_at_end
-        for _ in range(3):
-            player.advance(10)
-        assert player.is_at_end
-        assert step_of(player) == LAST
-        assert "Enter closes the window" in player.status
-        assert not player.quits
-
-    def test_space_pauses_after_the_move_and_goes_on(self) -> None:
-        player = watching()
-        player.advance(0.3)
-        player.press("space")
-        player.advance(10)
-        assert step_of(player) == 2
-        assert "paused" in player.status
-        player.press("space")
-        player.advance(0.2)
-        assert step_of(player) == 3
-        assert "paused" not in player.status
-
-    def test_arrows_step_forward_and_back(self) -> None:
-        player = watching()
-        player.advance(0.3)
-        player.press("right")
-        player.advance(1)
-        assert step_of(player) == 2
-        player.press("right")
-        player.press("right")
-        player.advance(1)
-        assert step_of(player) == 4
-        player.press("left")
-        assert step_of(player) == 3
-        for _ in range(5):
-            player.press("left")
-        player.advance(1)
-        assert step_of(player) == 0
-
-    @pytest.mark.parametrize("key", ["space", "r"])
-    def test_it_plays_again_from_the_end(self, key: str) -> None:
-        player = watching()
-        player.press("end")
-        player.advance(1)
         recording = player.recording
-        player.press(key)
-        player.advance(0.2)
-        assert step_of(player) == 1
+        for word in script.split():
+            if word[0].isdigit():
+                player.advance(float(word))
+            else:
+                player.press(word.removeprefix("held-"), repeated=word.startswith("held-"))
+        assert step_of(player) == pytest.approx(step)
+        assert status in player.status
+        assert not player.quits and not player.shows_keys and player.view == "matrix"
         assert player.recording is recording
-
-    def test_speeds(self) -> None:
-        player = watching()
-        player.press("up")
-        player.advance(0.2)
-        assert step_of(player) == 2
-        for key, speed in (("-", "0.25"), ("+", "8")):
-            for _ in range(6):
-                player.press(key)
-            assert f"speed {speed}\N{MULTIPLICATION SIGN}" in player.status
 
     def test_the_next_seed(self) -> None:
         seeds = []
@@ -149,40 +113,26 @@ class TestWatching:
         assert step_of(player) == 0
         assert "calm, seed 4" in player.status
 
-    def test_the_prior(self) -> None:
+    def test_views_and_quitting(self) -> None:
         player = watching()
-        views = [player.moment.view]
-        for key in ("p", "tab"):
+        views = []
+        for key in ("p", "tab", "return"):
             player.press(key)
-            views.append(player.moment.view)
-        assert views == ["matrix", "both", "matrix"]
-
-    def test_enter_quits_only_at_the_end(self) -> None:
-        player = watching()
-        player.press("return")
-        assert not player.quits
+            views.append(player.view)
+        assert views == ["both", "matrix", "matrix"]
+        assert not player.quits, "Enter quits only at the end"
         player.press("end")
         player.press("return")
         assert player.quits
 
-    def test_keys_that_are_held_down_act_again_if_they_step(self) -> None:
-        player = watching()
-        for key in ("n", "p", "h", "r", "space"):
-            player.press(key, repeated=True)
-        assert (player.seed, player.view, player.shows_keys) == (3, "matrix", False)
-        player.press("right")
-        player.press("right", repeated=True)
-        player.advance(1)
-        assert step_of(player) == 2
-
     def test_hidden_persons_are_shown_once_the_end_was_seen(self) -> None:
         player = watching()
         player.advance(1)
-        assert player.moment.frame.hide_persons
+        assert player.moment[0].hide_persons
         player.press("end")
         player.advance(0)
         player.press("left")
-        assert not player.moment.frame.hide_persons
+        assert not player.moment[0].hide_persons
 
 
 class TestRecording:
@@ -283,10 +233,10 @@ class TestFlying:
     ) -> None:
         for _ in range(LAST):
             player.press("space")
-        assert player.moment.frame.hide_persons
+        assert player.moment[0].hide_persons
         player.advance(60)
         assert player.is_at_end
-        assert not player.moment.frame.hide_persons
+        assert not player.moment[0].hide_persons
         player.press("left")
         assert step_of(player) == LAST - 1
         player.press("home")
@@ -299,14 +249,7 @@ class TestFlying:
         assert len(actions) == LAST
 
     def test_the_keys_on_the_screen_follow_the_flight(self, player: Player) -> None:
-        assert "search" in [each.meaning for each in player.keys]
+        assert "search" in [meaning for _, meaning, _ in player.keys]
         for _ in range(LAST):
             player.press("space")
-        assert "step" in [each.meaning for each in player.keys]
-
-
-def test_scores_as_rows() -> None:
-    last = replace(frame(LAST), probability_of_success=0.417, total_return=-1234.5)
-    row = ("you", "not found in 10 steps", "41.7%", "-1,234")
-    assert score_row(Score("you", last)) == row
-    assert score_row(Score("you", replace(last, probability_of_success=None)))[2] == ""
+        assert "step" in [meaning for _, meaning, _ in player.keys]

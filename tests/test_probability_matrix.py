@@ -17,8 +17,8 @@ from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, dispersion_rate, tables
 from DroneSwarmSearch.drift import probability_matrix as module
 
-VECTORS = [(0, 0), (0.5, 0.5), (0.3, -0.2), (1, 1), (3.5, -0.5), (-1e300, 7), (-0.7, 0.01)]
-DIFFUSIONS = [0, 0.06, 0.25, 2 / 3]
+VECTORS = [(0, 0), (0.3, -0.2), (3.5, -0.5), (-1e300, 7)]
+DIFFUSIONS = [0, 0.06, 2 / 3]
 UNCERTAINTIES: list[dict] = [
     {},
     {"start_sd": 1.5},
@@ -120,13 +120,12 @@ def test_moves_map_each_forecast_to_the_next(person: Person) -> None:
 def test_a_mixture_is_the_weighted_mean_of_its_hypotheses() -> None:
     forecast = ProbabilityMatrix(11, MIXTURE)
     parts = [ProbabilityMatrix(11, drift) for drift in MIXTURE.drifts]
-    for t in (0, 1, 40, 90):
+    for t in (0, 1, 90):
         expected = sum(w * p.exact(t) for w, p in zip(MIXTURE.weights, parts, strict=True))
         np.testing.assert_allclose(forecast.exact(t), expected, atol=1e-13)
         np.testing.assert_allclose(forecast.at(t), expected, atol=1e-6)
-        x, y = forecast.marginals(t)
-        np.testing.assert_allclose(x, expected.sum(axis=0), atol=1e-13)
-        np.testing.assert_allclose(y, expected.sum(axis=1), atol=1e-13)
+        for axis, marginal in enumerate(forecast.marginals(t)):
+            np.testing.assert_allclose(marginal, expected.sum(axis=axis), atol=1e-13)
 
 
 def test_a_start_given_as_an_array() -> None:
@@ -211,15 +210,10 @@ def covariance(drift: Drift, first: int, last: int, size: int = 81) -> float:
 @pytest.mark.parametrize(
     ("diffusion", "velocity", "uncertainty", "low", "high"),
     [
-        (1 / 9, 0.0, {}, 0.95, 1.05),
         (1 / 9, 0.1, {}, 0.95, 1.12),
-        (0.25, 0.0, {}, 0.97, 1.05),
-        (0.25, 0.1, {}, 0.95, 1.12),
         (0.25, 0.5, {}, 0.95, 1.05),
-        (0.444, 0.1, {}, 0.95, 1.1),
         (0.444, 0.3, {}, 0.95, 1.1),
         (0.05, 0.1, {"vector_sd": (0.05, 0), "start_sd": 2}, 0.9, 1.1),
-        (0.25, 0.0, {"vector_sd": (0.1, 0)}, 0.9, 1.1),
         # The lattice is the limit: steps of whole cells vary more than this diffusion.
         (0.015, 0.05, {}, 0.4, 0.6),
     ],
@@ -233,7 +227,7 @@ def test_a_person_remembers_as_a_brownian_motion_does(
     assert low < covariance(drift, 20, 60) / expected < high
 
 
-@pytest.mark.parametrize("constant", [0.5, 1, 3, 10, 100])
+@pytest.mark.parametrize("constant", [0.5, 10])
 def test_variance_after_a_known_cell_grows_by_the_diffusion(constant: float) -> None:
     rate = dispersion_rate(constant)
     forecast = ProbabilityMatrix(121, Drift((60, 60), diffusion=rate))
@@ -248,12 +242,6 @@ def test_variance_after_a_known_cell_grows_by_the_diffusion(constant: float) -> 
         belief = stay
         variance = belief @ (cells - 60) ** 2
         assert variance == pytest.approx(rate * (t - 39), rel=0.03)
-
-
-def test_drift_is_limited_to_one_cell_per_step() -> None:
-    fast = ProbabilityMatrix(40, Drift((3, 20), vector=(9.0, 0), diffusion=4 / 9))
-    for t in range(1, 25):
-        assert moments(fast.marginals(t)[0])[0] == pytest.approx(3 + t, abs=0.01)
 
 
 def test_probabilities_are_not_negative_for_any_rounding_of_erf(
@@ -303,7 +291,6 @@ def test_matrices_are_new_arrays() -> None:
     [
         ((1, Drift((0, 0))), ValueError, "grid_size must be an integer of at least 2, got 1"),
         ((5, Drift((9, 9))), ValueError, r"start.* 0 to 4 .* got .*9, 9"),
-        ((5, Drift(np.ones((4, 4)))), ValueError, r"shape \(5, 5\), got .*\(4, 4\)"),
         ((5, (1, 1)), TypeError, r"person must be a Person or a Drift, got \(1, 1\)"),
     ],
 )

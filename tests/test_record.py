@@ -6,7 +6,6 @@ import base64
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Person, RewardScheme
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
-from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
@@ -44,33 +40,8 @@ def small(**changed: Any) -> NamedSearch:
         "person_initial_position": (1, 2),
         "disperse_constant": 3,
         "timestep_limit": 8,
-        "probability_of_detection": 1.0,
-        "bayesian_update": False,
-        "reward_scheme": RewardScheme(),
     }
     return NamedSearch("puddle", "For tests.", Scenario(**{**parameters, **changed}))
-
-
-def at_sea(**changed: Any) -> NamedSearch:
-    """A short search for a person with two hypotheses."""
-    person = Person(
-        [
-            Drift((4, 4), start_sd=1, vector=(0.05, 0), vector_sd=0.02, weight=3),
-            Drift((10, 10), start_sd=1, vector=(0, 0.05), diffusion=0.1),
-        ],
-        probability_of_detection=0.5,
-    )
-    parameters = {"grid_size": 15, "n_drones": 3, "timestep_limit": 20, "persons": person}
-    return NamedSearch("storm", "For tests.", Scenario(**{**parameters, **changed}))
-
-
-def all_do(action: Action) -> Any:
-    """A policy with one action."""
-
-    def policy(observations: Mapping[str, Any]) -> dict[str, int]:
-        return dict.fromkeys(observations, int(action))
-
-    return policy
 
 
 class Watcher:
@@ -95,33 +66,6 @@ def frames(policy: Any, search: NamedSearch, seed: int = 0) -> list[Frame]:
 
 
 class TestFrames:
-    def test_prior_and_posterior_follow_the_drift_and_the_searches(self) -> None:
-        search = small(timestep_limit=30, n_drones=1, vector=(0.0, 0.0), disperse_constant=1)
-        shown = frames("greedy-posterior", search, seed=4)
-        forecast = ProbabilityMatrix(5, Drift((1, 2), diffusion=dispersion_rate(1)))
-        belief = Belief(forecast, 1.0, forecast.joint(0))
-        for before, after in pairwise(shown):
-            looked = [cell for cell, s in zip(before.drones, after.searching, strict=True) if s]
-            if looked and not any(after.found):
-                belief = belief.after_search([y * 5 + x for x, y in looked])
-            belief = belief.after_drift(before.step)
-            assert np.array_equal(after.prior, forecast.at(after.step))
-            if not any(after.found):
-                np.testing.assert_allclose(after.matrix, belief.map(), atol=1e-6)
-        assert any(after.searching[0] for after in shown)
-
-    @pytest.mark.parametrize("mission", ["rescue", "coverage"])
-    def test_uncertain_persons(self, mission: str) -> None:
-        search = at_sea(mission=mission)
-        shown = frames("greedy-posterior", search, seed=1)
-        assert shown[0].hypotheses == ((0.75, 0.25),) != shown[-1].hypotheses
-        assert sum(shown[-1].hypotheses[0]) == pytest.approx(1)
-        success = [frame.probability_of_success for frame in shown]
-        assert success[0] == 0
-        assert success == sorted(success)
-        assert success[-1] > 0.1
-        assert (shown[0].persons == ()) == (mission == "coverage")
-
     @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
     def test_it_is_the_episode_that_evaluate_plays_with_the_seed(self, policy: str) -> None:
         search = small(timestep_limit=25)
@@ -153,25 +97,11 @@ class TestPicture:
         title_end = np.flatnonzero(changed[:, : outcome.min()].any(axis=(0, 2))).max()
         assert 0.9 * outcome.min() < title_end < outcome.min()
 
-    @pytest.mark.parametrize(
-        ("ending", "step", "words"),
-        [
-            (None, 3, ""),
-            (Ending.FOUND, 1, "found in 1 step"),
-            (Ending.FOUND, 12, "found in 12 steps"),
-            (Ending.TIME_LIMIT, 100, "not found in 100 steps"),
-            (Ending.COLLISION, 4, "drones collided in step 4"),
-            (Ending.LEFT_GRID, 5, "a drone left the grid in step 5"),
-        ],
-    )
-    def test_the_outcome_is_shown(self, ending: Ending | None, step: int, words: str) -> None:
-        assert outcome_in_brief(replace(frame(6), ending=ending, step=step)) == words
-
 
 class TestVideo:
     def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
         path = tmp_path / "video.gif"
-        made = record(all_do(Action.IDLE), small(), path, name="lazy")
+        made = record(Watcher(), small(), path, name="lazy")
         assert made.path == path
         assert (made.last.step, made.last.ending) == (8, Ending.TIME_LIMIT)
         with Image.open(path) as video:
@@ -181,9 +111,9 @@ class TestVideo:
 
     def test_a_video_holds_the_last_picture(self, tmp_path: Path) -> None:
         path = tmp_path / "video.mp4"
-        record(all_do(Action.IDLE), small(timestep_limit=3), path, fps=2.0)
+        record(Watcher(), small(timestep_limit=3), path, fps=5.0)
         count, seconds = ffmpeg.count_frames_and_secs(str(path))
-        assert seconds == pytest.approx(3 / 2 + recording.HOLD, abs=0.1)
+        assert seconds == pytest.approx(3 / 5 + recording.HOLD, abs=0.1)
         assert 20 <= count / seconds <= 30
 
     @pytest.mark.parametrize(
@@ -197,23 +127,6 @@ class TestVideo:
         html = Video(path, frame(5))._repr_html_()
         assert html.startswith(f"<{tag} ")
         assert f'src="data:{kind};base64,{base64.b64encode(b"the video").decode()}"' in html
-
-    @pytest.mark.parametrize(
-        ("changed", "words"),
-        [
-            ({"path": "video.avi"}, r"path must end in \.gif or \.mp4, got 'video\.avi'"),
-            ({"fps": 0}, r"fps must be a finite number of at least 0\.1 and at most 50\.0, got 0"),
-            ({"seed": -1}, r"seed must be an integer of at least 0, got -1"),
-        ],
-    )
-    def test_bad_input_is_refused(
-        self, changed: dict[str, Any], words: str, tmp_path: Path
-    ) -> None:
-        arguments = {"path": "video.gif", **changed}
-        path = tmp_path / arguments.pop("path")
-        with pytest.raises(ValueError, match=words.replace("'video", ".*video")):
-            record("random", small(), path, **arguments)
-        assert not list(tmp_path.iterdir())
 
 
 class TestWriting:
@@ -240,8 +153,7 @@ class TestWriting:
     def write(path: Path, pictures: Any, fps: float = 5, hold: float = 1) -> None:
         write_pictures(path, pictures, fps=fps, hold=hold, gif_width=600)
 
-    @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
-    @pytest.mark.parametrize("place", [0, 1, 29])
+    @pytest.mark.parametrize(("error", "place"), [(KeyboardInterrupt, 0), (RuntimeError, 29)])
     def test_an_error_keeps_the_existing_video(
         self, path: Path, error: type[BaseException], place: int
     ) -> None:
@@ -269,10 +181,10 @@ class TestWriting:
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
 
-    @pytest.mark.parametrize("fps", [4, 7, 16.7, 28, 49])
+    @pytest.mark.parametrize("fps", [4, 16.7, 49])
     def test_a_gif_is_as_fast_as_asked(self, tmp_path: Path, fps: float) -> None:
         path = tmp_path / "video.gif"
-        pictures = [np.full((20, 30, 3), 200 * (number % 2), np.uint8) for number in range(100)]
+        pictures = [np.full((20, 30, 3), 200 * (number % 2), np.uint8) for number in range(40)]
         self.write(path, pictures, fps=fps, hold=1.5)
         total, shown = 0, []
         with Image.open(path) as video:
@@ -281,8 +193,8 @@ class TestWriting:
                 video.seek(number)
                 total += video.info["duration"]
                 shown.append(np.asarray(video.convert("RGB")))
-        assert total == pytest.approx(100_000 / fps + 1500, abs=1000 / fps)
-        for picture, wanted in zip(shown[:100], pictures, strict=True):
+        assert total == pytest.approx(40_000 / fps + 1500, abs=1000 / fps)
+        for picture, wanted in zip(shown[:40], pictures, strict=True):
             assert np.abs(picture.astype(int) - wanted).max() <= 8
 
     def test_a_video_of_odd_lengths(self, tmp_path: Path) -> None:
@@ -291,26 +203,13 @@ class TestWriting:
         assert ffmpeg.count_frames_and_secs(str(path)) == (8, 2.0)
         assert next(ffmpeg.read_frames(str(path)))["size"] == (84, 62)
 
-    def test_what_is_missing_is_named_before_the_first_picture(
-        self, path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-        with pytest.raises(ImportError, match=r"imageio_ffmpeg: pip install .*\[video\]"):
-            self.write(path, untouchable())
-
-
-def untouchable() -> Iterator[NDArray[np.uint8]]:
-    """Pictures of which none may be taken."""
-    pytest.fail("an episode was begun")
-    yield
-
 
 class TestCommand:
     def test_it_writes_the_video_and_prints_the_outcome(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = tmp_path / "pond.gif"
-        arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3"]
+        arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3", "--fps", "50"]
         assert command.main([*arguments, "--out", str(path)]) == 0
         last = frames("greedy-posterior", SUITE["pond"], seed=3)[-1]
         output = f"{path}: greedy-posterior searching pond, {outcome_in_brief(last)}\n"
@@ -321,12 +220,12 @@ class TestCommand:
         ("arguments", "words"),
         [
             (["pnd", "--out", "a.gif"], "got 'pnd'; did you mean pond?"),
-            (["pond", "--policy", "greed", "--out", "a.gif"], "did you mean greedy-"),
-            (["pond", "--policy", "random", "--out", "a.png"], "must end in .gif or .mp4"),
-            (["pond", "--policy", "random", "--fps", "99", "--out", "a.gif"], "fps must be"),
+            (["pond", "--out", "a.png"], "must end in .gif or .mp4, got 'a.png'"),
+            (["pond", "--fps", "99", "--out", "a.gif"], "fps must be a finite number of at least"),
+            (["pond", "--seed", "-1", "--out", "a.gif"], "seed must be an integer of at least 0"),
         ],
     )
-    def test_wrong_arguments_are_reported_in_a_line(
+    def test_wrong_arguments_are_refused(
         self,
         arguments: list[str],
         words: str,
@@ -336,11 +235,9 @@ class TestCommand:
     ) -> None:
         monkeypatch.chdir(tmp_path)
         with pytest.raises(SystemExit) as stop:
-            command.main(["record", *arguments])
+            command.main(["record", "--policy", "random", *arguments])
         assert stop.value.code == 2
-        output = capsys.readouterr().err
-        assert words in output
-        assert "Traceback" not in output
+        assert words in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
 
     def test_a_missing_package_is_named(
@@ -350,34 +247,17 @@ class TestCommand:
         capsys: pytest.CaptureFixture[str],
     ) -> None:
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+        monkeypatch.setattr(recording, "play", lambda *_: pytest.fail("an episode was begun"))
         out = str(tmp_path / "video.gif")
         assert command.main(["record", "pond", "--policy", "random", "--out", out]) == 1
         assert 'needs the package imageio_ffmpeg: pip install "Dr' in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
 
-    def test_an_interruption_leaves_no_file(
-        self,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
-        def interrupted(*_: object, **__: object) -> int:
-            raise KeyboardInterrupt
 
-        monkeypatch.setattr(recording, "write_video", interrupted)
-        out = str(tmp_path / "video.gif")
-        assert command.main(["record", "pond", "--policy", "random", "--out", out]) == 130
-        assert "interrupted" in capsys.readouterr().err
-        assert not list(tmp_path.iterdir())
-
-
-def frame(grid_size: int, likeliest: tuple[int, int] | None = None) -> Frame:
-    """A frame without news: a flat matrix, or one with a peak."""
-    matrix = np.full((grid_size, grid_size), 1.0, np.float32)
-    if likeliest is not None:
-        matrix[likeliest[::-1]] = 9.0
+def frame(grid_size: int) -> Frame:
+    """A frame of a flat matrix."""
     return Frame(
-        matrix=matrix / matrix.sum(),
+        matrix=np.full((grid_size, grid_size), grid_size**-2.0, np.float32),
         drones=((0, 0),),
         searching=(True,),
         persons=((1, 1),),

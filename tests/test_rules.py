@@ -17,12 +17,12 @@ from DroneSwarmSearch.rules import (
     RewardScheme,
     collisions,
     ending,
-    endings,
     is_success,
     neighbours,
     neighbours_of_all,
+    outcome,
+    outcomes,
     reward,
-    rewards,
     same_cell,
     successes,
 )
@@ -126,50 +126,40 @@ def test_endings(happened: tuple[bool, ...], expected: Ending | None) -> None:
     assert ending(*happened) is expected
 
 
-FLAGS = list(itertools.product((False, True), repeat=6))
-
-
 @pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other", "expected"])
 @pytest.mark.parametrize("limit", [1, 3])
-def test_rewards_of_a_batch_equal_those_of_each_drone(scheme: RewardScheme, limit: int) -> None:
-    """Every combination of events, and figures around each threshold, to the last bit."""
+def test_outcomes_of_a_batch_equal_those_of_each_search(scheme: RewardScheme, limit: int) -> None:
+    """In random steps, with figures around each threshold, to the last bit."""
+    rng, rows, n = np.random.default_rng(limit), 3000, 3
     likelihoods = [0.0, 1e-9, 0.01, float(np.float32(0.01)), 0.0100001, 0.25, 0.3, 1.0]
-    cases = [
-        (*flags, probability, step, so_far)
-        for flags in FLAGS
-        for probability in likelihoods
-        for step in sorted({0, limit // 2, limit - 1})
-        for so_far in (0.0, 12345.678, -99.9)
-    ]
-    columns = [np.array(column) for column in zip(*cases, strict=True)]
-    collided, left, found, up, before, searched, probability, step, so_far = columns
-    who = {
-        "searched": searched.nonzero()[0],
-        "timed_out": (up & ~before).nonzero()[0],
-        "found": found.nonzero()[0],
-        "left_grid": left.nonzero()[0],
-        "collided": collided.nonzero()[0],
-    }
-    many = rewards(
-        scheme,
-        len(cases),
-        probability=probability[who["searched"]],
-        return_so_far=so_far[who["timed_out"]],
-        steps_before=step[who["found"]],
-        timestep_limit=limit,
-        **who,
-    )
-    assert many.dtype == np.float64
-    assert many.tolist() == [reward(scheme, *case[:8], limit, case[8]) for case in cases]
-
-
-def test_endings_of_a_batch_equal_those_of_each_search() -> None:
-    cases = list(itertools.product((False, True), repeat=5))
-    flags = [np.array(column).nonzero()[0] for column in zip(*cases, strict=True)]
-    names = ("all_found", "covered", "any_collided", "any_left_grid", "time_limit_reached")
-    codes = endings(len(cases), **dict(zip(names, flags, strict=True)))
-    assert codes.dtype == np.int8
-    assert codes.tolist() == [ending(*case) or 0 for case in cases]
+    actions = rng.integers(0, 6, (rows, n))
+    searched = actions == Action.SEARCH
+    targets = rng.choice([OFF_GRID, *range(8)], (rows, n))
+    observed = rng.choice(likelihoods, np.count_nonzero(searched))
+    found, before = searched & (rng.random((rows, n)) < 0.3), rng.random((rows, n)) < 0.3
+    returns = rng.choice([0.0, 12345.678, -99.9], (rows, n))
+    steps = rng.integers(0, limit, rows)
+    all_found, covered = rng.random((2, rows)) < 0.1
+    for is_rescue in (True, False):
+        rewards, endings = outcomes(
+            scheme, limit, is_rescue, actions=actions, targets=targets, observed=observed,
+            found=found.reshape(-1).nonzero()[0], found_before=before, returns=returns,
+            steps_before=steps, all_found=all_found.nonzero()[0], covered=covered.nonzero()[0],
+        )  # fmt: skip
+        assert (rewards.dtype, endings.dtype) == (np.float64, np.int8)
+        pays = iter(observed.tolist())
+        for row in range(rows):
+            own = {drone: next(pays) for drone in searched[row].nonzero()[0].tolist()}
+            happens = own or limit - 1 == steps[row] or len({*targets[row], OFF_GRID}) <= n
+            expected, reason = outcome(
+                scheme, limit, is_rescue, actions=actions[row].tolist(),
+                targets=targets[row].tolist(), observed=own, found=found[row].nonzero()[0],
+                found_before=before[row].nonzero()[0], returns=returns[row].tolist(),
+                steps_before=int(steps[row]), all_found=all_found[row], covered=covered[row],
+            )  # fmt: skip
+            assert rewards[row].tolist() == expected
+            if happens:  # nobody is found otherwise
+                assert endings[row] == (reason or 0)
 
 
 def test_an_episode_ends_well_with_everybody_found_or_the_mission_complete() -> None:

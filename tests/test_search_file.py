@@ -99,17 +99,6 @@ def test_searches_must_have_different_names(capsys: Any, lane: Path, tmp_path: P
         assert "different names, got lane, lane" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "arguments", [["evaluate", "random"], ["bound"], ["leaderboard", "--searches"], ["record"]]
-)
-def test_missing_files(capsys: Any, arguments: list[str], tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path / "video.gif")] * (arguments == ["record"])
-    with pytest.raises(SystemExit):
-        cli.main([*arguments, "missing.json", *more])
-    message = "search must name a file, but there is no 'missing.json'"
-    assert message in capsys.readouterr().err
-
-
 def test_bound_reads_a_file_and_changes_the_mission(
     capsys: Any, lane: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

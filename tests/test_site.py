@@ -128,15 +128,6 @@ def test_images_have_alternative_texts(pages: dict[Path, Any]) -> None:
         assert len(tag.get("alt", "")) > 20, f"{path}: {tag}"
 
 
-def test_figures_have_a_light_and_a_dark_version(pages: dict[Path, Any]) -> None:
-    figures = [tag for page in pages.values() for tag in page.select("img.only-light")]
-    assert figures
-    for tag in figures:
-        dark = tag.find_next_sibling("img")
-        assert dark["src"] == tag["src"].replace("-light", "-dark")
-        assert "only-dark" in dark["class"]
-
-
 def test_images_are_smaller_than_a_megabyte(site: Path) -> None:
     for path in site.rglob("*"):
         if path.suffix in (".png", ".gif", ".svg", ".jpg"):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import pickle
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import pytest
 from DroneSwarmSearch import Action, DroneSwarmSearch, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.evaluation import View
-from DroneSwarmSearch.training.curve import moving_mean, read_columns
+from DroneSwarmSearch.training.curve import read_columns
 
 ROOT = Path(__file__).parents[1]
 
@@ -41,12 +40,6 @@ def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFix
     assert columns["found"].tolist() == pytest.approx([math.nan, 1 / 3], abs=1e-6, nan_ok=True)
 
 
-def test_the_moving_mean_covers_a_twentieth() -> None:
-    values = np.arange(100.0)
-    assert moving_mean(values)[:6].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 3.0]
-    assert moving_mean(values[:20]).tolist() == values[:20].tolist()
-
-
 def test_curves_are_plotted(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     paths = [tmp_path / "first.csv", tmp_path / "second.csv"]
@@ -58,14 +51,6 @@ def test_curves_are_plotted(tmp_path: Path) -> None:
     assert (tmp_path / "first.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(KeyError, match="reward"):
         training.plot_curve(paths[0], columns=["reward"])
-
-
-def test_without_matplotlib_the_plot_names_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(ImportError, match=r'pip install "DroneSwarmSearchEnvironment\[evaluation'):
-        training.plot_curve(tmp_path / "curve.csv")
 
 
 def test_a_trained_policy_samples_allowed_actions_by_its_seed() -> None:

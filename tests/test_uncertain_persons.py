@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import plain
-from test_truth import distance
 
 from DroneSwarmSearch import (
     Action,
@@ -42,6 +41,21 @@ SITUATIONS = {
     "an array": [ON_A_LINE],
     "three persons": [TWO_SIDES, ON_A_LINE, KNOWN],
 }
+
+
+def distance(counts: np.ndarray, matrix: np.ndarray) -> tuple[float, float]:
+    """Return the total variation between frequencies and a matrix, and its limit.
+
+    The limit is the mean distance of samples of the same size from the matrix, plus four
+    standard deviations.
+    """
+    forecast = matrix.astype(float).ravel() / matrix.sum(dtype=float)
+    n = int(counts.sum())
+    rng = np.random.default_rng(0)
+    samples = rng.multinomial(n, forecast, size=200) / n
+    floors = np.abs(samples - forecast).sum(axis=1) / 2
+    found = np.abs(counts.ravel() / n - forecast).sum() / 2
+    return found, float(floors.mean() + 4 * floors.std())
 
 
 def environment(**changes: Any) -> DroneSwarmSearch:
@@ -114,7 +128,7 @@ def test_persons_are_distributed_as_the_matrix(name: str, t: int) -> None:
     env = environment(persons=SITUATIONS[name], n_drones=1)
     env.reset(seed=3)
     counts = np.zeros((len(SITUATIONS[name]), SIZE, SIZE))
-    for _ in range(1000):
+    for _ in range(800):
         env.reset()
         for _ in range(t):
             env.step({"drone0": Action.IDLE})
@@ -156,6 +170,25 @@ def test_missing_persons_are_distributed_as_the_posterior(person: Person) -> Non
         assert weights != pytest.approx(person.weights)
 
 
+def test_detections_follow_their_probability() -> None:
+    env = DroneSwarmSearch(
+        grid_size=3,
+        disperse_constant=0,
+        vector=(0, 0),
+        person_initial_position=[(0, 0), (0, 0), (0, 0)],
+        probability_of_detection=[0.25, 0.5, 0.9],
+    )
+    env.reset(seed=2)
+    counts = np.zeros(3)
+    for _ in range(1200):
+        env.reset()
+        env.step({"drone0": Action.SEARCH})
+        counts += env.frame().found
+    expected = np.array([0.25, 0.5, 0.9])
+    spread = np.sqrt(expected * (1 - expected) / 1200)
+    assert (np.abs(counts / 1200 - expected) < 4 * spread).all()
+
+
 def test_the_hypothesis_and_the_start_do_not_depend_on_the_drones() -> None:
     env = environment(persons=SITUATIONS["three persons"])
     paths = []
@@ -191,11 +224,8 @@ def test_persons_for_one_episode() -> None:
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-@pytest.mark.parametrize("mission", ["rescue", "coverage"])
-def test_copies_continue_identically(duplicate: Any, mission: str) -> None:
-    env = environment(
-        persons=SITUATIONS["three persons"], mission=mission, bayesian_update=mission == "rescue"
-    )
+def test_copies_continue_identically(duplicate: Any) -> None:
+    env = environment(persons=SITUATIONS["three persons"], bayesian_update=True)
     env.reset(seed=4)
     rng = np.random.default_rng(0)
     for _ in range(10):
@@ -366,26 +396,16 @@ WRONG_SHAPE = Person(Drift(np.ones((5, 5))))
     ("arguments", "error", "message"),
     [
         ({"persons": []}, ValueError, r"persons must hold at least one Person, got \[\]"),
-        ({"persons": 3}, TypeError, "persons must be a Person or a sequence of them, got 3"),
-        ({"persons": [Drift((1, 1))]}, TypeError, r"persons\[0\] must be a Person, got Drift"),
         ({"persons": "PIW-1"}, TypeError, "persons must be a Person or a sequence"),
+        ({"persons": [Drift((1, 1))]}, TypeError, r"persons\[0\] must be a Person, got Drift"),
         ({"persons": [KNOWN, OUTSIDE]}, ValueError, r"persons\[1\]\.drifts\[0\]\.start.*0 to 11"),
         ({"persons": WRONG_SHAPE}, ValueError, r"persons\[0\]\.drifts\[0\]\.start.*\(12, 12\)"),
         ({"vector": (1, 0)}, ValueError, r"vector cannot be given together with persons, got \(1"),
-        ({"disperse_constant": 3}, ValueError, "disperse_constant cannot be given .* persons"),
-        ({"person_initial_position": (1, 1)}, ValueError, "person_initial_position cannot be giv"),
-        ({"probability_of_detection": 0.5}, ValueError, "probability_of_detection cannot be given"),
         ({"mission": "search"}, ValueError, "mission must be one of .*rescue.*, got 'search'"),
-        ({"mission": None}, (TypeError, ValueError), "mission must be one of"),
         (
             {"scenario": Scenario(SIZE), "grid_size": 7},
             ValueError,
             "persons cannot be given together with a scenario",
-        ),
-        (
-            {"scenario": Scenario(SIZE), "grid_size": 7, "persons": None, "mission": "coverage"},
-            ValueError,
-            "mission cannot be given together with a scenario",
         ),
     ],
 )
@@ -398,11 +418,8 @@ def test_bad_arguments(arguments: dict, error: Any, message: str) -> None:
     ("arguments", "error", "message"),
     [
         ({"vector": (0, 0)}, ValueError, "vector cannot be given together with persons"),
-        ({"options": {"vector": (0, 0)}}, ValueError, "vector cannot be given together with"),
         ({"options": {"person_initial_position": (1, 1)}}, ValueError, "person_initial_position c"),
-        ({"options": {"persons": []}}, ValueError, "persons must hold at least one Person"),
         ({"options": {"persons": [OUTSIDE]}}, ValueError, r"persons\[0\]\.drifts\[0\]\.start"),
-        ({"options": {"persons": [1]}}, TypeError, r"persons\[0\] must be a Person, got 1"),
     ],
 )
 def test_bad_resets_change_nothing(arguments: dict, error: type, message: str) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import copy
-import gc
 import pickle
 import random
 import tracemalloc
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,24 +22,22 @@ from batches import (
     PERSON,
     POD,
     everything_sampled,
-    moved,
     seen,
 )
-from helpers import EVENTS, INTENTS, SCHEMES, inside, planned_actions, target_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from helpers import (
+    EVENTS,
+    INTENTS,
+    SCHEMES,
+    inside,
+    plain,
+    planned_actions,
+    target_of,
+    without_history,
+)
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
-from DroneSwarmSearch._internal.streams import (
-    episode_keys,
-    numbers,
-    stream_keys,
-)
-from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.vector import SearchBatch, beliefs
 
 # A batch, and a single environment for each of its rows.
@@ -153,15 +150,9 @@ class Twins:
         assert batch.searching.tolist() == [list(frame.searching) for frame in frames]
         assert batch.steps.tolist() == [frame.step for frame in frames]
         row = self.compared % len(frames)
-        assert fields_of(batch.frame(row)) == fields_of(frames[row])
+        assert plain(vars(batch.frame(row))) == without_history(frames[row])
+        assert batch.state_planes()[row].tobytes() == self.envs[row].state().tobytes()
         self.compared += 1
-
-
-def fields_of(frame: Frame) -> dict[str, Any]:
-    """What batches know of a frame, as data that `==` compares."""
-    prior = None if frame.prior is None else frame.prior.tobytes()
-    known = {**vars(frame), "matrix": frame.matrix.tobytes(), "prior": prior}
-    return {**known, "trails": (), "searched": ()}
 
 
 def random_actions(rng: random.Random, twins: Twins) -> list[list[int]]:
@@ -300,7 +291,6 @@ def use_tiles(patch: pytest.MonkeyPatch, case: Case) -> None:
     """Divide the beliefs into the tiles of a case, however small."""
     patch.setattr(beliefs, "_LEAST_ROWS", 1)
     patch.setattr(beliefs, "_MOST_ROWS", case.tile_rows)
-    patch.setattr(beliefs, "_BEGIN_ROWS", 2)
 
 
 def check_case(case: Case) -> Counter[str]:
@@ -334,17 +324,10 @@ def check_case(case: Case) -> Counter[str]:
     return events
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=4000, derandomize=True)
-@given(st.integers(0, 2**64))
-def test_every_row_is_the_single_environment_in_thousands_of_cases(seed):
-    check_case(random_case(random.Random(seed)))
-
-
 def test_every_row_is_the_single_environment() -> None:
     """In random cases, in which every event occurs."""
     events: Counter[str] = Counter()
-    for number in range(50):
+    for number in range(40):
         events += check_case(random_case(random.Random(number)))
     assert [event for event in EVENTS if not events[event]] == []
 
@@ -385,25 +368,6 @@ def test_episodes_of_many_blocks_are_those_of_the_single_environment(bayesian: b
     assert len(set(twins.batch.steps.tolist())) > 1
 
 
-@pytest.mark.parametrize("tile_rows", [2, 3])
-def test_beliefs_may_lie_in_several_tiles(tile_rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(beliefs, "_LEAST_ROWS", 1)
-    monkeypatch.setattr(beliefs, "_MOST_ROWS", tile_rows)
-    twins = Twins(
-        7,
-        {
-            "n_drones": 2,
-            "vector": (0.4, 0.2),
-            PERSON: [(1, 1), (3, 2), (1, 1)],
-            "timestep_limit": 12,
-            POD: (0.5, 1.0, 0.0),
-            "bayesian_update": True,
-        },
-    )
-    twins.reset(list(range(7)))
-    play(twins, 36)
-
-
 def test_arrays_have_the_documented_types() -> None:
     batch = SearchBatch(3, n_drones=2, person_initial_position=[(0, 0), (1, 1)])
     batch.reset([1, 2, 3])
@@ -423,71 +387,6 @@ def test_arrays_have_the_documented_types() -> None:
         array = getattr(batch, name)
         assert (array.dtype, array.shape) == (dtype, shape), name
     assert batch.num_rows == 3
-
-
-# Random numbers.
-
-
-def episode_numbers(seed: int, episode: int, count: int, persons: int) -> Any:
-    """The random draws of an episode: drift (count, persons, 2) and detection (count, persons)."""
-    keys = episode_keys(stream_keys(seed)[:2, None], np.array([episode], np.uint64))
-    places = np.arange(2 * count * persons, dtype=np.uint64)
-    drift, detection = numbers(keys, places)
-    return drift.reshape(count, persons, 2), detection[: count * persons].reshape(count, persons)
-
-
-def test_persons_walk_by_the_draws_of_their_seed_and_episode() -> None:
-    size, steps, starts, seeds = 9, 40, [(4, 4), (0, 8)], [3, 3, 12345]
-    parameters: dict[str, Any] = {"vector": (0.3, -0.2), CONSTANT: 7.0}
-    batch = SearchBatch(
-        len(seeds), grid_size=size, timestep_limit=steps, person_initial_position=starts,
-        **parameters,
-    )  # fmt: skip
-    batch.reset(seeds)
-    diffusion = dispersion_rate(parameters[CONSTANT])
-    matrices = [
-        ProbabilityMatrix(size, Drift(start, vector=parameters["vector"], diffusion=diffusion))
-        for start in starts
-    ]
-    for episode in range(2):
-        drift = [episode_numbers(seed, episode, steps, len(starts))[0] for seed in seeds]
-        at = [list(starts) for _ in seeds]
-        for step in range(steps):
-            expected = [[y * size + x for x, y in persons] for persons in at]
-            assert batch.person_cells.tolist() == expected
-            batch.step(np.full((len(seeds), 1), Action.IDLE))
-            for row, persons in enumerate(at):
-                for k, (x, y) in enumerate(persons):
-                    right, left, down, up = (moves[0] for moves in matrices[k].moves(step))
-                    u, v = drift[row][step, k]
-                    persons[k] = moved(x, u, right, left), moved(y, v, down, up)
-        assert batch.ended.all()
-        batch.step(np.zeros((len(seeds), 1), int))
-
-
-def test_searches_succeed_by_the_draws_of_their_seed_and_episode() -> None:
-    """A drone keeps searching the cell of two persons who do not move."""
-    steps, pods, rows = 40, (0.15, 0.05), 20
-    batch = SearchBatch(
-        rows, vector=(0, 0), disperse_constant=0, timestep_limit=steps,
-        person_initial_position=[(0, 0), (0, 0)], probability_of_detection=pods,
-    )  # fmt: skip
-    batch.reset(range(rows))
-    times = Counter[int]()
-    detection = [[episode_numbers(r, e, steps, 2)[1] for e in range(20)] for r in range(rows)]
-    episode, found = [0] * rows, np.zeros((rows, 2), bool)
-    for _ in range(90):
-        before, ended = batch.steps.tolist(), batch.ended.tolist()
-        batch.step(np.full((rows, 1), Action.SEARCH))
-        for row in range(rows):
-            if ended[row]:
-                episode[row] += 1
-                found[row] = False
-            else:
-                found[row] |= detection[row][episode[row]][before[row]] < pods
-                times[before[row]] += int(found[row].all())
-        assert batch.missing.tolist() == (~found).tolist()
-    assert len(times) > 5  # searches failed, and succeeded
 
 
 # Resets.
@@ -539,83 +438,28 @@ def test_rows_without_a_seed_begin_from_entropy() -> None:
     assert len({*first, *second}) == 3
 
 
-def test_the_batch_is_ready_once_every_row_has_begun() -> None:
+def test_a_batch_steps_once_every_row_has_begun() -> None:
     batch = SearchBatch(3)
-    assert not batch.ready
-    batch.reset([1, 2], np.array([0, 2]))
-    assert not batch.ready
-    with pytest.raises(ResetNeeded, match="reset"):
-        batch.step(np.zeros((3, 1), int))
-    batch.reset([1], np.array([1]))
-    assert batch.ready
+    for rows in ([0, 2], [1]):
+        with pytest.raises(ResetNeeded, match="reset"):
+            batch.step(np.zeros((3, 1), int))
+        batch.reset(range(len(rows)), rows)
     batch.step(np.full((3, 1), Action.IDLE))
     assert batch.steps.tolist() == [1, 1, 1]
-
-
-def test_restarted_rows_begin_their_next_episodes_and_keep_what_the_last_step_brought() -> None:
-    parameters = {"grid_size": 4, "n_drones": 2, "timestep_limit": 6, "bayesian_update": True}
-    restarted, reset = (SearchBatch(4, **parameters) for _ in range(2))
-    restarted.reset(range(4))
-    reset.reset(range(4))
-    rng, endings = np.random.default_rng(1), Counter[int]()
-    for _ in range(40):
-        actions = rng.integers(0, 6, (4, 2))
-        restarted.step(actions)
-        reset.step(actions)
-        if (rows := np.flatnonzero(reset.ended)).size:
-            rewards = reset.rewards.tobytes()
-            endings.update(reset.endings[rows].tolist())
-            restarted.restart(rows)
-            assert restarted.endings.tobytes() == reset.endings.tobytes()
-            assert restarted.rewards.tobytes() == rewards
-            reset.reset(rows=rows)
-        # Rewards and endings, the first two, are cleared only by `reset`.
-        assert [row[2:] for row in seen(restarted)] == [row[2:] for row in seen(reset)]
-        assert not restarted.ended.any()
-    assert endings.total() > 10
-
-
-@pytest.mark.parametrize("read_only", [False, True])
-def test_arrays_of_actions_are_only_read(read_only: bool) -> None:
-    """Nor does the batch remember them as its own, which a reset writes into."""
-    batch = SearchBatch(3)
-    batch.reset([1, 2, 3])
-    actions = np.full((3, 1), int(Action.SEARCH))
-    actions.flags.writeable = not read_only
-    for begin_again in (batch.reset, lambda: batch.restart(np.array([0, 2]))):
-        batch.reset()
-        batch.step(actions)
-        begin_again()
-        assert actions.tolist() == [[Action.SEARCH]] * 3
-    batch.reset()
-    batch.step(actions := np.full((3, 1), int(Action.SEARCH)))
-    actions[:] = Action.IDLE
-    assert batch.searching.all()
 
 
 # Copies.
 
 
 COPIED: dict[str, dict[str, Any]] = {
-    "plain": {},
-    "bayesian": {"bayesian_update": True},
     "sampler": {"sampler": everything_sampled},
-    "several persons": {PERSON: [(1, 1), (4, 4), (1, 1)], POD: (0.5, 1.0, 0.2)},
     "several persons, bayesian": {PERSON: [(1, 1), (4, 4)], "bayesian_update": True},
-    "persons": {"persons": CATALOGUE[0]},
     "situations": {"situations": CATALOGUE},
-    "situations, bayesian": {"situations": CATALOGUE[:2], "bayesian_update": True},
-    "coverage": {"situations": CATALOGUE[:2], "mission": "coverage"},
 }
 
 
-@pytest.mark.parametrize(
-    "through", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))]
-)
 @pytest.mark.parametrize("name", COPIED)
-def test_copies_are_equal_and_independent(
-    name: str, through: Callable[[SearchBatch], SearchBatch]
-) -> None:
+def test_copies_are_equal_and_independent(name: str) -> None:
     batch = SearchBatch(
         5,
         **{"grid_size": 6, "n_drones": 2, "timestep_limit": 16, **COPIED[name]},
@@ -636,34 +480,12 @@ def test_copies_are_equal_and_independent(
         batch.step(chosen)
     assert batch.steps.any()
     state = pickle.dumps(batch)
-    log = play_on(through(batch))
+    log = play_on(copy.deepcopy(batch))
     assert pickle.dumps(batch) == state
-    assert play_on(batch) == log
+    assert play_on(pickle.loads(state)) == log == play_on(batch)
 
 
 # Memory and time.
-
-
-@pytest.mark.parametrize("bayesian", [False, True])
-def test_nothing_grows_with_the_steps(bayesian: bool) -> None:
-    batch = SearchBatch(
-        4, grid_size=5, n_drones=2, timestep_limit=20, bayesian_update=bayesian,
-        probability_of_detection=0.3, person_initial_position=[(2, 2), (1, 3)],
-    )  # fmt: skip
-    batch.reset(range(4))
-    actions = np.random.default_rng(1).choice([1, 0, 2, 3, 4, 4, 4, 4, 5, 5], (70, 4, 2))
-    tracemalloc.start()
-    try:
-        for step, chosen in enumerate(actions):
-            batch.step(chosen)
-            if step == 29:
-                gc.collect()
-                before = tracemalloc.get_traced_memory()[0]
-        gc.collect()
-        grown = tracemalloc.get_traced_memory()[0] - before
-    finally:
-        tracemalloc.stop()
-    assert grown < 1200
 
 
 def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> None:
@@ -696,61 +518,3 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was() -> None:
     batch.step([[Action.IDLE, Action.SEARCH]] * 3)
     assert batch.matrices_of([0])[0].tobytes() == before[0].tobytes()
     assert batch.probability_of_success.tolist() == [1.0, 0.5, 1.0]
-
-
-# What a policy is made from.
-
-
-def test_the_scenario_is_that_of_the_present_episodes() -> None:
-    shared = {"grid_size": 6, "n_drones": 2, "bayesian_update": True, "timestep_limit": 9}
-    batch, env = SearchBatch(3, **shared), DroneSwarmSearch(**shared)
-    assert batch.scenario == env.scenario
-    batch.reset([1, 2, 3])
-    env.reset(seed=1)
-    assert batch.scenario == env.scenario == batch.scenario_of(2)
-
-
-def test_searches_that_differ_have_scenarios_of_their_own() -> None:
-    batch = SearchBatch(3, grid_size=6, situations=CATALOGUE, situation=[0, 0, 1])
-    batch.reset([1, 2, 3])
-    with pytest.raises(ValueError, match=r"different persons; scenario_of\(row\)"):
-        _ = batch.scenario
-    for row in range(3):
-        env = DroneSwarmSearch(grid_size=6, persons=CATALOGUE[row // 2])
-        assert batch.scenario_of(row) == batch.scenario_of(np.int64(row)) == env.scenario
-    for row in (-1, 3):
-        with pytest.raises(ValueError, match=f"row must be .* got {row}"):
-            batch.scenario_of(row)
-    with pytest.raises(TypeError, match="row must be"):
-        batch.scenario_of(1.0)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        {"person_initial_position": [(2, 2), (3, 2), (2, 2)]},
-        {"bayesian_update": True, "probability_of_detection": 0.5},
-        {"mission": "coverage"},
-    ],
-)
-def test_states_are_those_of_the_single_environment(parameters: dict[str, Any]) -> None:
-    shared = {"grid_size": 6, "n_drones": 2, "timestep_limit": 12, **parameters}
-    batch = SearchBatch(4, **shared)
-    singles = [DroneSwarmSearch(**shared) for _ in range(4)]
-    batch.reset([5, 6, 7, 8])
-    for seed, single in enumerate(singles, 5):
-        single.reset(seed=seed)
-    rng = np.random.default_rng(0)
-    finds = 0
-    while not batch.ended.any():
-        expected = np.stack([single.state() for single in singles])
-        assert batch.state_planes().dtype == np.float32
-        assert np.array_equal(batch.state_planes(), expected)
-        masks = [action_masks(cells, 6, right_of_way=True) for cells in batch.cells]
-        actions = np.array([[rng.choice(each.nonzero()[0]) for each in mask] for mask in masks])
-        batch.step(actions)
-        for single, chosen in zip(singles, actions.tolist(), strict=True):
-            single.step(dict(zip(single.possible_agents, chosen, strict=True)))
-        finds += int((~batch.missing).sum())
-    assert np.array_equal(batch.state_planes(), [single.state() for single in singles])
-    assert finds or parameters.get("mission") == "coverage"

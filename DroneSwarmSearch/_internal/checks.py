@@ -16,7 +16,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints
 
@@ -25,7 +25,6 @@ __all__ = [
     "array",
     "boolean",
     "cell",
-    "cell_numbers",
     "choice",
     "fits",
     "integer",
@@ -35,11 +34,9 @@ __all__ = [
     "items",
     "known_options",
     "numbers",
-    "output_array",
     "pair",
     "positive",
     "real",
-    "row_numbers",
     "seeds",
 ]
 
@@ -235,42 +232,3 @@ def array(name: str, value: object, what: str) -> NDArray[Any]:
         return np.asarray(value)
     except ValueError:
         raise ValueError(f"{name} must be {what}, got {value!r:.100}") from None
-
-
-def row_numbers(
-    value: object, count: int, *, ascending: bool = False, repeated: bool = False
-) -> Ints:
-    """Numbers of the rows of a batch, from 0 to count - 1: int64, shape (n,)."""
-    order = "in ascending order" if ascending else "without repetitions"
-    what = f"a list or an array of integers from 0 to {count - 1}, {order}"
-    rows = integer_array("rows", value, what, 0, count - 1)
-    if rows.ndim != 1:
-        raise ValueError(f"rows must be {what}; got shape {rows.shape}")
-    steps = np.diff(rows if ascending else np.sort(rows))
-    if (steps < (not repeated)).any():
-        raise ValueError(f"rows must be {what}; got {value!r:.100}")
-    return rows
-
-
-def cell_numbers(value: object, shape: tuple[int, ...], grid_size: int) -> Ints:
-    """A cell, y * grid_size + x, for each of some rows of a batch: int64, of this shape."""
-    last = grid_size**2 - 1
-    what = f"integers from 0 to {last}, one for each of the rows"
-    return integer_array("cells", value, what, 0, last, shape)
-
-
-def output_array(name: str, value: object, shape: tuple[int, ...], dtype: DTypeLike) -> None:
-    """Raise unless the value is a writeable C-contiguous array of this shape and dtype."""
-    if not isinstance(value, np.ndarray):
-        came = repr(value)
-    elif value.shape != shape or value.dtype != dtype:
-        came = f"{value.dtype} of shape {value.shape}"
-    elif not value.flags.c_contiguous:
-        came = "one with gaps or in another order"
-    elif not value.flags.writeable:
-        came = "a read-only one"
-    else:
-        return
-    error = ValueError if isinstance(value, np.ndarray) else TypeError
-    what = f"a writeable C-contiguous {np.dtype(dtype)} array of shape {shape}"
-    raise error(f"{name} must be {what}, got {came}")

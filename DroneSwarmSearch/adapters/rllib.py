@@ -25,7 +25,7 @@ from ray.rllib.core.rl_module.rl_module import RLModule
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 

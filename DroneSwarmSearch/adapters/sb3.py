@@ -19,8 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT, listed
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
-from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
 
 __all__ = ["LogSuccess", "SB3VecEnv", "logits"]
 

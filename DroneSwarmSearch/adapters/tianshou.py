@@ -24,7 +24,7 @@ from tianshou.utils.torch_utils import torch_train_mode
 
 from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT, listed
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "logits"]
 

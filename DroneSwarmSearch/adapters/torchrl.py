@@ -23,7 +23,7 @@ from torchrl.modules import MaskedCategorical, ProbabilisticActor
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = [
     "ACTION",

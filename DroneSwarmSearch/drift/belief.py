@@ -89,7 +89,7 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     """Scale beliefs in place so that each sums to 1; beliefs that are 0 everywhere stay.
 
     Args:
-        belief: float64, shape (M, N, N, ...), C-contiguous; or the mass of one person.
+        belief: float64, shape (M, N, N, ...), C-contiguous.
         which: the beliefs to scale, bool, shape (...).
 
     Returns:
@@ -115,14 +115,7 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
 
 
 def over_hypotheses(belief: Floats) -> Floats:
-    """The probability of each cell: float64, shape (N, N, ...).
-
-    Args:
-        belief: float64, shape (M, N, N, ...).
-
-    Returns:
-        The sum over hypotheses; for a single one, its part of the belief itself.
-    """
+    """The probability of each cell, (N, N, ...), given (M, N, N, ...); may be a view."""
     total: Floats = belief[0]
     for part in belief[1:]:
         total = total + part
@@ -132,12 +125,7 @@ def over_hypotheses(belief: Floats) -> Floats:
 def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int]) -> FloatOrArray:
     """The mean belief about the missing persons, or about all persons if none is missing.
 
-    Args:
-        beliefs: of each person, arrays of one shape or numbers.
-        missing: the numbers of the missing persons, in ascending order.
-
-    Returns:
-        Of a belief's shape; for a single person, that person's belief itself.
+    Beliefs are arrays of one shape or numbers; a single person's is returned itself.
     """
     if len(beliefs) == 1:
         return beliefs[0]
@@ -151,14 +139,9 @@ def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int])
 
 
 def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.bool_]) -> Floats:
-    """`mean_over_missing` for a batch.
+    """`mean_over_missing` for a batch: beliefs of one shape (...), and `shown_persons`.
 
-    Args:
-        beliefs: of each person, float64, all of one shape (...); or in one array.
-        shown: see `shown_persons`; broadcasts to shape (persons, ...).
-
-    Returns:
-        Of a belief's shape; for a single person, that person's beliefs themselves.
+    The latter broadcasts to shape (persons, ...).
     """
     if len(beliefs) == 1:
         single: Floats = beliefs[0]
@@ -173,8 +156,7 @@ def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.boo
 def shown_persons(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which persons each matrix of a batch shows: the missing ones, or all if none is missing.
 
-    Args:
-        missing: bool, shape (persons, n).
+    Both are bool, shape (persons, n).
     """
     shown: NDArray[np.bool_] = missing | ~missing.any(axis=0)
     return shown

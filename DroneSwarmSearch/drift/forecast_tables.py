@@ -9,7 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.drift.belief import over_hypotheses
-from DroneSwarmSearch.drift.model import DriftModel, Forecasts
+from DroneSwarmSearch.drift.model import Forecasts
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.tables import (
     Drifter,
@@ -25,20 +25,12 @@ __all__ = ["ForecastTables"]
 
 
 class ForecastTables(Forecasts):
-    """Forecasts of which all steps so far are tables, indexed [entry, ...].
+    """Forecasts of `ProbabilityMatrix`; all steps so far are tables, indexed [entry, ...]."""
 
-    Args:
-        persons: the persons of the models.
-        models: their models.
-        options: see `Forecasts`.
-    """
-
-    def __init__(
-        self, persons: Sequence[Person], models: Sequence[DriftModel], **options: Any
-    ) -> None:
+    def __init__(self, models: Sequence[Any], **options: Any) -> None:
         super().__init__(models, **options)
-        self._persons = persons
-        priors = [[drift.prior is not None for drift in person.drifts] for person in persons]
+        self._persons: list[Person] = [model.person for model in models]
+        priors = [[drift.prior is not None for drift in each.drifts] for each in self._persons]
         self._has_prior = np.array([any(each) for each in priors])
         self._last_steps: Steps | None = None
         shape = self.hypotheses, 2, self._size

@@ -3,10 +3,8 @@
 A *state* is what a person's next move depends on: a cell, and one of M hypotheses about the
 person. States are numbered (hypothesis * N + y) * N + x. *Mass*, the probability of each state,
 and *value*, what is expected of a person in it, are float64 arrays of shape (..., M, N, N), with
-any leading axes. Environments, batches, beliefs, policies and planning know no more of a model
-than the methods below, so that a new model needs nothing outside this folder.
-
-`DriftModel` is one person's model; `Forecasts` is its array form, for the rows of a batch.
+any leading axes. All other code only uses the methods below, so that a new model needs nothing
+outside this folder. `Forecasts` is the array form of `DriftModel`, for the rows of a batch.
 """
 
 from __future__ import annotations
@@ -54,13 +52,7 @@ class DriftModel(ABC):
         return self.exact(step).astype(np.float32)
 
     def at(self, step: int) -> Singles:
-        """The matrix at a step.
-
-        Args:
-            step: completed steps, at least 0.
-
-        Returns:
-            float32, shape (N, N), indexed [y, x], sums to 1; a new array.
+        """The matrix at a step: float32, shape (N, N), indexed [y, x], sums to 1; a new array.
 
         Raises:
             TypeError: the step is not an integer.
@@ -117,8 +109,7 @@ class DriftModel(ABC):
     def matrices(self, step: int) -> tuple[Floats, Floats] | None:
         """The transition matrices of a step along x and y, from [i] to [j]: (M, N, N) each.
 
-        They make planning faster. None if x and y do not move independently, or by more than a
-        cell at a time.
+        They make planning faster. None unless x and y move independently, and by a cell at most.
         """
         return None
 
@@ -143,16 +134,13 @@ class DriftModel(ABC):
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
     ) -> list[int]:
-        """Walk one person for several steps.
+        """The state of one person after each of several steps.
 
         Args:
             state: the person's state.
             step: completed steps.
             draws_x: a uniform draw from [0, 1) for each step.
             draws_y: another one for each step.
-
-        Returns:
-            The state after each step.
         """
         path = []
         for u, v in zip(draws_x, draws_y, strict=True):
@@ -176,13 +164,10 @@ class DriftModel(ABC):
     def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
         """All ways in which persons may move on in a step.
 
-        Args:
-            states: the persons' states, shape (n,).
-            probabilities: how likely each of them is.
-            step: completed steps.
+        Given the persons' states and how likely each of them is, shape (n,) each.
 
         Returns:
-            For each way, the place of the person in `states`, the state one step later, and
+            For each way, the index of the person in `states`, the state one step later, and
             how likely this is.
         """
 
@@ -195,14 +180,9 @@ class DriftModel(ABC):
 
 
 def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecasts, Ints]:
-    """The array form of several models, of which equal ones share a forecast.
+    """The array form of several models on one grid, and the number of each model's forecast.
 
-    Args:
-        models: on one grid.
-        options: those of `Forecasts`.
-
-    Returns:
-        The forecasts, and the number of each model's: int64, (n,).
+    Equal models share a forecast; `options` are those of `Forecasts`.
     """
     different = {model.key: model for model in models}
     places = {key: number for number, key in enumerate(different)}
@@ -217,7 +197,7 @@ class Forecasts:
 
     Models have numbers, and an *entry* is one step of one model: step * `count` + number. Tables
     of the entries grow with the largest step that a row reaches, see `reach`. This class handles
-    any models, one row at a time; those of today's have a faster one, `ForecastTables`.
+    any models, one row at a time; subclasses are faster for models of one kind.
 
     Args:
         models: on one grid.
@@ -309,12 +289,7 @@ class Forecasts:
         return self._computed(entries).reshape(-1, self._size**2)[np.arange(len(cells)), cells]
 
     def drift(self, mass: Floats, entries: Ints) -> None:
-        """Let beliefs drift by a step, in place.
-
-        Args:
-            mass: float64 or float32, (M, N, N, n), C-contiguous; one type for all calls.
-            entries: the entry of each before the step.
-        """
+        """Let mass, (M, N, N, n) and C-contiguous, drift by a step from its entries, in place."""
         for row, (model, step) in enumerate(self._each(entries)):
             own = np.ascontiguousarray(mass[: len(model.weights), ..., row])
             mass[: len(own), ..., row] = model.drift(own, step)
@@ -322,12 +297,7 @@ class Forecasts:
     # Persons.
 
     def start(self, numbers: Ints, draws: Floats) -> Ints:
-        """Each person's state at step 0, see `DriftModel.start`.
-
-        Args:
-            numbers: the number of each person's model, of any shape.
-            draws: uniform draws of this shape.
-        """
+        """The states at step 0 given the numbers of the persons' models and uniform draws."""
         pairs = zip(numbers.flat, draws.flat, strict=True)
         states = [self.models[number].start(draw) for number, draw in pairs]
         return np.array(states, np.int64).reshape(numbers.shape)
@@ -340,12 +310,9 @@ class Forecasts:
         return np.concatenate(states) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
-        """Each person's state one step later.
+        """The states one step later, given the entries before it.
 
-        Args:
-            states: the persons' states, of any shape.
-            entries: the entry of each before the step.
-            draws: two uniform draws from [0, 1) for each, shape (2, *states.shape).
+        States and entries have any one shape; the uniform draws are two for each, (2, ...).
         """
         after = states.copy()
         for entry in np.unique(entries):

@@ -6,12 +6,11 @@ plain validated data; `tables` computes where the person may be.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,15 +56,6 @@ class AxisDrift(NamedTuple):
     velocity_sd: float
     diffusion: float
     adrift: int
-
-    def displacement(self, step: int) -> float:
-        """The mean distance from the start to the position at a step of the search, in cells."""
-        return self.velocity * float(self.adrift + step)
-
-    def sd(self, step: int) -> float:
-        """The standard deviation of the position at a step of the search, in cells."""
-        tau = float(self.adrift + step)
-        return math.hypot(self.start_sd, math.sqrt(self.diffusion * tau), self.velocity_sd * tau)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,15 +107,15 @@ class Drift:
         start_sd = _deviations("start_sd", self.start_sd)
         adrift = checks.integer("adrift", self.adrift, 0, checks.LARGEST_EXACT)
         start = _start(self.start, start_sd, adrift)
-        if isinstance(start, np.ndarray):
-            _require_zero("start_sd", max(start_sd), self.start_sd)
-            _require_zero("adrift", adrift, self.adrift)
+        for name, given in (("start_sd", start_sd), ("adrift", adrift)):
+            if isinstance(start, np.ndarray) and np.any(given):
+                raise ValueError(f"{name} must be 0 if start is an array, got {given!r}")
         values = {
             "start": start,
             "start_sd": start_sd,
             "vector": checks.pair("vector", self.vector),
             "vector_sd": _deviations("vector_sd", self.vector_sd),
-            "diffusion": _diffusion(self.diffusion),
+            "diffusion": checks.real("diffusion", self.diffusion, 0, MAX_DIFFUSION + _ROUNDING),
             "adrift": adrift,
             "weight": checks.positive("weight", self.weight),
         }
@@ -133,10 +123,8 @@ class Drift:
             object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _restore, (
-            type(self),
-            {each.name: getattr(self, each.name) for each in fields(self)},
-        )
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return partial(type(self), **values), ()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Drift):
@@ -176,8 +164,8 @@ class Drift:
     @cached_property
     def key(self) -> tuple[object, ...]:
         """A hashable key of everything but the weight; equal for equal forecasts."""
-        if isinstance(self.start, np.ndarray):
-            return self.start.shape, hashlib.sha256(self.start.tobytes()).digest(), self.axes
+        if self.prior is not None:
+            return self.prior.tobytes(), self.axes
         return self.axes
 
     def check_grid(self, grid_size: int, name: str = "drift") -> None:
@@ -187,12 +175,11 @@ class Drift:
             grid_size: cells along each side.
             name: the name of this drift in the message, such as "persons[0].drifts[1]".
         """
-        name = f"{name}.start"
+        name, shape = f"{name}.start", (grid_size, grid_size)
         if isinstance(self.start, np.ndarray):
-            size = (grid_size, grid_size)
-            if self.start.shape != size:
+            if self.start.shape != shape:
                 raise ValueError(
-                    f"{name} must be a cell (x, y) or an array of shape {size}, "
+                    f"{name} must be a cell (x, y) or an array of shape {shape}, "
                     f"got one of shape {self.start.shape}"
                 )
             return
@@ -207,15 +194,11 @@ class Drift:
         """The probability that the person would be beyond the grid if nothing stopped there.
 
         The matrix never leaves the grid: its mean stops at the border, and it is truncated. This
-        is the share of the untruncated Gaussian, with its mean where the drift would carry it,
-        that lies outside of the grid.
+        is the share of the untruncated Gaussian that lies outside of the grid.
 
         Args:
             grid_size: cells along each side.
             step: completed steps of the search, at least 0.
-
-        Returns:
-            From 0 to 1.
 
         Raises:
             TypeError: an argument is not an integer.
@@ -234,26 +217,17 @@ class Drift:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it."""
-        data = {each.name: getattr(self, each.name) for each in fields(self)}
-        start = self.start
-        return {
-            **data,
-            "start": start.tolist() if isinstance(start, np.ndarray) else list(start),
-            "start_sd": list(_pair(self.start_sd)),
-            "vector": list(self.vector),
-            "vector_sd": list(_pair(self.vector_sd)),
-        }
+        return {each.name: np.asarray(getattr(self, each.name)).tolist() for each in fields(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Drift:
         """Make a drift from the output of `to_dict`; missing values get their defaults.
 
         Raises:
-            TypeError: `data` is not a mapping, or a value is of the wrong type.
-            ValueError: a value is out of its limits, an unknown one is given, or `start` is
-                missing.
+            TypeError: `data` is not a mapping of parameters, or one is of the wrong type.
+            ValueError: a value is out of its limits.
         """
-        return cls(**_parameters(cls, "a drift", "start", data))
+        return cls(**data)
 
 
 @dataclass(frozen=True)
@@ -334,18 +308,12 @@ class Person:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
-        """Make a person from the output of `to_dict`; missing values get their defaults.
-
-        Raises:
-            TypeError: `data` is not a mapping, or a value is of the wrong type.
-            ValueError: a value is out of its limits, an unknown one is given, or `drifts` is
-                missing.
-        """
-        values = _parameters(cls, "a person", "drifts", data)
-        drifts = []
-        for place, each in enumerate(checks.items("drifts", values["drifts"], "a list of drifts")):
+        """Make a person from the output of `to_dict`, see `Drift.from_dict`."""
+        values, drifts = {**data}, []
+        given: Any = checks.items("drifts", values.get("drifts"), "a list of drifts")
+        for place, each in enumerate(given):
             try:
-                drifts.append(each if isinstance(each, Drift) else Drift.from_dict(each))  # type: ignore[arg-type]
+                drifts.append(Drift.from_dict(each))
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
@@ -361,10 +329,6 @@ def warn_of_mass_beyond(
         grid_size: cells along each side.
         timestep_limit: steps in an episode.
         stacklevel: the warning's stack level, counted from the caller.
-
-    Raises:
-        TypeError: a size is not an integer.
-        ValueError: a size is out of its limits, or a start does not fit on the grid.
     """
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
     # A forecast comes and goes smoothly, so a few steps are enough.
@@ -408,14 +372,14 @@ def _known(start_sd: float, adrift: int) -> bool:
 
 def _probabilities(given: NDArray[Any]) -> Floats:
     """A read-only float64 copy that sums to 1."""
-    what = "an array of shape (grid_size, grid_size) of finite numbers of at least 0"
     rows, columns = given.shape
     if rows != columns or rows < 2:
-        raise ValueError(f"start must be {what}, got shape {given.shape}")
+        raise ValueError(
+            f"start must be an array of shape (grid_size, grid_size), got {rows, columns}"
+        )
     values = given.astype(np.float64)
-    wrong = values[~(np.isfinite(values) & (values >= 0.0))]
-    if wrong.size:
-        raise ValueError(f"start must be {what}, got {wrong[0]}")
+    if not values.min() >= 0.0:
+        raise ValueError(f"start must be an array of numbers of at least 0, got {values.min()}")
     with np.errstate(over="ignore"):
         total = values.sum()
     if not 0.0 < total < np.inf:
@@ -429,28 +393,12 @@ def _probabilities(given: NDArray[Any]) -> Floats:
 
 def _deviations(name: str, value: object) -> tuple[float, float]:
     """A standard deviation along each axis, from one number or a pair."""
-    if checks.is_number(value):
-        number = checks.real(name, value, 0)
-        return number, number
-    entries = checks.items(name, value, "a number of at least 0 or a pair (x, y) of them")
-    if len(entries) != 2:
-        raise ValueError(
-            f"{name} must be a number of at least 0 or a pair (x, y) of them, got {value!r}"
-        )
-    x, y = (checks.real(f"{name}[{place}]", entry, 0) for place, entry in enumerate(entries))
+    what = "a number of at least 0 or a pair (x, y) of them"
+    both = [value, value] if checks.is_number(value) else checks.items(name, value, what)
+    if len(both) != 2:
+        raise ValueError(f"{name} must be {what}, got {value!r}")
+    x, y = (checks.real(name, each, 0) for each in both)
     return x, y
-
-
-def _diffusion(value: object) -> float:
-    number = checks.real("diffusion", value, 0)
-    if number > MAX_DIFFUSION + _ROUNDING:
-        raise ValueError(f"diffusion must be a number from 0 to 2/3, got {value!r}")
-    return number
-
-
-def _require_zero(name: str, number: float, value: object) -> None:
-    if number:
-        raise ValueError(f"{name} must be 0 if start is an array, got {value!r}")
 
 
 def _pair(value: float | tuple[float, float]) -> tuple[float, float]:
@@ -460,9 +408,10 @@ def _pair(value: float | tuple[float, float]) -> tuple[float, float]:
 
 def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
     """The probability of staying within the grid along an axis, for each of some starts."""
-    shift = min(max(axis.displacement(step), -_LARGE), _LARGE)
+    tau = float(axis.adrift + step)
+    shift = min(max(axis.velocity * tau, -_LARGE), _LARGE)
     mean = np.clip(starts + shift, -_LARGE, _LARGE)
-    deviation = axis.sd(step)
+    deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), axis.velocity_sd * tau)
     if deviation == 0.0:
         within: Floats = ((mean >= -0.5) & (mean < grid_size - 0.5)).astype(np.float64)
         return within
@@ -470,23 +419,3 @@ def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) ->
     with np.errstate(over="ignore"):  # an infinite argument of erf is clipped
         low, high = ((edge - mean) / scale for edge in (-0.5, grid_size - 0.5))
     return 0.5 * (erf(high) - erf(low))
-
-
-def _parameters(
-    kind: type[Drift] | type[Person], article: str, required: str, data: object
-) -> dict[str, Any]:
-    """The constructor's arguments from plain data."""
-    if not isinstance(data, Mapping):
-        raise TypeError(f"data must be a mapping of parameters of {article}, got {data!r}")
-    known = [each.name for each in fields(kind)]
-    for name in data:
-        if name not in known:
-            raise ValueError(f"{article} has the parameters {', '.join(known)}, got {name!r}")
-    if required not in data:
-        raise ValueError(f"{article} must have {required!r}, got {list(data)!r}")
-    return dict(data)
-
-
-def _restore(kind: Callable[..., Drift], values: dict[str, Any]) -> Drift:
-    """Make a copy of a drift."""
-    return kind(**values)

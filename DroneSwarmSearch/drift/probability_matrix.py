@@ -106,7 +106,7 @@ class ProbabilityMatrix(DriftModel):
     # The forecast.
 
     def matrix(self, step: int) -> Singles:
-        block = self._block_of(step)
+        block, step = self._block_of(step), int(step)
         if step not in block.matrices:
             if block.steps.joint is None:
                 matrix = matrices_of(self._factors(step))
@@ -158,7 +158,6 @@ class ProbabilityMatrix(DriftModel):
         return Drifter(np.empty(self.state_shape))
 
     def matrices(self, step: int) -> tuple[Floats, Floats]:
-        """The transition matrices of a step along x and y: shape (M, N, N), from [i] to [j]."""
         if step not in self._matrices:
             stays, higher, lower = self._moves(step).swapaxes(1, 2)  # each (2, M, N)
             here = np.arange(self.grid_size)
@@ -221,7 +220,7 @@ class ProbabilityMatrix(DriftModel):
 
     @classmethod
     def together(cls, models: Sequence[Any], **options: Any) -> ForecastTables:
-        return ForecastTables([model.person for model in models], models, **options)
+        return ForecastTables(models, **options)
 
     # The tables.
 

@@ -53,11 +53,6 @@ class Scale:
         Args:
             speed: of the drone, in m/s; above 0.
             swath: width of the strip that the drone sees, in metres; above 0.
-
-        Raises:
-            TypeError: an argument is not a number.
-            ValueError: an argument is not finite or not above 0, or the scale is out of its
-                limits.
         """
         width = checks.positive("swath", swath)
         return cls(width, width / checks.positive("speed", speed))

@@ -5,11 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from statistics import fmean
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds, save_csv
 from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
@@ -80,12 +78,9 @@ class Leaderboard:
         except ImportError as error:
             print(error, file=sys.stderr)
             return [table]
-        draw = {"time": plots.success_over_time, "success": plots.success_by_search}
-        drawn = [
-            plots.save(partial(each, self.evaluations), folder / name)
-            for name, each in draw.items()
-        ]
-        return [table, *(path for paths in drawn for path in paths)]
+        times = plots.save(plots.success_over_time, self.evaluations, folder / "time")
+        shares = plots.save(plots.success_by_search, self.evaluations, folder / "success")
+        return [table, *times, *shares]
 
 
 def leaderboard(
@@ -133,12 +128,5 @@ def leaderboard(
     for each in named:
         cases += [Case.of(spec, each, view, deterministic) for spec in own]
         cases += [Case.of(spec, each) for spec in package]
-    evaluations = evaluate_cases(
-        *(cases, episodes, seed),
-        out=out,
-        workers=workers,
-        ray=ray,
-        progress=progress,
-        bounded=named if checks.boolean("bounds", bounds) else [],
-    )
-    return Leaderboard(evaluations)
+    how = episodes, seed, out, workers, ray, progress
+    return Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))

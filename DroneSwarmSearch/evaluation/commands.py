@@ -1,4 +1,4 @@
-"""The commands evaluate, leaderboard, bound, record and export; `cli` parses their arguments."""
+"""The commands except `play`; `cli` parses their arguments."""
 
 from __future__ import annotations
 
@@ -9,22 +9,14 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.console import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
-from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
-from DroneSwarmSearch.evaluation.run import (
-    Case,
-    bounds_of,
-    check_names,
-    evaluate_cases,
-    searches_manifest,
-)
+from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
@@ -79,40 +71,20 @@ def _evaluate(options: argparse.Namespace) -> None:
         return
     if options.policy is None or not options.searches:
         raise ValueError("POLICY and SEARCH are needed; `evaluate --list` lists them")
-    spec, view = PolicySpec.of(options.policy), _view(options)
-    searches = _searches(options)
-    evaluations = evaluate_cases(
-        [Case.of(spec, each, view, options.deterministic) for each in searches],
-        options.episodes,
-        options.seed,
-        out=options.out,
-        bounded=searches if options.bound else [],
-        **_how(options),
-    )
+    found = _board(options, [options.policy])
     if options.csv:
-        print(csv_text(evaluations), end="")
+        print(csv_text(found.evaluations), end="")
     else:
-        _print_evaluations(evaluations, options)
+        _print_evaluations(found.evaluations, options)
     if options.out is not None:
-        path = options.out / f"{file_name(spec.name)}.csv"
-        save_csv(path, evaluations)
+        path = options.out / f"{file_name(found.evaluations[0].policy)}.csv"
+        save_csv(path, found.evaluations)
         print(f"written to {path}", file=sys.stderr)
 
 
 def _leaderboard(options: argparse.Namespace) -> None:
     """Run the leaderboard, print its tables, and write its files."""
-    found = board.leaderboard(
-        options.policies,
-        _searches(options),
-        added=options.add,
-        view=_view(options),
-        deterministic=options.deterministic,
-        episodes=options.episodes,
-        seed=options.seed,
-        out=options.out,
-        bounds=options.bound,
-        **_how(options),
-    )
+    found = _board(options, options.add)
     for title, (headers, *rows) in (
         ("Success in %; the best policy of each search has a star", found.search_table),
         ("All searches; with 95% intervals, or exact", found.summary_table),
@@ -126,8 +98,8 @@ def _leaderboard(options: argparse.Namespace) -> None:
 def _bound(options: argparse.Namespace) -> None:
     """Compute bounds and print them."""
     searches = _searches(options)
-    folder = RunFolder(options.out, searches_manifest(searches))
-    bounds = bounds_of(searches, folder, **_how(options))
+    folder, how = RunFolder(options.out, manifest(searches)), (options.workers, options.ray)
+    bounds = bounds_of(searches, folder, *how, True)
     parts, rows = (0.25, 0.5, 0.75, 1.0), []
     for each in searches:
         limit, bound = each.scenario.timestep_limit, bounds[each.name]
@@ -172,13 +144,22 @@ _COMMANDS = {
 }
 
 
-def _view(options: argparse.Namespace) -> View:
+def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leaderboard:
+    """Evaluate packaged policies and added ones; the options of the view apply to the latter."""
     masks = options.action_mask, options.right_of_way
-    return View(options.view, options.observation, *masks, options.posterior)
-
-
-def _how(options: argparse.Namespace) -> dict[str, Any]:
-    return {"workers": options.workers, "ray": options.ray, "progress": True}
+    return board.leaderboard(
+        options.policies,
+        _searches(options),
+        added=added,
+        view=View(options.view, options.observation, *masks, options.posterior),
+        deterministic=options.deterministic,
+        episodes=options.episodes,
+        seed=options.seed,
+        workers=options.workers,
+        ray=options.ray,
+        out=options.out,
+        bounds=options.bound,
+    )
 
 
 def _searches(options: argparse.Namespace) -> list[NamedSearch]:

@@ -15,24 +15,20 @@ from DroneSwarmSearch.evaluation.statistics import ROUNDING
 __all__ = ["POS_EDGES", "Episodes", "Reliability"]
 
 POS_EDGES = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, math.inf)
-"""The edges of the bins. Probabilities of single cells are small, so nearly all searches would
-lie in the first of several bins of equal width."""
+"""The edges of the bins: narrow for small values, since most cells have a small probability."""
 
 
 class Reliability(NamedTuple):
     """A reliability table: searches in bins of their forecast probability of success (POS).
 
-    The forecast POS of a search is the probability that the matrix shows for the searched
-    cell times the probability of detection. With several persons, the matrix is the mean
-    over those missing; the forecast is then the expected number of persons found, the
-    probability shown times the sum of the missing persons' probabilities of detection. It is
-    exact if these probabilities, or the persons' forecasts, are equal.
+    The forecast POS of a search is the probability that the matrix shows for the searched cell
+    times the probability of detection; with several persons, times the sum of the missing
+    persons' probabilities of detection: the expected number of persons found. That is exact if
+    these probabilities, or the persons' forecasts, are equal.
 
-    A posterior is calibrated: forecast and outcome agree in every bin, up to sampling error.
-    A prior, which only follows the drift, is too high for cells searched before and, as long
-    as nobody is found, too low for the others.
-
-    A. H. Murphy, A new vector partition of the probability score, Journal of Applied
+    A posterior is calibrated: forecast and outcome agree in every bin, up to sampling error. A
+    prior is too high for cells searched before and, as long as nobody is found, too low for the
+    others. A. H. Murphy, A new vector partition of the probability score, Journal of Applied
     Meteorology 12, 1973.
 
     Attributes:

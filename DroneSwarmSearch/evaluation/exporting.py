@@ -26,15 +26,9 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
-__all__ = ["FORMAT", "FORMAT_VERSION", "SUFFIX", "export"]
-
-FORMAT, FORMAT_VERSION = "DroneSwarmSearch episodes", 1
-"""The kind of file, and the version of its format."""
+__all__ = ["SUFFIX", "export"]
 
 SUFFIX = ".json"
-
-PERCENT = 100
-"""Maps are rounded to percent of their maximum."""
 
 
 def export(
@@ -89,14 +83,11 @@ def export(
 
     Raises:
         OSError: the file cannot be written.
-        TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of range, or a name is unknown.
+        TypeError, ValueError: an argument is invalid.
     """
     if Path(path).suffix.lower() != SUFFIX:
         raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r:.100}")
-    where = as_named(search)
-    if bayesian_update is not None:
-        where = where.with_posterior(bayesian_update)
+    where = as_named(search).with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in policies]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
     check_writable(Path(path))
@@ -106,12 +97,12 @@ def export(
         for spec in specs:
             policy = spec.make(where.scenario)
             for seed in numbers:
-                played = list(play(policy, where, seed))
-                episodes.append({"policy": spec.name, "seed": seed, **_episode(played, maps)})
+                who = {"policy": spec.name, "seed": seed}
+                episodes.append(who | _episode(list(play(policy, where, seed)), maps))
                 bar(len(episodes))
     data = {
-        "format": FORMAT,
-        "version": FORMAT_VERSION,
+        "format": "DroneSwarmSearch episodes",
+        "version": 1,  # of the format
         "package": DroneSwarmSearch.__version__,
         "search": _description(where),
         "maps": maps.data(),
@@ -132,8 +123,8 @@ def _description(search: NamedSearch) -> dict[str, Any]:
         "grid_size": scenario.grid_size,
         "timestep_limit": scenario.timestep_limit,
         "drones": [y * scenario.grid_size + x for x, y in search.drones],
-        "metres_per_cell": None if scale is None else scale.metres_per_cell,
-        "seconds_per_step": None if scale is None else scale.seconds_per_step,
+        "metres_per_cell": scale and scale.metres_per_cell,
+        "seconds_per_step": scale and scale.seconds_per_step,
     }
 
 
@@ -141,27 +132,21 @@ def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: _Maps) -> di
     """One episode, whose maps are added to those of the file."""
     frames, actions = zip(*played, strict=True)
     last = frames[-1]
+    persons = []
+    for person, drone in enumerate(last.found_by):
+        cells = [y * last.grid_size + x for x, y in (frame.persons[person] for frame in frames)]
+        missing = sum(not frame.found[person] for frame in frames)
+        persons.append({"cells": cells[: missing + 1], "found_by": drone})
     return {
         "ending": last.ending.name.lower() if last.ending else None,
         "steps": last.step,
         "actions": ["".join(map(str, each)) for each in zip(*actions[1:], strict=True)],
-        "persons": [_person(frames, person) for person in range(len(last.persons))],
+        "persons": persons,
         "success": [round(frame.probability_of_success or 0.0, 4) for frame in frames],
         "returns": [round(frame.total_return or 0.0, 1) for frame in frames],
         "prior": [maps.number(frame.prior) for frame in frames],
         "posterior": [maps.number(frame.matrix) for frame in frames],
     }
-
-
-def _person(frames: Sequence[Frame], person: int) -> dict[str, Any]:
-    """A person's cells and find."""
-    cells = []
-    for frame in frames:
-        x, y = frame.persons[person]
-        cells.append(y * frame.grid_size + x)
-        if frame.found[person]:
-            break
-    return {"cells": cells, "found_by": frame.found_by[person]}
 
 
 class _Maps:
@@ -172,7 +157,7 @@ class _Maps:
 
     def number(self, matrix: NDArray[np.float32]) -> int:
         """The number of a map; a new one if it differs from all before it."""
-        percent = np.rint(shares_of_maximum(matrix) * PERCENT).astype(np.uint8)
+        percent = np.rint(shares_of_maximum(matrix) * 100).astype(np.uint8)
         key = float(f"{matrix.max():.4g}"), percent.tobytes()
         return self._numbers.setdefault(key, len(self._numbers))
 

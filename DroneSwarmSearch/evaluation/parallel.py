@@ -17,7 +17,6 @@ __all__ = ["finished"]
 def finished(
     calls: Sequence[partial[Any]],
     what: str,
-    *,
     workers: int,
     ray: str | None,
     progress: bool,

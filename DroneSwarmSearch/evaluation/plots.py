@@ -41,11 +41,13 @@ POLICIES = (
 
 MARKERS = "Dh>os^vpXPH<d8"
 
+Draw = Callable[[Sequence[Evaluation]], Figure]
+
 SHARES = np.linspace(0.0, 1.0, 101)
 """The shares of the time limit at which curves of different searches are averaged."""
 
 
-def save(draw: Callable[[], Figure], path: Path) -> list[Path]:
+def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path]:
     """Write a plot as `<path>-light.svg` and `<path>-dark.svg`; returns the two files.
 
     The user's settings of Matplotlib are ignored.
@@ -54,7 +56,9 @@ def save(draw: Callable[[], Figure], path: Path) -> list[Path]:
     for theme in ("light", "dark"):
         content, sheets = io.BytesIO(), [STYLES / f"{each}.mplstyle" for each in ("plots", theme)]
         with style.context(["default", *sheets]):
-            draw().savefig(content, format="svg", metadata={"Date": None, "Creator": None})
+            draw(evaluations).savefig(
+                content, format="svg", metadata={"Date": None, "Creator": None}
+            )
         written.append(path.with_name(f"{path.name}-{theme}.svg"))
         write_bytes(written[-1], content.getvalue())
     return written

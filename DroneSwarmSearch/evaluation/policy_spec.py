@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.util
 import inspect
 import re
+import runpy
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import did_you_mean
@@ -54,9 +53,10 @@ class PolicySpec:
             name: the policy's name in results.
 
         Raises:
+            ImportError: the module does not exist.
             TypeError: it is no policy.
-            ValueError: the policy, module, file or attribute does not exist, or the file
-                does not hold weights.
+            ValueError: the policy, file or attribute does not exist, or the file does not hold
+                weights.
         """
         if name is not None and not isinstance(name, str):
             raise TypeError(f"name must be a string or None, got {name!r:.100}")
@@ -110,36 +110,19 @@ class PolicySpec:
 def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
     """The callable of "module:attribute" or "file.py:attribute", and the file."""
     where, _, attribute = text.rpartition(":")
+    found: Any
     if where.endswith(".py"):
-        module = _module_from_file(_existing(where))
+        path = _existing(where)
+        sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
+        # Workers cannot import the module, so joblib pickles its content with the policy.
+        found = runpy.run_path(where, run_name=f"_policy_{path.stem}").get(attribute)
+        file: str | None = where
     else:
-        try:
-            module = importlib.import_module(where)
-        except (ModuleNotFoundError, TypeError, ValueError) as error:
-            if isinstance(error, ModuleNotFoundError) and error.name not in where.split("."):
-                raise  # the module exists, but one that it imports does not
-            raise ValueError(
-                f"policy must name a module, but there is no {where!r:.100} (in {text!r:.100})"
-            ) from error
-    found: Any = getattr(module, attribute, None)
+        module = importlib.import_module(where)
+        found, file = getattr(module, attribute, None), getattr(module, "__file__", None)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    return found, getattr(module, "__file__", None)
-
-
-def _module_from_file(path: Path) -> ModuleType:
-    """Execute a file as a module."""
-    name = f"_policy_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        # Workers cannot import it, so joblib must pickle its content with the policy.
-        del sys.modules[name]
-    return module
+    return found, file
 
 
 def _existing(where: str) -> Path:

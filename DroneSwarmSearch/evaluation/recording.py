@@ -21,11 +21,8 @@ from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 
 __all__ = ["Video", "play", "record"]
 
-HOLD = 3.0
-"""Seconds for which the last picture stays."""
-
-GIF_WIDTH = 1000
-"""The largest width in pixels."""
+HOLD = 3.0  # seconds for which the last picture stays
+GIF_WIDTH = 1000  # pixels at most
 
 
 @dataclass(frozen=True)
@@ -81,15 +78,12 @@ def record(
     Raises:
         ImportError: the package of the extra "video" is missing.
         OSError: the file cannot be written.
-        TypeError: an argument is of the wrong type.
-        ValueError: an argument is out of range, or a name is unknown.
+        TypeError, ValueError: an argument is invalid.
     """
     from DroneSwarmSearch.rendering.painter import Painter
 
     target, rate = Path(path), checks.real("fps", fps, FPS_LEAST, FPS_MOST)
-    spec, where = PolicySpec.of(policy, name), as_named(search)
-    if bayesian_update is not None:
-        where = where.with_posterior(bayesian_update)
+    spec, where = PolicySpec.of(policy, name), as_named(search).with_posterior(bayesian_update)
     first = checks.integer("seed", seed, 0)
     made = spec.make(where.scenario)
     title = f"{spec.name} searching {where.name}, seed {seed}"
@@ -115,10 +109,9 @@ def play(
     With the same seed and the same actions, both run through the same episode. The policy
     observes the one that the search's `bayesian_update` selects.
 
-    Returns:
-        An iterator over the steps, from the state after `reset`: the frame, with the posterior
-        as its matrix, the prior, and the return in the environment that the policy observes;
-        and the drones' actions, none after `reset`.
+    Yields:
+        For every step, from that of `reset`: the frame with the posterior, the prior, and the
+        return in the environment that the policy observes; and the drones' actions.
     """
     envs = [
         DroneSwarmSearch(scenario=search.scenario.replace(bayesian_update=flag), render_mode=None)

@@ -232,10 +232,8 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             f"got {theirs[1]} from seed {theirs[0]}"
         )
     if first.is_exact or second.is_exact:
-        success, time = (
-            difference(first.success, second.success),
-            difference(first.time, second.time),
-        )
+        success = difference(first.success, second.success)
+        time = difference(first.time, second.time)
     else:
         limit = first.limit
         success = bounded_mean(first.curves[:, -1] - second.curves[:, -1], -1.0)

@@ -13,8 +13,6 @@ from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.layouts.masks import swarm_masks
-from DroneSwarmSearch.observations import observe
 from DroneSwarmSearch.rules import Action, RewardScheme
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
@@ -173,56 +171,51 @@ class _Stage:
 
     def __init__(self, batch: SearchBatch, view: View) -> None:
         self._batch, self._view = batch, view
-        self._drones = batch.scenario.n_drones
-        if view.form == "parallel":
-            self._names = tuple(f"drone{i}" for i in range(self._drones))
-            self._neighbours, self._positions = grid_of(batch.scenario.grid_size)
-            self._reader = Reader(self._names)
-        else:
-            self._observations = BatchObservations(
-                batch, view.observation, view.form == "swarm", TOP_CELLS, True, view.masks
-            )
+        scenario, joint = batch.scenario, view.form != "drone"
+        self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
+        self._neighbours, _ = grid_of(scenario.grid_size)
+        self._observations = BatchObservations(
+            batch, view.observation, joint, TOP_CELLS, True, view.masks
+        )
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
         """The policy's validated actions in some rows: int64, (n, n_drones)."""
-        is_single = self._view.form == "parallel"
-        returned = policy(self._one(rows) if is_single else self._several(rows))
+        shown: Any = self._observations.of_rows(rows)
+        if self._view.form == "parallel":
+            shown = self._by_drone(shown)
+        elif self._view.form == "swarm" and self._view.observation == "dict":
+            entries = shown["observation"] if self._view.action_mask else shown
+            entries["row"] = rows.copy()
+        returned = policy(shown)
         try:
-            if is_single:
-                read, _ = self._reader(returned, self._neighbours, self._batch.cells[0].tolist())
-                return np.array([[*read]])
             return self._read(returned, len(rows))
         except (TypeError, ValueError) as error:
             raise type(error)(f"the policy's {error}") from None
 
-    def _several(self, rows: Ints) -> Any:
-        """The observations of the views "swarm" and "drone"."""
-        shown = self._observations.of_rows(rows)
-        if self._view.form == "swarm" and self._view.observation == "dict":
-            entries = shown["observation"] if self._view.action_mask else shown
-            entries["row"] = rows.copy()
-        return shown
+    def _by_drone(self, shown: Any) -> dict[str, Any]:
+        """The observations of one search in the form of `DroneSwarmSearch`."""
+        entries = shown["observation"] if self._view.action_mask else shown
+        matrix = entries["probability_matrix"][0]
+        matrix.flags.writeable = False
+        cells = map(tuple, entries["positions"][0].tolist())
+        seen: dict[str, Any] = {
+            name: {"observation": (cell, matrix)}
+            for name, cell in zip(self._names, cells, strict=True)
+        }
+        if not self._view.action_mask:
+            return seen
+        masks = dict(zip(self._names, shown["action_mask"][0], strict=True))
+        return {name: {"observation": seen[name], "action_mask": masks[name]} for name in seen}
 
     def _read(self, actions: Any, n: int) -> Ints:
+        drones = len(self._names)
+        if self._view.form == "parallel":
+            cells = self._batch.cells[0].tolist()
+            return np.array([[*Reader(self._names)(actions, self._neighbours, cells)[0]]])
         if isinstance(actions, Mapping):
             raise TypeError(
                 f"actions must be an array of integers, got {actions!r:.200}; "
                 'a policy from dicts to dicts needs view="parallel"'
             )
-        shape = (n, self._drones) if self._view.form == "swarm" else (n * self._drones,)
-        return checked_actions(actions, shape, np.int64).reshape(n, self._drones)
-
-    def _one(self, rows: Ints) -> dict[str, Any]:
-        """The observations of the view "parallel", of one search."""
-        matrix = self._batch.matrices_of(rows)[0]
-        matrix.flags.writeable = False
-        cells = self._batch.cells[0].tolist()
-        shown: dict[str, Any]
-        shown, _ = observe(self._names, cells, self._positions, matrix, False)
-        if self._view.masks is None:
-            return shown
-        masks = swarm_masks(cells, self._neighbours, self._view.masks)
-        return {
-            name: {"observation": observation, "action_mask": mask}
-            for (name, observation), mask in zip(shown.items(), masks, strict=True)
-        }
+        shape = (n, drones) if self._view.form == "swarm" else (n * drones,)
+        return checked_actions(actions, shape, np.int64).reshape(n, drones)

@@ -24,7 +24,7 @@ from DroneSwarmSearch.policies import BatchPolicy, SwarmPolicy
 
 __all__ = [
     *("PORTION", "Case", "bounds_of", "check_names"),
-    *("evaluate", "evaluate_cases", "searches_manifest"),
+    *("evaluate", "evaluate_cases", "manifest"),
 ]
 
 PORTION = 500
@@ -83,8 +83,7 @@ def evaluate(
         StorageError: the folder cannot be written.
     """
     case = Case.of(policy, search, view, deterministic, name)
-    how: dict[str, Any] = {"out": out, "workers": workers, "ray": ray, "progress": progress}
-    return evaluate_cases([case], episodes, seed, **how)[0]
+    return evaluate_cases([case], episodes, seed, out, workers, ray, progress)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +108,8 @@ class Case:
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        named, spec, shown = as_named(search), PolicySpec.of(policy, name), View.of(view)
-        if shown.bayesian_update is not None:
-            named = named.with_posterior(shown.bayesian_update)
+        spec, shown = PolicySpec.of(policy, name), view if isinstance(view, View) else View(view)
+        named = as_named(search).with_posterior(shown.bayesian_update)
         if issubclass(spec.kind, BatchPolicy) and (
             shown.form == "drone" or shown.observation != "dict" or shown.action_mask
         ):
@@ -144,10 +142,9 @@ def evaluate_cases(
     cases: Sequence[Case],
     episodes: int,
     seed: int,
-    *,
     out: str | Path | None,
+    *how: Any,
     bounded: Sequence[NamedSearch] = (),
-    **how: Any,
 ) -> list[Evaluation]:
     """Evaluate several cases together, which keeps all workers busy, with bounds of some searches.
 
@@ -155,22 +152,20 @@ def evaluate_cases(
     """
     end = checks.integer("seed", seed, 0) + checks.integer("episodes", episodes, 1)
     portions = [range(first, min(first + PORTION, end)) for first in range(seed, end, PORTION)]
-    folder = RunFolder(out, _manifest(cases, episodes, seed))
-    bounds = bounds_of(bounded, folder, **how)
+    folder = RunFolder(out, manifest([case.search for case in cases], cases, episodes, seed))
+    bounds = bounds_of(bounded, folder, *how)
     done: dict[Case, Episodes] = {}
     for case in cases:
         if case.spec.source is not None and (known := folder.load(case.label, Episodes)):
             done[case] = known
     left = [case for case in cases if case not in done]
     # Policies are prepared first, each once.
-    preparing = finished(
-        [partial(_prepared, case) for case in left], "", **{**how, "progress": False}
-    )
+    preparing = finished([partial(_prepared, case) for case in left], "policies", *how)
     policies = {left[place]: policy for place, policy in preparing}
     jobs = [(case, seeds) for case in left for seeds in portions]
     calls = [partial(_play, policies[case], case, seeds) for case, seeds in jobs]
     played: dict[Case, dict[int, Episodes]] = {case: {} for case in left}
-    for job, part in finished(calls, "evaluation", **how):
+    for job, part in finished(calls, "evaluation", *how):
         case, seeds = jobs[job]
         played[case][seeds.start] = part
         if len(played[case]) == len(portions):
@@ -188,36 +183,32 @@ def evaluate_cases(
 
 
 def bounds_of(
-    searches: Sequence[NamedSearch], folder: RunFolder, **how: Any
+    searches: Sequence[NamedSearch], folder: RunFolder, *how: Any
 ) -> dict[str, SuccessBound]:
     """The bounds of searches by name, see `evaluate_cases`; they ignore `bayesian_update`."""
     known = {each.name: folder.load(f"{each.name}.bound", SuccessBound) for each in searches}
     bounds = {name: bound for name, bound in known.items() if bound is not None}
     left = [each for each in searches if each.name not in bounds]
     calls = [partial(success_bound, each.scenario, each.drones) for each in left]
-    for job, bound in finished(calls, "bounds", **how):
+    for job, bound in finished(calls, "bounds", *how):
         bounds[left[job].name] = bound
         folder.save(f"{left[job].name}.bound", bound)
     return bounds
 
 
-def searches_manifest(searches: Iterable[NamedSearch]) -> dict[str, Any]:
-    """Everything that the bounds of some searches depend on."""
-    return {
-        "package": DroneSwarmSearch.__version__,
-        "suite": SUITE_VERSION,
-        "searches": {each.name: each.with_posterior(False).fingerprint for each in searches},
-    }
-
-
-def _manifest(cases: Sequence[Case], episodes: int, seed: int) -> dict[str, Any]:
-    """Everything that the results of some cases depend on."""
-    policies = {
-        case.spec.name: {**(case.spec.source or {"policy": "in memory"}), "view": asdict(case.view)}
-        for case in cases
-    }
-    searches = searches_manifest(case.search for case in cases)
-    return {**searches, "episodes": episodes, "seed": seed, "policies": policies}
+def manifest(
+    searches: Iterable[NamedSearch],
+    cases: Sequence[Case] = (),
+    episodes: int | None = None,
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """Everything that the bounds of some searches, and the results of some cases, depend on."""
+    entries = {"package": DroneSwarmSearch.__version__, "suite": SUITE_VERSION}
+    entries |= {f"search {each.name}": each.with_posterior(False).fingerprint for each in searches}
+    for case in cases:
+        source = {**(case.spec.source or {"policy": "in memory"}), **asdict(case.view)}
+        entries |= {f"policy {case.spec.name}: {key}": value for key, value in source.items()}
+    return {**entries, "episodes": episodes, "seed": seed} if cases else entries
 
 
 def _prepared(case: Case) -> Callable[..., Any]:

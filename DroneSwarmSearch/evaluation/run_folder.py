@@ -29,7 +29,7 @@ class RunFolder:
 
     Args:
         path: created if necessary; None for a run that keeps nothing.
-        manifest: plain JSON data; entries may be nested mappings.
+        manifest: numbers, strings and None.
 
     Raises:
         StorageError: the folder cannot be written.
@@ -46,24 +46,13 @@ class RunFolder:
                 before = json.loads(place.read_bytes())
             except ValueError as error:
                 raise ValueError(f"{place} must hold the manifest of a run: {error}") from error
-        merged = self._merged(before, json.loads(json.dumps(manifest)))
-        write_text(place, json.dumps(merged, indent=1) + "\n")
-
-    def _merged(
-        self, before: dict[str, Any], now: dict[str, Any], where: str = ""
-    ) -> dict[str, Any]:
-        """The entries of both manifests; raises a ValueError if one differs."""
-        merged = {**before, **now}
-        for key in before.keys() & now.keys():
-            old, new = before[key], now[key]
-            if isinstance(old, dict) and isinstance(new, dict):
-                merged[key] = self._merged(old, new, f"{where}{key}: ")
-            elif old != new:
+        for key in before.keys() & manifest.keys():
+            if before[key] != manifest[key]:
                 raise ValueError(
-                    f"out must be a new folder, or the run in {self.path} the same: its {where}"
-                    f"{key} is {old!r:.100}, got {new!r:.100}"
+                    f"out must be a new folder, or the run in {path} the same: its {key} is "
+                    f"{before[key]!r:.100}, got {manifest[key]!r:.100}"
                 )
-        return merged
+        write_text(place, json.dumps({**before, **manifest}, indent=1) + "\n")
 
     def load(self, name: str, kind: Callable[..., Result]) -> Result | None:
         """A finished result; None if there is none, or its file is damaged."""

@@ -12,7 +12,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -96,9 +95,10 @@ class NamedSearch:
         return hashlib.sha256(json.dumps(self.data, sort_keys=True).encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
-        """The same search, in which drones see the posterior (True) or the prior."""
-        flag = checks.boolean("bayesian_update", bayesian_update)
-        return replace(self, scenario=self.scenario.replace(bayesian_update=flag))
+        """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
+        if bayesian_update is None:
+            return self
+        return replace(self, scenario=self.scenario.replace(bayesian_update=bayesian_update))
 
 
 def search(name: str) -> NamedSearch:
@@ -157,10 +157,10 @@ def _named(data: Mapping[str, Any]) -> NamedSearch:
     return NamedSearch(name, reason, scenario, cells, scale and Scale(**scale))
 
 
-def _read(path: Path) -> tuple[str, Mapping[str, NamedSearch]]:
+def _read(path: Path) -> tuple[str, dict[str, NamedSearch]]:
     data = json.loads(path.read_text("utf-8"))
     named = [_named(entry) for entry in data["searches"]]
-    return data["version"], MappingProxyType({each.name: each for each in named})
+    return data["version"], {each.name: each for each in named}
 
 
 SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))

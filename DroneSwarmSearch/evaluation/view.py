@@ -54,15 +54,6 @@ class View:
         if self.bayesian_update is not None:
             checks.boolean("bayesian_update", self.bayesian_update)
 
-    @classmethod
-    def of(cls, view: object) -> View:
-        """Return a `View` from a `View` or from its form."""
-        if isinstance(view, View):
-            return view
-        if isinstance(view, str):
-            return cls(view)
-        raise TypeError(f"view must be a View or one of {', '.join(FORMS)}, got {view!r:.100}")
-
     @property
     def masks(self) -> bool | None:
         """Whether the masks have right of way; None without masks."""

@@ -57,7 +57,8 @@ class JointDictLayout(Layout):
         self, positions: Positions, matrices: Singles, left: Singles, out: dict[str, NDArray[Any]]
     ) -> None:
         out["positions"][...] = positions
-        out["probability_matrix"][...] = matrices
+        if out["probability_matrix"] is not matrices:
+            out["probability_matrix"][...] = matrices
 
 
 class FlatLayout(Layout):

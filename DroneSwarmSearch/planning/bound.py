@@ -28,7 +28,6 @@ mission, the probability of success is the mean over persons, and so is its boun
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -36,7 +35,7 @@ from functools import partial
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
@@ -50,12 +49,12 @@ from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
     chernoff_bound,
     enumerate_trajectories,
+    equally_likely,
     sample_trajectories,
 )
 from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
 __all__ = ["SuccessBound", "success_bound"]
-
 
 SAMPLE = 65536
 """Trajectories in a sample; with one person, sampling adds at most 0.9 percentage points."""
@@ -66,32 +65,24 @@ CONFIDENCE = 0.999
 HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
-WORK = 6e7
-"""The most work for the best paths, in values to update: a fraction of a second."""
+WORK, TRAJECTORIES_TO_MEASURE = 6e7, 8192
+"""The most work for the best paths, in values to update: a fraction of a second. It is estimated
+from some of the trajectories."""
 
-TRAJECTORIES_TO_MEASURE = 8192
-"""Trajectories from which the work is estimated."""
-
-MOST_MEMORY = 5
-"""The most actions that drones remember: 6 take gigabytes and hours on a large grid."""
+MOST_MEMORY, MEMORY_BEFORE = 5, 2
+"""The most actions that drones remember: 6 take gigabytes and hours on a large grid. Fewer
+suffice for fewer steps, which only shape the curve."""
 
 MOST_CELLS = 2**28
 """The most cells of all trajectories in a sample, which then take about 7 GB."""
 
-MEMORY_BEFORE = 2
-"""The most actions that drones remember for fewer steps, which only shape the curve."""
-
-ITERATIONS = 300
-"""The most iterations for the time limit itself."""
-
-ITERATIONS_BEFORE = 20
-"""The most iterations for fewer steps."""
-
-CHAIN_ITERATIONS = 40
-"""The most iterations for the relaxation without trajectories."""
+ITERATIONS, ITERATIONS_BEFORE, CHAIN_ITERATIONS = 300, 20, 40
+"""The most iterations for the time limit, for fewer steps, and without trajectories."""
 
 MOST_PATHS = 64
-"""The most paths to start from for fewer steps."""
+"""The most sets of paths to start from for fewer steps."""
+
+Report = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -129,7 +120,7 @@ def success_bound(
     sample: int = SAMPLE,
     gap: float = 0.004,
     horizons: int = HORIZONS,
-    report: Callable[[float], None] = lambda fraction: None,
+    report: Report = lambda fraction: None,
 ) -> SuccessBound:
     """Bound the probability of success of every policy from above.
 
@@ -145,9 +136,6 @@ def success_bound(
         horizons: numbers of steps for which to solve the relaxation.
         report: called from time to time with the completed fraction of the work.
 
-    Returns:
-        The bound for every number of steps, and its confidence.
-
     Raises:
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its limits.
@@ -161,37 +149,32 @@ def success_bound(
         checks.integer("memory", memory, 0, MOST_MEMORY)
     horizons = min(horizons, limit)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
-    # Equal persons share one bound.
-    counts = Counter(scenario.situation)
-    forecasts = dict(zip(scenario.situation, scenario.forecasts(), strict=True))
-    enumerated = {
-        person: enumerate_trajectories(forecast, limit) for person, forecast in forecasts.items()
-    }
-    sampled_bounds = len(ends) * list(enumerated.values()).count(None)
+    persons = scenario.situation
+    models = dict(zip(persons, scenario.forecasts(), strict=True))  # equal persons share a bound
+    enumerated = [enumerate_trajectories(model, limit) for model in models.values()]
+    sampled_bounds = len(ends) * enumerated.count(None)
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
     curves, solutions = [], []
-    for number, (person, forecast) in enumerate(forecasts.items()):
-        trajectories = enumerated[person]
+    for number, ((person, model), every) in enumerate(zip(models.items(), enumerated, strict=True)):
         relaxation = _Relaxation(
-            forecast,
+            model,
             person.probability_of_detection,
             starts,
-            trajectories or sample_trajectories(forecast, limit, sample),
-            None if trajectories else failure,
-            memory,
+            every or sample_trajectories(model, limit, sample),
+            None if every else failure,
             gap,
         )
 
         def report_part(fraction: float, number: int = number) -> None:
-            report((number + fraction) / len(forecasts))
+            report((number + fraction) / len(models))
 
-        curve, solution = relaxation.curve(ends, report_part)
+        curve, solution = relaxation.curve(ends, memory, report_part)
         curves.append(curve)
         solutions.append(solution)
     confidence = CONFIDENCE if sampled_bounds else 1.0
     values, gaps = [each.value for each in solutions], [each.gap for each in solutions]
     if scenario.mission == "coverage":
-        shares = [counts[person] / counts.total() for person in forecasts]
+        shares = [persons.count(person) / len(persons) for person in models]
         by_time, relaxed, mean_gap = (
             np.average(each, axis=0, weights=shares) for each in (curves, values, gaps)
         )
@@ -212,15 +195,17 @@ def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
     """
     values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
     for start in starts:
-        path = best_path(gains, values, start)
-        effort.reshape(len(gains), -1)[path.searches, path.cells[:-1][path.searches]] += 1.0
+        _add_searches(effort, best_path(gains, values, start))
     return float(values[0].reshape(-1)[list(starts)].sum()), effort
+
+
+def _add_searches(effort: Floats, path: Path, share: float = 1.0) -> None:
+    effort.reshape(len(effort), -1)[path.searches, path.cells[:-1][path.searches]] += share
 
 
 def _filled(bounds: Mapping[int, float]) -> Floats:
     """The bound after every number of steps, from those for some, the largest one included."""
-    limit = max(bounds)
-    curve = np.full(limit + 1, np.inf)
+    curve = np.full(max(bounds) + 1, np.inf)
     curve[0] = 0.0
     curve[list(bounds)] = list(bounds.values())
     # More time never hurts, so a bound for more steps holds for fewer.
@@ -232,118 +217,98 @@ class _Relaxation:
     """The relaxation for one person.
 
     Attributes:
-        forecast: the person's.
+        model: the person's drift model.
         detection: the probability of detection, q.
         starts: every drone's first cell, y * N + x.
         trajectories: all of the person's, or a sample.
         failure: the probability that a sampled bound may fail; None for all trajectories.
-        memory: the number of actions K that drones remember; None for a fixed amount of work.
         gap: the duality gap at which to stop, as a fraction of the bound.
     """
 
-    forecast: DriftModel
+    model: DriftModel
     detection: float
     starts: Sequence[int]
     trajectories: Trajectories
     failure: float | None
-    memory: int | None
     gap: float
 
     def curve(
-        self, ends: Sequence[int], report: Callable[[float], None]
+        self, ends: Sequence[int], memory: int | None, report: Report
     ) -> tuple[Floats, Solution]:
         """The bound after each number of steps, and the solution for the time limit.
 
         Args:
             ends: numbers of steps to solve for, the time limit first.
+            memory: the number of actions K that drones remember; None for a fixed amount of work.
             report: called from time to time with the completed fraction of the work.
         """
-        memory = self._affordable_memory()
-        drones = self._drones(self.trajectories, memory)
-        solution, mixture = self._solve(
-            drones, (), ITERATIONS, lambda fraction: report(0.7 * fraction)
-        )
-        bounds = {ends[0]: self._bound(solution, self.trajectories, ends[0], mixture)}
+        some = self.trajectories
+        if memory is None:
+            part = equally_likely(some.cells[:, :TRAJECTORIES_TO_MEASURE])
+            memory = 0
+            while memory < MOST_MEMORY and self._drones(part, memory + 1).work <= WORK:
+                memory += 1
+        objective = TrajectoryObjective(self._drones(some, memory))
+        solution = self._solve(objective, ITERATIONS, lambda fraction: report(0.7 * fraction))
+        bounds = {ends[0]: self._bound(solution, ends[0], objective.mixture)}
         report(0.7)
         # Fewer trajectories, remembered actions and iterations suffice for the curve's shape.
-        some = self.trajectories
         if self.failure is not None:
-            some = _equal(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])
+            some = equally_likely(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])
+            self.trajectories = some
         drones = self._drones(some, min(memory, MEMORY_BEFORE))
+        largest = sorted(objective.mixture, key=lambda each: -each[0])[:MOST_PATHS]
+        total = sum(share for share, _ in largest)
         work, done = sum(end**2 for end in ends[1:]), 0
         for end in ends[1:]:
-            shorter: Mixture = [
-                (share, [Path(path.cells[: end + 1], path.searches[:end]) for path in paths])
-                for share, paths in _largest_shares(mixture)
+            shorter = [
+                (
+                    share / total,
+                    [Path(path.cells[: end + 1], path.searches[:end]) for path in paths],
+                )
+                for share, paths in largest
             ]
-            relaxed, shorter = self._solve(drones.until(end), shorter, ITERATIONS_BEFORE)
-            bounds[end] = self._bound(relaxed, some, end, shorter)
+            objective = TrajectoryObjective(drones.until(end), shorter)
+            relaxed = self._solve(objective, ITERATIONS_BEFORE)
+            bounds[end] = self._bound(relaxed, end, objective.mixture)
             done += end**2
             report(0.7 + 0.3 * done / work)
         return _filled(bounds), solution
 
-    def _affordable_memory(self) -> int:
-        """The number of actions to remember, from the work on a part of the trajectories."""
-        if self.memory is not None:
-            return self.memory
-        some = self.trajectories.cells[:, :TRAJECTORIES_TO_MEASURE]
-        memory = 0
-        while memory < MOST_MEMORY and self._drones(_equal(some), memory + 1).work <= WORK:
-            memory += 1
-        return memory
-
     def _drones(self, trajectories: Trajectories, memory: int) -> RememberingDrones:
-        size = self.forecast.grid_size
+        size = self.model.grid_size
         return RememberingDrones(trajectories, size, self.detection, self.starts, memory)
 
     def _solve(
         self,
-        drones: RememberingDrones,
-        mixture: Mixture,
+        objective: TrajectoryObjective,
         iterations: int,
-        report: Callable[[float], None] = lambda fraction: None,
-    ) -> tuple[Solution, Mixture]:
-        """Maximise E[min(Z, g(N))], from a mixture of paths."""
-        objective = TrajectoryObjective(drones, self.detection, mixture)
-        solution = frank_wolfe(
+        report: Report = lambda fraction: None,
+    ) -> Solution:
+        """Maximise E[min(Z, g(N))]."""
+        return frank_wolfe(
             objective,
-            drones,
+            objective.drones,
             gap=self.gap,
             iterations=iterations,
             upper_bound=1.0,
             report=report,
         )
-        return solution, objective.mixture
 
-    def _bound(
-        self, solution: Solution, trajectories: Trajectories, steps: int, mixture: Mixture
-    ) -> float:
+    def _bound(self, solution: Solution, steps: int, mixture: Mixture) -> float:
         """The bound for a number of steps: the smaller one of both relaxations."""
         bound = solution.upper_bound
         if self.failure is not None:
-            bound = chernoff_bound(bound, trajectories.cells.shape[1], 1.0 - self.failure)
+            bound = chernoff_bound(bound, self.trajectories.cells.shape[1], 1.0 - self.failure)
         if not 0.0 < self.detection < 1.0:
             return bound
-        rate, size = -math.log1p(-self.detection), self.forecast.grid_size
+        rate, size = -math.log1p(-self.detection), self.model.grid_size
         effort = np.zeros((steps, size, size))
         for share, paths in mixture:
             for path in paths:
-                effort.reshape(steps, -1)[path.searches, path.cells[:-1][path.searches]] += share
-        objective = MarkovChainObjective(self.forecast, self.forecast.joint(0), rate, effort)
+                _add_searches(effort, path, share)
+        objective = MarkovChainObjective(self.model, rate, effort)
         oracle = partial(drone_paths, self.starts)
         return frank_wolfe(
             objective, oracle, gap=self.gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
         ).upper_bound
-
-
-def _equal(cells: Ints) -> Trajectories:
-    """Trajectories of a sample."""
-    count = cells.shape[1]
-    return Trajectories(cells, np.full(count, 1 / count))
-
-
-def _largest_shares(mixture: Mixture) -> Mixture:
-    """The largest part of a mixture that is quick to evaluate."""
-    largest = sorted(mixture, key=lambda each: -each[0])[:MOST_PATHS]
-    total = sum(share for share, _ in largest)
-    return [(share / total, paths) for share, paths in largest]

@@ -19,7 +19,6 @@ from DroneSwarmSearch._internal.arrays import Floats
 
 __all__ = ["Solution", "frank_wolfe", "line_search"]
 
-
 AVERAGING = 10.0
 """Iteration k enters the mean of tangents with weight AVERAGING / (k + AVERAGING), so the mean
 covers about the latest tenth for every AVERAGING iterations."""
@@ -42,12 +41,7 @@ class Objective(Protocol):
 
 
 class Solution(NamedTuple):
-    """The result of the method.
-
-    Attributes:
-        value: the objective at the best point found.
-        upper_bound: a bound on the objective's maximum.
-    """
+    """The value at the best point found, and an upper bound on the objective's maximum."""
 
     value: float
     upper_bound: float

@@ -79,8 +79,8 @@ class Histories:
                     self.all.append(each)
             after.append([indices[each] for each in ahead])
         self.shorter: Ints = np.array([shorter[each[:kept]] for each in self.all])
-        self.after_search: Ints = np.array(after)[:, 0]
-        self.after_move: Ints = np.array(after)[:, 1:].T
+        self.after_search, *after_move = np.array(after).T
+        self.after_move: Ints = np.array(after_move)
 
 
 class _Step(NamedTuple):
@@ -88,21 +88,21 @@ class _Step(NamedTuple):
 
     Attributes:
         group: shape (M,): the group of each trajectory.
-        column: shape (G,): the cell of each group, as an index into `cells`.
-        row: shape (G,): the past of each group, as an index into `pasts`.
-        cells: shape (C,): the cells that hold trajectories.
-        box: the rows and columns of the grid that contain these cells.
+        past: shape (G,): the past of each group, as an index into `pasts`.
+        place: shape (G,): the cell of each group within the box, row by row.
         pasts: shape (K, P): the offsets of each past, the latest step first, see `_code`.
+        box: the rows and columns of the grid that contain the cells with trajectories.
+        cells: shape (C,): these cells.
         order: shape (M,): the trajectories by cell.
         ends: shape (C + 1,): where in `order` each cell begins and ends.
     """
 
     group: Ints
-    column: Ints
-    row: Ints
-    cells: Ints
-    box: tuple[slice, slice]
+    past: Ints
+    place: Ints
     pasts: Ints
+    box: tuple[slice, slice]
+    cells: Ints
     order: Ints
     ends: Ints
 
@@ -118,6 +118,7 @@ class RememberingDrones:
         memory: the number of remembered actions, K.
 
     Attributes:
+        detection: see above.
         probabilities: those of the trajectories.
     """
 
@@ -129,11 +130,10 @@ class RememberingDrones:
         starts: Sequence[int],
         memory: int,
     ) -> None:
-        cells = trajectories.cells
-        self._size, self._q, self._starts = grid_size, detection, list(starts)
-        self._count, self.probabilities = cells.shape[1], trajectories.probabilities
-        self.memory = min(memory, len(cells) - 1)
-        self._histories = Histories(self.memory)
+        cells, self.probabilities = trajectories
+        self.detection, self._size, self._starts = detection, grid_size, list(starts)
+        self._memory = min(memory, len(cells) - 1)
+        self._histories = Histories(self._memory)
         y, x = np.divmod(cells, grid_size)
         self._steps = [self._grouped(cells[step], x, y, step) for step in range(len(cells))]
         self._values: Singles = np.zeros((0, 0, 0), np.float32)
@@ -161,7 +161,11 @@ class RememberingDrones:
         Returns:
             The gain, rounded up, and a path for each drone.
         """
-        gained = self._largest_gain(weights)
+        self._compute_values(weights)
+        gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
+        # Single precision loses at most this fraction of a sum of positive numbers.
+        pasts: int = max(step.pasts.shape[1] for step in self._steps)
+        gained *= 1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23
         return gained, [self._path(start) for start in self._starts]
 
     def collected(self, paths: Sequence[Path], shares: Floats | None = None) -> Floats:
@@ -175,7 +179,7 @@ class RememberingDrones:
             float64, shape (2, M).
         """
         shares = np.ones(len(paths)) if shares is None else shares
-        total = np.zeros((2, self._count))
+        total = np.zeros((2, len(self.probabilities)))
         for first in range(0, len(paths), PATHS_AT_ONCE):
             part = slice(first, first + PATHS_AT_ONCE)
             self._collect(paths[part], shares[part], total)
@@ -183,63 +187,61 @@ class RememberingDrones:
 
     def _collect(self, paths: Sequence[Path], shares: Floats, total: Floats) -> None:
         """Add what paths collect to a total."""
-        slots = self.memory + 1
-        searched = np.zeros((slots, len(paths) * self._count), np.uint8)
-        recent: list[Ints] = [np.zeros(0, np.int64)] * slots
-        nothing = recent[0]
+        count, q = len(self.probabilities), self.detection
+        # Whether each path has searched each trajectory, in this step and the last K ones.
+        searched = np.zeros((self._memory + 1, len(paths) * count), np.uint8)
         for number, step in enumerate(self._steps):
-            slot = number % slots
-            searched[slot, recent[slot]] = 0
-            recent[slot] = nothing
+            now = searched[number % len(searched)]
+            now[:] = 0
             met, by = [], []
             for path, each in enumerate(paths):
                 if each.searches[number]:
-                    column = int(step.cells.searchsorted(each.cells[number]))
-                    if column < len(step.cells) and step.cells[column] == each.cells[number]:
-                        met.append(step.order[step.ends[column] : step.ends[column + 1]])
+                    place = int(step.cells.searchsorted(each.cells[number]))
+                    if place < len(step.cells) and step.cells[place] == each.cells[number]:
+                        met.append(step.order[step.ends[place] : step.ends[place + 1]])
                         by.append(path)
-            if not met:
-                continue
-            trajectory = np.concatenate(met)
-            path_of = np.repeat(by, [*map(len, met)])
-            places = path_of * self._count + trajectory
-            earlier = searched[:, places].sum(axis=0)
-            share = shares[path_of]
-            np.add.at(total[0], trajectory, share * self._q * (1.0 - self._q) ** earlier)
-            np.add.at(total[1], trajectory, share)
-            searched[slot, places] = 1
-            recent[slot] = places
+            if met:
+                trajectory, path_of = np.concatenate(met), np.repeat(by, [*map(len, met)])
+                places, share = path_of * count + trajectory, shares[path_of]
+                earlier = searched[:, places].sum(axis=0)
+                np.add.at(total[0], trajectory, share * q * (1.0 - q) ** earlier)
+                np.add.at(total[1], trajectory, share)
+                now[places] = 1
 
     def _grouped(self, here: Ints, x: Ints, y: Ints, number: int) -> _Step:
         """Group the trajectories in a step."""
-        past, pasts = np.zeros(self._count, np.int64), np.zeros((0, 1), np.int64)
-        codes_of_offsets = (2 * self.memory + 1) ** 2 + 1
-        for age in range(1, self.memory + 1):
-            offset = np.zeros(self._count, np.int64)
+        past, pasts = np.zeros(len(here), np.int64), np.zeros((0, 1), np.int64)
+        codes_of_offsets = (2 * self._memory + 1) ** 2 + 1
+        for age in range(1, self._memory + 1):
+            offset = np.zeros(len(here), np.int64)
             if age <= number:
                 dx, dy = x[number - age] - x[number], y[number - age] - y[number]
                 near = abs(dx) + abs(dy) < age
-                offset[near] = _code(dx[near], dy[near], self.memory)
+                offset[near] = _code(dx[near], dy[near], self._memory)
             codes, past = _distinct(past * codes_of_offsets + offset)
             before, latest = np.divmod(codes, codes_of_offsets)
             pasts = np.vstack([pasts[:, before], latest])
         cells, cell = _distinct(here)
         codes, group = _distinct(past * len(cells) + cell)
-        row, column = np.divmod(codes, len(cells))
+        past_of, cell_of = np.divmod(codes, len(cells))
+        rows, columns = np.divmod(cells, self._size)
+        top, left, right = int(rows.min()), int(columns.min()), int(columns.max()) + 1
+        box = slice(top, int(rows.max()) + 1), slice(left, right)
+        place = ((rows - top) * (right - left) + columns - left)[cell_of]
         ends = np.append(0, np.bincount(cell).cumsum())
         order = cell.argsort(kind="stable")
-        return _Step(group, column, row, cells, _box(cells, self._size), pasts, order, ends)
+        return _Step(group, past_of, place, pasts, box, cells, order, ends)
 
     @cached_property
     def _credits(self) -> list[Singles]:
         """For each step, the credit of each history for each past: float32, shape (H, P)."""
         searched = np.array(
             [
-                [0 if offset is None else _code(*offset, self.memory) for offset in history]
+                [0 if offset is None else _code(*offset, self._memory) for offset in history]
                 for history in self._histories.all
             ]
         )
-        by_number = self._q * (1.0 - self._q) ** np.arange(self.memory + 1.0)
+        by_number = self.detection * (1.0 - self.detection) ** np.arange(self._memory + 1.0)
         credits = []
         for step in self._steps:
             earlier = np.zeros((len(searched), step.pasts.shape[1]), np.uint8)
@@ -248,14 +250,14 @@ class RememberingDrones:
             credits.append(by_number.astype(np.float32)[earlier])
         return credits
 
-    def _largest_gain(self, weights: Floats) -> float:
-        """Compute the values of all cells and histories; return what the drones gain."""
+    def _compute_values(self, weights: Floats) -> None:
+        """Compute the most that a drone can gain from each step, history and cell on."""
         size, histories = self._size, self._histories
         shape = len(self._steps) + 1, len(histories.all), size**2
         if self._values.shape != shape:
             self._values = np.zeros(shape, np.float32)
         for number in range(len(self._steps) - 1, -1, -1):
-            step, here = self._steps[number], self._values[number]
+            step, here = self._steps[number], self._values[number].reshape(-1, size, size)
             ahead = self._values[number + 1].reshape(-1, size, size)
             searched = ahead.take(histories.after_search, axis=0)
             best = searched.copy()
@@ -264,32 +266,24 @@ class RememberingDrones:
             np.maximum(best[:, :, :-1], next(moved)[:, :, 1:], out=best[:, :, :-1])
             np.maximum(best[:, 1:], next(moved)[:, :-1], out=best[:, 1:])
             np.maximum(best[:, :-1], next(moved)[:, 1:], out=best[:, :-1])
-            best.take(histories.shorter, axis=0, out=here.reshape(-1, size, size), mode="clip")
+            best.take(histories.shorter, axis=0, out=here, mode="clip")
             rows, columns = step.box
             gains = self._gains(step, self._credits[number], weights)
             gains += searched[:, rows, columns].take(histories.shorter, axis=0)
-            within = here.reshape(-1, size, size)[:, rows, columns]
+            within = here[:, rows, columns]
             np.maximum(within, gains, out=within)
-        gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
-        # Single precision loses at most this fraction of a sum of positive numbers.
-        pasts: int = max(step.pasts.shape[1] for step in self._steps)
-        return gained * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
 
     def _gains(self, step: _Step, credits: Singles, weights: Floats) -> Singles:
         """The gain of searching each cell in the box with each history: shape (H, y, x)."""
-        credit, search = weights
-        rows, columns = step.box
-        shape = rows.stop - rows.start, columns.stop - columns.start
-        y, x = np.divmod(step.cells, self._size)
-        place = (y - rows.start) * shape[1] + x - columns.start
-        table = np.zeros((step.pasts.shape[1], shape[0] * shape[1]), np.float32)
-        table[step.row, place[step.column]] = np.bincount(step.group, credit, len(step.row))
+        for_credit, for_search = weights
+        height, width = (each.stop - each.start for each in step.box)
+        table = np.zeros((step.pasts.shape[1], height * width), np.float32)
+        table[step.past, step.place] = np.bincount(step.group, for_credit, len(step.past))
         gains: Singles = credits @ table
-        if search.any():
-            in_groups = np.bincount(step.group, search, len(step.row))
-            in_cells = np.bincount(place[step.column], in_groups, table.shape[1])
-            gains += in_cells.astype(np.float32)
-        return gains.reshape(-1, *shape)
+        if for_search.any():
+            in_groups = np.bincount(step.group, for_search, len(step.past))
+            gains += np.bincount(step.place, in_groups, height * width).astype(np.float32)
+        return gains.reshape(-1, height, width)
 
     def _path(self, start: int) -> Path:
         """A path that gains as much as possible. Ties go to moving left, right, up and down."""
@@ -324,12 +318,6 @@ def _distinct(codes: Ints) -> tuple[Ints, Ints]:
     present = np.zeros(codes.max() + 1, np.bool_)
     present[codes] = True
     return present.nonzero()[0], (present.cumsum() - 1)[codes]
-
-
-def _box(cells: Ints, size: int) -> tuple[slice, slice]:
-    """The rows and columns of the smallest rectangle that contains some cells."""
-    y, x = np.divmod(cells, size)
-    return slice(int(y.min()), int(y.max()) + 1), slice(int(x.min()), int(x.max()) + 1)
 
 
 def _code(dx: Any, dy: Any, memory: int) -> Any:

@@ -19,7 +19,6 @@ from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["MarkovChainObjective", "Mixture", "TrajectoryObjective"]
 
-
 Mixture = Sequence[tuple[float, Sequence[Path]]]
 """Sets of paths, one for each drone, with their shares in a mixture."""
 
@@ -43,44 +42,32 @@ class TrajectoryObjective:
 
     Args:
         drones: what paths collect along the trajectories.
-        detection: the probability of detection, q.
         mixture: the mixture of paths to start from.
+
+    Attributes:
+        drones: see above.
+        mixture: the current one.
     """
 
-    def __init__(
-        self,
-        drones: RememberingDrones,
-        detection: float,
-        mixture: Mixture = (),
-    ) -> None:
-        self._drones, self._probabilities, self._q = drones, drones.probabilities, detection
-        self._mixture = list(mixture)
+    def __init__(self, drones: RememberingDrones, mixture: Mixture = ()) -> None:
+        self.drones, self._probabilities = drones, drones.probabilities
+        self._q = drones.detection
+        self.mixture = list(mixture)
         self._collected = drones.collected(
-            [path for _, paths in self._mixture for path in paths],
-            np.array([share for share, paths in self._mixture for _ in paths]),
+            [path for _, paths in mixture for path in paths],
+            np.array([share for share, paths in mixture for _ in paths]),
         )
-        self._corners = np.arange(self._most_searches() + 2.0)
-        self._missed = (1.0 - detection) ** self._corners
-        self._slopes = detection * self._missed
-        self._iterations = len(self._mixture)
-
-    @property
-    def mixture(self) -> Mixture:
-        """The paths in the mixture, and the share of each set of paths."""
-        return self._mixture
+        most = 1 if self._q >= 1.0 else 0  # searches beyond which g is constant
+        if 0.0 < self._q < 1.0:
+            most = math.ceil(-36.0 / math.log1p(-self._q))
+        self._corners = np.arange(most + 2.0)
+        self._missed = (1.0 - self._q) ** self._corners
+        self._slopes = self._q * self._missed
 
     @property
     def _smoothing(self) -> float:
         widest, narrowest = SMOOTHING
-        return max(widest / (1.0 + self._iterations / SMOOTHING_HALF_LIFE), narrowest)
-
-    def _most_searches(self) -> int:
-        """The number of searches beyond which g is constant in double precision."""
-        if self._q >= 1.0:
-            return 1
-        if self._q <= 0.0:
-            return 0
-        return math.ceil(-36.0 / math.log1p(-self._q))
+        return max(widest / (1.0 + len(self.mixture) / SMOOTHING_HALF_LIFE), narrowest)
 
     def value(self) -> float:
         credits, searches = self._collected
@@ -89,24 +76,28 @@ class TrajectoryObjective:
     def tangent(self) -> tuple[float, Floats]:
         credits, searches = self._collected
         corner, turned = self._nearest_corner(searches)
-        by_credits = self._share_of_credits(credits, self._smooth_success(searches))
+        # The slope of the smooth minimum with respect to the credits.
+        width = max(2 * self._q * self._smoothing, 1e-9)
+        success = self._smooth_success(searches)
+        by_credits = np.clip((success - credits) / width + 0.5, 0.0, 1.0)
         slope = (1.0 - turned) * self._slopes[corner - 1] + turned * self._slopes[corner]
         above = 1.0 - self._missed[corner] - slope * corner
         intercept = self._mean((1.0 - by_credits) * above)
         return intercept, self._probabilities * [by_credits, (1.0 - by_credits) * slope]
 
     def move_towards(self, target: Sequence[Path]) -> None:
-        change = self._drones.collected(target) - self._collected
+        change = self.drones.collected(target) - self._collected
 
         def value(size: float) -> float:
             credits, searches = self._collected + size * change
-            return self._mean(self._smooth_minimum(credits, self._smooth_success(searches)))
+            success, half = self._smooth_success(searches), max(self._q * self._smoothing, 1e-9)
+            within = np.maximum(half - abs(success - credits), 0.0)  # of the rounded-off corner
+            return self._mean(np.minimum(credits, success) - within**2 / (4 * half))
 
         step_size = line_search(value)
         self._collected += step_size * change
-        self._mixture = [(share * (1.0 - step_size), paths) for share, paths in self._mixture]
-        self._mixture.append((step_size, target))
-        self._iterations += 1
+        self.mixture = [(share * (1.0 - step_size), paths) for share, paths in self.mixture]
+        self.mixture.append((step_size, target))
 
     def _mean(self, values: Floats) -> float:
         """The expectation. Not a dot product: BLAS may use threads, which changes the sum."""
@@ -135,40 +126,25 @@ class TrajectoryObjective:
         turned[corner == 1] = 1.0
         return corner, turned
 
-    def _share_of_credits(self, credits: Floats, success: Floats) -> Floats:
-        """The slope of the smooth minimum with respect to its first argument."""
-        width = 2 * self._q * self._smoothing
-        share: Floats = np.clip((success - credits) / max(width, 1e-9) + 0.5, 0.0, 1.0)
-        return share
-
-    def _smooth_minimum(self, credits: Floats, success: Floats) -> Floats:
-        """The minimum with its corner rounded off."""
-        half = max(self._q * self._smoothing, 1e-9)
-        within = np.maximum(half - abs(success - credits), 0.0)
-        smooth: Floats = np.minimum(credits, success) - within**2 / (4 * half)
-        return smooth
-
 
 class MarkovChainObjective:
     """E[1 - exp(-rate * effort along the trajectory)], exactly, by a forward and a backward pass.
 
     Args:
-        chain: the person's Markov chain, from step 0.
-        prior: the person's distribution at step 0: float64, shape (M, N, N).
-        rate: detections per unit of effort: a number or float64, shape (N, N).
+        chain: the person's drift model.
+        rate: detections per unit of effort.
         effort: the current point: float64, shape (T, N, N); changed in place.
     """
 
-    def __init__(
-        self, chain: DriftModel, prior: Floats, rate: float | Floats, effort: Floats
-    ) -> None:
-        self._chain, self._prior, self._rate, self._effort = chain, prior, rate, effort
+    def __init__(self, chain: DriftModel, rate: float, effort: Floats) -> None:
+        self._chain, self._prior = chain, chain.joint(0)
+        self._rate, self._effort = rate, effort
 
     def value(self) -> float:
         return float(1.0 - self._missing(self._effort)[-1].sum())
 
     def tangent(self) -> tuple[float, Floats]:
-        missing, missed = self._missing(self._effort), self._missed(self._effort)
+        missing, missed = self._missing(self._effort), np.exp(-self._rate * self._effort)
         gains = np.empty_like(self._effort)
         later = np.ones_like(self._prior)  # the probability of staying unfound from here on
         for step in range(len(missed) - 1, -1, -1):
@@ -185,18 +161,11 @@ class MarkovChainObjective:
             lambda size: -float(self._missing(self._effort + size * change)[-1].sum())
         )
 
-    def _missed(self, effort: Floats) -> Floats:
-        """The probability that the effort in each cell misses a person there."""
-        missed: Floats = np.exp(-self._rate * effort)
-        return missed
-
     def _missing(self, effort: Floats) -> list[Floats]:
         """Where the unfound person is, before each step and after the last search."""
-        mass, missed = self._prior, self._missed(effort)
-        missing = [mass]
-        for step, fraction in enumerate(missed):
-            mass = mass * self._chain.lift(fraction)
-            if step + 1 < len(missed):
-                mass = self._chain.forward(mass, step)
-            missing.append(mass)
+        missing = [self._prior]
+        for step, missed in enumerate(np.exp(-self._rate * effort)):
+            mass = missing[-1] * self._chain.lift(missed)
+            last = step + 1 == len(effort)
+            missing.append(mass if last else self._chain.forward(mass, step))
         return missing

@@ -1,18 +1,15 @@
-"""The forward and backward pass of a plan, for one person, and boxes of cells.
-
-See `plan` for what the passes are for.
-"""
+"""The forward and backward pass of a plan for one person, see `plan`; and boxes of cells."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.paths import Path
 
@@ -28,10 +25,9 @@ class Target:
     """A missing person.
 
     Attributes:
-        chain: the person's steps.
+        chain: the person's drift model.
         detection: the probability of detection.
-        belief: the person's distribution at the plan's first step: float64, shape (M, N, N),
-            indexed [hypothesis, y, x].
+        belief: the mass of the person's states at the plan's first step, see `DriftModel`.
         worth: the worth of finding this person in each step of the plan: float64, shape (n,).
     """
 
@@ -41,9 +37,8 @@ class Target:
     worth: Floats
 
 
-@dataclass(frozen=True)
-class Box:
-    """A rectangle of cells: rows top to before bottom, columns left to before right."""
+class Box(NamedTuple):
+    """The cells in rows top to before bottom and columns left to before right of a grid."""
 
     top: int
     bottom: int
@@ -55,59 +50,35 @@ class Box:
     def shape(self) -> tuple[int, int]:
         return max(self.bottom - self.top, 0), max(self.right - self.left, 0)
 
-    @property
-    def rows(self) -> slice:
-        return slice(self.top, self.bottom)
-
-    @property
-    def columns(self) -> slice:
-        return slice(self.left, self.right)
+    def slices(self, within: Box | None = None) -> tuple[slice, slice]:
+        """Its rows and columns on the grid, or in another box that contains it."""
+        top, left = (within.top, within.left) if within else (0, 0)
+        return slice(self.top - top, self.bottom - top), slice(self.left - left, self.right - left)
 
     def grown(self, margin: int) -> Box:
         """The box with a margin, on the grid."""
-        return Box(
-            max(self.top - margin, 0),
-            min(self.bottom + margin, self.size),
-            max(self.left - margin, 0),
-            min(self.right + margin, self.size),
-            self.size,
-        )
+        top, left = max(self.top - margin, 0), max(self.left - margin, 0)
+        bottom, right = min(self.bottom + margin, self.size), min(self.right + margin, self.size)
+        return Box(top, bottom, left, right, self.size)
 
     def common(self, other: Box) -> Box:
         """The cells in both boxes."""
-        return Box(
-            max(self.top, other.top),
-            min(self.bottom, other.bottom),
-            max(self.left, other.left),
-            min(self.right, other.right),
-            self.size,
-        )
+        top, left = max(self.top, other.top), max(self.left, other.left)
+        bottom, right = min(self.bottom, other.bottom), min(self.right, other.right)
+        return Box(top, bottom, left, right, self.size)
 
-    def to_local(self, cell: int) -> int:
-        """The number of a grid cell within the box."""
-        y, x = divmod(cell, self.size)
-        return (y - self.top) * (self.right - self.left) + x - self.left
-
-    def to_grid(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The grid cells of cells within the box."""
-        y, x = np.divmod(cells, self.right - self.left)
-        return (y + self.top) * self.size + x + self.left
-
-    def inside(self, cells: NDArray[np.int64]) -> list[list[int]]:
-        """For each column of grid cells, the numbers within the box of those inside it."""
-        y, x = np.divmod(cells, self.size)
-        is_inside = (self.top <= y) & (y < self.bottom) & (self.left <= x) & (x < self.right)
-        local = (y - self.top) * (self.right - self.left) + x - self.left
-        result: list[list[int]] = [[] for _ in range(cells.shape[1])]
-        for which, step in zip(*is_inside.nonzero(), strict=True):
-            result[step].append(int(local[which, step]))
-        return result
+    def local(self, cells: Ints) -> tuple[Ints, Ints, Flags]:
+        """Rows and columns of grid cells, counted from the box's, and whether they are in it."""
+        (y, x), (height, width) = np.divmod(cells, self.size), self.shape
+        y, x = y - self.top, x - self.left
+        return y, x, (y >= 0) & (y < height) & (x >= 0) & (x < width)
 
 
 class Passes:
     """The forward and backward pass of one target, computed as far as they are needed.
 
     Attributes:
+        target: see `Target`.
         first: the plan's first step.
         kept: the probability that the searches of a step miss the person in a cell, by step:
             shape (n, N, N).
@@ -119,43 +90,38 @@ class Passes:
 
     def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
         n, grid = len(target.worth), target.belief.shape[1:]
-        self.target = target
-        self.first = first
+        self.target, self.first = target, first
         self.kept = np.ones((n, *grid))
         self.masses, self.rests = np.empty((2, n, *target.belief.shape))
         self.masses[0], self.rests[-1] = target.belief, 0.0
-        self._masses_to = 0  # masses are up to date until this step
-        self._rests_from = n - 1  # rests are up to date from this step
+        # Masses are up to date until the one step, rests from the other one on.
+        self._masses_to, self._rests_from = 0, n - 1
         for path in paths:
-            self.change(path, 0, self.target.detection)
+            self._set_kept(path, 0, 1.0 - target.detection)
 
-    def change(self, path: Path, begin: int, detection: float) -> None:
-        """Add the searches of a path that begins in a step; a detection of 0 removes them."""
+    def _set_kept(self, path: Path, begin: int, kept: float) -> None:
         steps = path.searches.nonzero()[0]
-        flat = self.kept.reshape(len(self.kept), -1)
-        flat[begin + steps, path.cells[steps]] = 1.0 - detection
+        self.kept.reshape(len(self.kept), -1)[begin + steps, path.cells[steps]] = kept
 
-    def invalidate(self, begin: int, end: int) -> None:
-        """Mark the passes as out of date: searches from `begin` to before `end` have changed."""
+    def replace(self, old: Path, new: Path, begin: int) -> None:
+        """Replace the searches of a drone from one step on by others."""
+        self._set_kept(old, begin, 1.0)
+        self._set_kept(new, begin, 1.0 - self.target.detection)
         self._masses_to = min(self._masses_to, begin)
-        self._rests_from = max(self._rests_from, end - 1)
+        self._rests_from = max(self._rests_from, begin + len(new.searches) - 1)
 
-    def forward_to(self, step: int) -> None:
-        """Bring the masses up to date until before a step."""
+    def update(self, begin: int, end: int) -> None:
+        """Bring the masses up to date until before one step, and the rests from another one on."""
         chain = self.target.chain
-        for now in range(self._masses_to, step):
+        for now in range(self._masses_to, end):
             mass = self.masses[now] * chain.lift(self.kept[now])
             self.masses[now + 1] = chain.forward(mass, self.first + now)
-        self._masses_to = max(self._masses_to, step)
-
-    def backward_to(self, step: int) -> None:
-        """Bring the rests up to date from a step on."""
-        chain = self.target.chain
-        for now in range(self._rests_from - 1, step - 1, -1):
+        self._masses_to = max(self._masses_to, end)
+        for now in range(self._rests_from - 1, begin - 1, -1):
             kept, worth = chain.lift(self.kept[now + 1]), self.target.worth[now + 1]
             value = kept * self.rests[now + 1] + (1.0 - kept) * worth
             self.rests[now] = chain.backward(value, self.first + now)
-        self._rests_from = min(self._rests_from, step)
+        self._rests_from = min(self._rests_from, begin)
 
     def likely(self, begin: int, end: int) -> Box:
         """The smallest box of the cells that the person may be in, in some steps, unless found.
@@ -168,7 +134,7 @@ class Passes:
         return Box(int(top.min()), int(bottom.max()), int(left.min()), int(right.max()), size)
 
     @cached_property
-    def _extents(self) -> NDArray[np.int64]:
+    def _extents(self) -> Ints:
         """First row, last row + 1, first column and last column + 1 of the forecast, by step."""
         mass, extents = self.target.belief, []
         for step in range(len(self.kept)):
@@ -180,6 +146,6 @@ class Passes:
 
     def found(self) -> Floats:
         """The probability of finding the person in each step."""
-        self.forward_to(len(self.kept) - 1)
+        self.update(len(self.kept), len(self.kept) - 1)
         found: Floats = ((1.0 - self.kept) * self.masses.sum(axis=1)).sum(axis=(1, 2))
         return found

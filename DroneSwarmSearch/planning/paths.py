@@ -10,12 +10,12 @@ Programming, 1957). One pass computes the values of all cells, for drones anywhe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 
 __all__ = ["FORBIDDEN", "Path", "best_path", "values_to_go"]
 
@@ -35,17 +35,18 @@ class Path(NamedTuple):
     """
 
     cells: Ints
-    searches: NDArray[np.bool_]
+    searches: Flags
 
 
-def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None = None) -> Floats:
+def values_to_go(gains: Floats, at_end: Floats, blocked: Sequence[Sequence[int]] = ()) -> Floats:
     """The most that a drone can gain, starting from each cell and step.
 
     Args:
         gains: the gain of searching a cell in a step, at least 0: shape (n, N, N), indexed
             [t, y, x].
         at_end: the value of each cell after the last step, shape (N, N); may be `FORBIDDEN`.
-        blocked: for each step, the cells y * N + x that the drone must not be in after it.
+        blocked: for each step, the cells y * N + x that the drone must not be in after it; none by
+            default.
 
     Returns:
         float64, shape (n + 1, N, N).
@@ -55,7 +56,7 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None 
     values[n] = at_end
     for step in range(n - 1, -1, -1):
         ahead, here = values[step + 1], values[step]
-        if blocked is not None and blocked[step]:
+        if blocked and blocked[step]:
             ahead = ahead.copy()
             ahead.reshape(-1)[blocked[step]] = FORBIDDEN
         # Gains are never negative, so searching is no worse than idling.
@@ -68,7 +69,7 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: list[list[int]] | None 
 
 
 def best_path(
-    gains: Floats, values: Floats, start: int, blocked: list[list[int]] | None = None
+    gains: Floats, values: Floats, start: int, blocked: Sequence[Sequence[int]] = ()
 ) -> Path:
     """A path that gains as much as possible.
 
@@ -87,7 +88,7 @@ def best_path(
     flat_gains, flat_values = gains.reshape(n, -1), values.reshape(n + 1, -1)
     for step in range(n):
         ahead = flat_values[step + 1]
-        closed = blocked[step] if blocked is not None else ()
+        closed = blocked[step] if blocked else ()
         best, target = FORBIDDEN, here
         if here not in closed:
             best = flat_gains[step, here] + ahead[here]

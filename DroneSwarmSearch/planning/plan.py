@@ -25,6 +25,7 @@ No two drones are ever in one cell: each avoids the cells where the others will 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -35,7 +36,6 @@ from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_path, values_t
 from DroneSwarmSearch.planning.segments import Segment, reach_of
 
 __all__ = ["Plan", "Report", "idle_paths"]
-
 
 Distortion = Callable[[Floats], Floats]
 """Changes the gains of a segment."""
@@ -48,6 +48,9 @@ MIN_GAIN = 1e-9
 
 STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
+
+SHORTEST, LONGEST = 3, 10
+"""Lengths of a distorted segment, in steps."""
 
 NEAREST = 3
 """The number of drones whose paths are improved around a distorted segment."""
@@ -70,22 +73,17 @@ class Plan:
         paths: every drone's path; no two drones are ever in one cell.
 
     Attributes:
-        targets: the same.
         paths: the current paths.
         work: the work done to improve the plan, in steps times cells.
+        round_work: the work of one round of improvement with short segments, about.
     """
 
     def __init__(self, targets: Sequence[Target], first: int, paths: Sequence[Path]) -> None:
-        self.targets = targets
-        self.work = 0
-        self._grid = targets[0].belief.shape[1:]
+        self.work, self._steps, self._size = 0, len(targets[0].worth), targets[0].belief.shape[-1]
         self.paths = [Path(path.cells.copy(), path.searches.copy()) for path in paths]
         self._passes = [Passes(target, first, self.paths) for target in targets]
-
-    @property
-    def steps(self) -> int:
-        """The number of steps planned, n."""
-        return len(self.paths[0].searches)
+        cells = sum(target.belief.size for target in targets)
+        self.round_work = len(paths) * self._steps * (STEP_WORK + cells)
 
     def success_probabilities(self) -> list[float]:
         """The probability that the plan finds each target (POS)."""
@@ -122,23 +120,23 @@ class Plan:
         Returns:
             How much the plan's value has increased.
         """
-        end = self.steps if end is None else end
+        end = self._steps if end is None else end
+        drones = range(len(self.paths)) if drones is None else drones
         lengths = [min(max_length or end - begin, end - begin)]
         while lengths[-1] > min_length:
             lengths.append(max(lengths[-1] // 2, min_length))
-        total, is_forward = 0.0, True
+        total, direction = 0.0, 1
         for number in range(max_rounds):
             gained = 0.0
             for place, length in enumerate(lengths):
-                offset = number * length // 2 % length
-                firsts = range(begin - offset, end, length)
+                firsts = range(begin - number * length // 2 % length, end, length)
                 # The passes are up to date where the last sweep ended.
-                for first in firsts if is_forward else reversed(firsts):
+                for first in firsts[::direction]:
                     report((number + place / len(lengths)) / max_rounds)
-                    for drone in range(len(self.paths)) if drones is None else drones:
+                    for drone in drones:
                         segment = max(first, begin), min(first + length, end)
                         gained += self.improve_segment(drone, *segment)
-                is_forward = not is_forward
+                direction = -direction
             total += gained
             if gained < min_gain:
                 break
@@ -159,14 +157,10 @@ class Plan:
         Returns:
             How much the plan's value has increased.
         """
-        size = self._grid[1]
-        path = self.paths[drone]
-        old = Path(path.cells[begin : end + 1], path.searches[begin:end])
-        is_last = end == self.steps
-        reach = reach_of(
-            int(old.cells[0]), None if is_last else int(old.cells[-1]), end - begin, size
-        )
-        parts = [Segment(passes, old, begin, end, reach) for passes in self._passes]
+        old = self._segment(drone, begin, end)
+        start, goal = int(old.cells[0]), None if end == self._steps else int(old.cells[-1])
+        reach = reach_of(start, goal, end - begin, self._size)
+        parts = [Segment(passes, old, begin, reach) for passes in self._passes]
         self.work += SEGMENT_WORK + (end - begin) * (STEP_WORK + sum(part.cells for part in parts))
         gains = np.zeros((end - begin, *reach.shape))
         for part in parts:
@@ -176,18 +170,20 @@ class Plan:
             gains = distort(gains)
         elif not gains.any():
             return 0.0
-        others = [other for number, other in enumerate(self.paths) if number != drone]
-        blocked = None
-        if others:
-            ahead = np.array([other.cells[begin + 1 : end + 1] for other in others])
-            blocked = reach.inside(ahead)
+        # The path is one of cells in reach: row and column there, and the number.
+        paths = np.array([path.cells[begin : end + 1] for path in self.paths])
+        y, x, inside = reach.local(paths)
+        numbers = np.where(inside, y * reach.shape[1] + x, -1)
+        others = [ahead for which, (_, *ahead) in enumerate(numbers.tolist()) if which != drone]
+        blocked = [[cell for cell in cells if cell >= 0] for cells in zip(*others, strict=True)]
         at_end = np.zeros(reach.shape)
-        if not is_last:
+        if goal is not None:
             at_end += FORBIDDEN
-            at_end.reshape(-1)[reach.to_local(int(old.cells[-1]))] = 0.0
+            at_end.reshape(-1)[numbers[drone, -1]] = 0.0
         values = values_to_go(gains, at_end, blocked)
-        new = best_path(gains, values, reach.to_local(int(old.cells[0])), blocked)
-        new = Path(reach.to_grid(new.cells), new.searches)
+        cells, searches = best_path(gains, values, int(numbers[drone, 0]), blocked)
+        rows, columns = np.divmod(cells, reach.shape[1])
+        new = Path((rows + reach.top) * self._size + columns + reach.left, searches)
         if np.array_equal(new.cells, old.cells) and np.array_equal(new.searches, old.searches):
             return 0.0
         gain = sum(part.gain(new) for part in parts)
@@ -196,15 +192,17 @@ class Plan:
         self._replace(drone, begin, new)
         return gain
 
+    def _segment(self, drone: int, begin: int, end: int) -> Path:
+        """A part of a drone's path; a view."""
+        path = self.paths[drone]
+        return Path(path.cells[begin : end + 1], path.searches[begin:end])
+
     def _replace(self, drone: int, begin: int, new: Path) -> None:
         """Replace a segment of a drone's path."""
-        path, end = self.paths[drone], begin + len(new.searches)
-        old = Path(path.cells[begin : end + 1], path.searches[begin:end])
+        old = self._segment(drone, begin, begin + len(new.searches))
         for passes in self._passes:
-            passes.change(old, begin, 0.0)
-            passes.change(new, begin, passes.target.detection)
-            passes.invalidate(begin, end)
-        path.cells[begin : end + 1], path.searches[begin:end] = new
+            passes.replace(old, new, begin)
+        old.cells[:], old.searches[:] = new
 
     def perturb(self, rng: np.random.Generator) -> None:
         """Improve every drone's whole path with randomly distorted gains.
@@ -213,21 +211,13 @@ class Plan:
         """
         for drone in range(len(self.paths)):
             self.improve_segment(
-                drone, 0, self.steps, lambda gains: gains * np.exp(rng.normal(size=gains.shape))
+                drone, 0, self._steps, lambda gains: gains * np.exp(rng.normal(size=gains.shape))
             )
-
-    @property
-    def round_work(self) -> int:
-        """The work of one round of improvement with short segments, about."""
-        cells = sum(target.belief.size for target in self.targets)
-        return len(self.paths) * self.steps * (STEP_WORK + cells)
 
     def explore(
         self,
         rng: np.random.Generator,
         work: float,
-        *,
-        lengths: tuple[int, int] = (3, 10),
         report: Report = lambda fraction: None,
     ) -> None:
         """Distort short segments at random, improve around them, and keep what is not worse.
@@ -235,37 +225,27 @@ class Plan:
         Args:
             rng: the source of random numbers.
             work: how much to do, see the attribute `work`.
-            lengths: the smallest and the largest length of a distorted segment, in steps.
             report: called from time to time with the completed fraction of the work.
         """
         begin_work = self.work
         while self.work < begin_work + work:
             report((self.work - begin_work) / work)
-            length = min(int(rng.integers(lengths[0], lengths[1] + 1)), self.steps)
-            begin = int(rng.integers(self.steps - length + 1))
-            first, last = max(begin - length // 4, 0), min(begin + length * 5 // 4, self.steps)
+            length = min(int(rng.integers(SHORTEST, LONGEST + 1)), self._steps)
+            begin = int(rng.integers(self._steps - length + 1))
+            first, last = max(begin - length // 4, 0), min(begin + length * 5 // 4, self._steps)
             near = self._nearest(int(rng.integers(len(self.paths))), begin + length // 2)
             strength = float(rng.choice(STRENGTHS))
 
             def distort(gains: Floats, strength: float = strength) -> Floats:
                 return gains * np.exp(strength * rng.normal(size=gains.shape))
 
-            before = {
-                drone: Path(path.cells[first : last + 1].copy(), path.searches[first:last].copy())
-                for drone, path in enumerate(self.paths)
-                if drone in near
-            }
+            before = copy.deepcopy({d: self._segment(d, first, last) for d in sorted(near)})
             gained = sum(
                 self.improve_segment(drone, begin, begin + length, distort)
                 for drone in near[: int(rng.integers(1, 3))]
             )
             gained += self.improve(
-                min_length=lengths[0],
-                min_gain=0.0,
-                max_rounds=1,
-                begin=first,
-                end=last,
-                drones=near,
+                min_length=SHORTEST, min_gain=0.0, max_rounds=1, begin=first, end=last, drones=near
             )
             if gained < 0.0:
                 for drone, old in before.items():
@@ -273,8 +253,7 @@ class Plan:
 
     def _nearest(self, drone: int, step: int) -> list[int]:
         """A drone and those nearest to it in a step, `NEAREST` in all."""
-        cells = np.array([path.cells[step] for path in self.paths])
-        y, x = np.divmod(cells, self._grid[1])
+        y, x = np.divmod([path.cells[step] for path in self.paths], self._size)
         distances = abs(y - y[drone]) + abs(x - x[drone])
         nearest: list[int] = distances.argsort(kind="stable")[:NEAREST].tolist()
         return nearest

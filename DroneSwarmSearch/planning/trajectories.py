@@ -13,7 +13,6 @@ from DroneSwarmSearch.drift.model import DriftModel
 
 __all__ = ["Trajectories", "chernoff_bound", "enumerate_trajectories", "sample_trajectories"]
 
-
 MOST_ENUMERATED = 65536
 """The most trajectories to enumerate: of the order of a sample, so at a similar cost."""
 
@@ -22,23 +21,21 @@ class Trajectories(NamedTuple):
     """Trajectories of a person, with their probabilities.
 
     Attributes:
-        cells: int64, shape (T, K): the person's cell at every step, y * N + x.
-        probabilities: float64, shape (K,), sum to 1.
+        cells: int64, shape (T, M): the person's cell at every step, y * N + x.
+        probabilities: float64, shape (M,), sum to 1.
     """
 
     cells: Ints
     probabilities: Floats
 
-    def until(self, steps: int) -> Trajectories:
-        """The first steps of all trajectories."""
-        return Trajectories(self.cells[:steps], self.probabilities)
+
+def equally_likely(cells: Ints) -> Trajectories:
+    """The trajectories of a sample."""
+    return Trajectories(cells, np.full(cells.shape[1], 1 / cells.shape[1]))
 
 
 def enumerate_trajectories(model: DriftModel, steps: int) -> Trajectories | None:
-    """All trajectories over a number of steps; None if there are more than `MOST_ENUMERATED`.
-
-    Each is one of states.
-    """
+    """All trajectories of states over some steps; None for more than `MOST_ENUMERATED`."""
     start = model.joint(0).reshape(-1)
     (states,) = start.nonzero()
     if len(states) > MOST_ENUMERATED:
@@ -61,7 +58,7 @@ def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectori
         cells[step] = model.cells(states)
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
         states = model.moved(states, step, *numbers(key, places).reshape(2, count))
-    return Trajectories(cells, np.full(count, 1 / count))
+    return equally_likely(cells)
 
 
 def chernoff_bound(mean: float, count: int, confidence: float) -> float:

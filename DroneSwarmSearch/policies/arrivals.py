@@ -2,13 +2,9 @@
 
 A drone that flies to a cell arrives some steps later, when the person may have drifted on. For
 every drone, `Arrivals` therefore evaluates each cell in the step in which that drone could search
-it, discounts the result by the distance, and describes it relative to the drone and to its best
-cell. The inputs do not depend on the scale of the probabilities, and have one length for all
-grids and numbers of drones, so one network serves them all.
-
-The inputs also have the four-fold symmetry of the grid: turning a search by a right angle only
-changes their order. `VIEWS` holds that order for each direction, so that a network can score
-every direction in the same way.
+it. The inputs do not depend on the scale of the probabilities, and have one length for all grids
+and numbers of drones, so one network serves them all. Turning a search by a right angle only
+changes their order, see `VIEWS`, so that a network can score every direction in the same way.
 """
 
 from __future__ import annotations
@@ -32,7 +28,6 @@ from DroneSwarmSearch.rules import Action
 __all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
 
 Ints = NDArray[np.integer]
-
 NEAR, FAR = DISCOUNT, 0.9
 """Factors on the success of a search for every step of the way: for the best cell, as in greedy
 search, and for a wider view."""
@@ -84,11 +79,8 @@ def _views() -> NDArray[np.int64]:
 
 
 VIEWS = _views()
-"""The order of the inputs in each view: int64, shape (4, INPUTS).
-
-`inputs[..., VIEWS[k]]` is what a drone observes that looks in direction `TURNS[k]`: in its windows
-x points straight ahead and y to its right.
-"""
+"""The order of the inputs in each view: int64, shape (4, INPUTS). `inputs[..., VIEWS[k]]` is what a
+drone observes that looks in direction `TURNS[k]`: x points straight ahead and y to its right."""
 
 
 class Arrivals:
@@ -164,7 +156,10 @@ class Arrivals:
         searches, n, size = len(ahead), self.n_drones, self.grid_size
         out = np.empty((searches, n, INPUTS), np.float32)
         flat = out.reshape(-1, INPUTS)
-        ahead = _scaled(ahead)
+        # The best cell now is 1; without a possible success, all cells are.
+        highest = ahead[:, 0].max(axis=(1, 2))[:, None, None, None]
+        relative = ahead / np.where(highest > 0.0, highest, 1.0)
+        ahead = np.where(highest > 0.0, relative, 1.0).astype(np.float32)
         fraction = (remaining / limit).astype(np.float32)
         self._crops.write(positions, ahead[:, 0], fraction, out[..., :LENGTH])
         out[..., LENGTH - 1] = 0.0
@@ -172,7 +167,10 @@ class Arrivals:
         x, y = positions.reshape(-1, 2).T
         distances = self._offsets[y][:, :, None] + self._offsets[x][:, None, :]
         too_far = distances >= remaining.repeat(n)[:, None, None]
-        arrivals, waits = self._on_arrival(ahead, distances), self._waits(ahead, distances)
+        later = ahead * self._discounts[1][: ahead.shape[1], None, None]
+        for step in reversed(range(ahead.shape[1] - 1)):
+            later[:, step] += later[:, step + 1]
+        arrivals, waits = (self._on_arrival(values, distances) for values in (ahead, later))
         arrivals[too_far] = waits[too_far] = 0.0
         far = arrivals * self._discounts[1].take(distances)
         by_search = distances.reshape(searches, n, size, size)
@@ -218,27 +216,12 @@ class Arrivals:
         return out
 
     def _on_arrival(self, ahead: Singles, distances: Ints) -> Singles:
-        """Each cell's success when each drone arrives: float32, shape (drones, N, N).
-
-        Args:
-            ahead: as for `inputs`.
-            distances: of each cell from each drone, in steps: shape (drones, N, N).
-        """
+        """Each cell's value in `ahead` when each drone arrives: float32, shape (drones, N, N)."""
         searches, steps, *_ = ahead.shape
         search = np.arange(searches).repeat(self.n_drones)[:, None, None]
         step = search * steps + np.minimum(distances, steps - 1)
         arrivals: Singles = ahead.reshape(-1).take(step * self.grid_size**2 + self._cells)
         return arrivals
-
-    def _waits(self, ahead: Singles, distances: Ints) -> Singles:
-        """Each cell's success on arrival and later, added up with the discount ``FAR``.
-
-        Arguments and result as for `_on_arrival`.
-        """
-        later = ahead * self._discounts[1][: ahead.shape[1], None, None]
-        for step in reversed(range(ahead.shape[1] - 1)):
-            later[:, step] += later[:, step + 1]
-        return self._on_arrival(later, distances)
 
     def _take_off(self, claims: Ints, *maps: Singles) -> None:
         """Lower each drone's values, (drones, N, N), of the cells that the others claim."""
@@ -258,9 +241,6 @@ class Arrivals:
             x: the drones' columns, shape (drones,).
             y: their rows.
             reduce: `np.max` or `np.sum`.
-
-        Returns:
-            float32, shape (drones, 5).
         """
         columns, rows = reduce(values, axis=1), reduce(values, axis=2)
         parts = [
@@ -274,19 +254,11 @@ class Arrivals:
         """The mean drift over the next steps along x and y, in cells per step: (searches,)."""
         last = min(4, ahead.shape[1] - 1)
         now, later = ahead[:, 0], ahead[:, last]
-        along = []
-        for axis in (1, 2):
-            means = [
+        before, after = (
+            [
                 part.sum(axis=axis) @ self._axis / np.maximum(part.sum(axis=(1, 2)), TINY)
-                for part in (now, later)
+                for axis in (1, 2)
             ]
-            along.append((means[1] - means[0]) / max(last, 1))
-        return along[0], along[1]
-
-
-def _scaled(ahead: NDArray[np.floating]) -> Singles:
-    """The argument of `Arrivals.inputs` with the best cell now at 1, or 1 in all cells."""
-    highest = ahead[:, 0].max(axis=(1, 2))
-    possible = (highest > 0.0)[:, None, None, None]
-    scale = np.where(highest > 0.0, highest, 1.0)[:, None, None, None]
-    return np.where(possible, ahead / scale, 1.0).astype(np.float32)
+            for part in (now, later)
+        )
+        return (after[0] - before[0]) / max(last, 1), (after[1] - before[1]) / max(last, 1)

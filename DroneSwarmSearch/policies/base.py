@@ -1,9 +1,8 @@
 """Base classes: one policy for a single search or a batch, with a memory for each search.
 
-Searches whose observations have been identical since they began share one memory, and the
-policy chooses once for all of them. With one person and a deterministic policy, a batch of
-thousands therefore costs little more than a single search. When the observations differ, the
-memory is copied.
+Searches whose observations have been identical since they began share one memory and one choice,
+until their observations differ. With one person and a deterministic policy, a batch of thousands
+therefore costs little more than a single search.
 """
 
 from __future__ import annotations
@@ -30,14 +29,10 @@ _NO_GROUP = -1
 class BatchPolicy(ABC):
     """A policy that accepts the observations of one search or of a batch.
 
-    Subclasses implement `_act` and `_reset`. To write a policy for one search at a time,
-    derive it from `SwarmPolicy`.
+    Derive your own from `SwarmPolicy`.
 
     Args:
         scenario: the parameters of every search to steer.
-
-    Attributes:
-        scenario: the same.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`.
@@ -127,19 +122,16 @@ class BatchPolicy(ABC):
         self, observations: Mapping[str, NDArray[Any]]
     ) -> tuple[Ints, NDArray[np.integer], Singles]:
         """The validated rows, positions and matrices of a batch."""
+        if "probability_matrix" not in observations:
+            given = ", ".join(observations)
+            raise ValueError(f"observations must hold a probability_matrix, got {given}")
         positions = np.asarray(observations["positions"])
         if positions.dtype.kind not in "iu":
             raise TypeError(f"positions must be integers, got {positions.dtype}")
         self._check_shape("positions", positions, self.scenario.n_drones, 2)
-        if "probability_matrix" not in observations:
-            raise ValueError(
-                f"observations must hold a probability_matrix, got {', '.join(observations)}"
-            )
         matrices = np.asarray(observations["probability_matrix"], np.float32)
         self._check_shape("probability_matrix", matrices, *self._grid)
-        rows = np.arange(len(positions))
-        if "row" in observations:
-            rows = _checked_rows("row", observations["row"])
+        rows = _checked_rows("row", observations.get("row", np.arange(len(positions))))
         for name, array in (("probability_matrix", matrices), ("row", rows)):
             if len(array) != len(positions):
                 raise ValueError(
@@ -192,103 +184,73 @@ class SwarmPolicy(BatchPolicy):
         if rows is None:
             self._group_of: Ints = np.empty(0, np.int64)  # by row
             self._memories: dict[int, Any] = {}  # by group
-            self._sizes: dict[int, int] = {}  # rows in each group
             self._next_group = 0
-            return
-        for row in rows[rows < len(self._group_of)].tolist():
-            self._remove_from(int(self._group_of[row]), 1)
-            self._group_of[row] = _NO_GROUP
+        else:
+            self._group_of[rows[rows < len(self._group_of)]] = _NO_GROUP
 
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
         actions = np.empty(positions.shape[:2], np.int64)
         if not rows.size:
             return actions
-        self._begin_new(rows)
-        for places in self._identical(self._group_of[rows], positions, matrices):
-            memory = self._memory_of(rows[places])
+        more = max(int(rows.max()) + 1 - len(self._group_of), 0)
+        self._group_of = np.pad(self._group_of, (0, more), constant_values=_NO_GROUP)
+        new = rows[self._group_of[rows] == _NO_GROUP]
+        if new.size:
+            self._add_group(new, self.begin())
+        groups, counts = np.unique(self._group_of, return_counts=True)
+        sizes = dict(zip(groups.tolist(), counts.tolist(), strict=True))
+        for group in self._memories.keys() - sizes.keys():
+            del self._memories[group]
+        for places in _identical(self._group_of[rows], positions, matrices):
+            group = int(self._group_of[rows[places[0]]])
+            memory = self._memories[group]
+            if len(places) < sizes[group]:
+                sizes[group] -= len(places)
+                memory = copy.deepcopy(memory)
+                self._add_group(rows[places], memory)
             cells = [(x, y) for x, y in positions[places[0]].tolist()]
             actions[places] = self.choose(memory, cells, matrices[places[0]])
         return actions
 
-    def _begin_new(self, rows: Ints) -> None:
-        """Give a memory to the rows at the start of an episode."""
-        missing = int(rows.max()) + 1 - len(self._group_of)
-        if missing > 0:
-            self._group_of = np.concatenate([self._group_of, np.full(missing, _NO_GROUP)])
-        new = rows[self._group_of[rows] == _NO_GROUP]
-        if new.size:
-            self._add_group(new, self.begin())
-
     def _add_group(self, rows: Ints, memory: Any) -> None:
-        group = self._next_group
+        self._group_of[rows], self._memories[self._next_group] = self._next_group, memory
         self._next_group += 1
-        self._group_of[rows] = group
-        self._memories[group], self._sizes[group] = memory, len(rows)
 
-    def _remove_from(self, group: int, rows: int) -> None:
-        """Remove a number of rows from a group; an empty group is deleted."""
-        if group == _NO_GROUP:
-            return
-        self._sizes[group] -= rows
-        if not self._sizes[group]:
-            del self._sizes[group], self._memories[group]
 
-    def _memory_of(self, rows: Ints) -> Any:
-        """The memory of rows of one group; a copy if the group has other rows, too."""
-        group = int(self._group_of[rows[0]])
-        memory = self._memories[group]
-        if len(rows) < self._sizes[group]:
-            memory = copy.deepcopy(memory)
-            self._remove_from(group, len(rows))
-            self._add_group(rows, memory)
-        return memory
-
-    @staticmethod
-    def _identical(
-        groups: Ints, positions: NDArray[np.integer], matrices: Singles
-    ) -> Iterator[Ints]:
-        """The indices of rows that share a memory and have identical observations now."""
-        order = np.argsort(groups, kind="stable")
-        borders = np.flatnonzero(np.diff(groups[order])) + 1
-        for places in np.split(order, borders):
-            if len(places) == 1:
-                yield places
-                continue
-            here = slice(None) if len(places) == len(groups) else places  # a slice copies nothing
-            seen = positions[here], matrices[here]
-            equal = [(array == array[0]).reshape(len(places), -1).all(axis=1) for array in seen]
-            same = np.logical_and(*equal)
-            yield places[same]
-            others: dict[tuple[bytes, bytes], list[int]] = {}
-            for place in places[~same].tolist():
-                key = positions[place].tobytes(), matrices[place].tobytes()
-                others.setdefault(key, []).append(place)
-            yield from map(np.array, others.values())
+def _identical(groups: Ints, positions: NDArray[np.integer], matrices: Singles) -> Iterator[Ints]:
+    """The indices of rows that share a memory and have identical observations now."""
+    order = np.argsort(groups, kind="stable")
+    borders = np.flatnonzero(np.diff(groups[order])) + 1
+    for places in np.split(order, borders):
+        if len(places) == 1:
+            yield places
+            continue
+        here = slice(None) if len(places) == len(groups) else places  # a slice copies nothing
+        seen = positions[here], matrices[here]
+        equal = [(array == array[0]).reshape(len(places), -1).all(axis=1) for array in seen]
+        same = np.logical_and(*equal)
+        yield places[same]
+        others: dict[tuple[bytes, bytes], list[int]] = {}
+        for place in places[~same].tolist():
+            key = positions[place].tobytes(), matrices[place].tobytes()
+            others.setdefault(key, []).append(place)
+        yield from map(np.array, others.values())
 
 
 def _checked_rows(name: str, value: ArrayLike) -> Ints:
     """Valid row indices: int64, shape (n,)."""
-    rows = np.asarray(value)
-    if rows.size == 0:
-        rows = rows.astype(np.int64)
-    if rows.dtype.kind not in "iu":
-        raise TypeError(f"{name} must be integers of at least 0, got {rows.dtype}")
-    if rows.ndim != 1:
-        raise ValueError(f"{name} must be of shape (n,), got {rows.shape}")
-    if rows.size and rows.min() < 0:
-        raise ValueError(f"{name} must be integers of at least 0, got {int(rows.min())}")
-    if len(np.unique(rows)) < len(rows):
-        raise ValueError(f"{name} must be all different, got {rows.tolist()}")
+    rows, what = np.asarray(value), f"{name} must be different integers of at least 0"
+    if rows.size and rows.dtype.kind not in "iu":
+        raise TypeError(f"{what}, got {rows.dtype}")
+    if rows.ndim != 1 or (rows < 0).any() or len(np.unique(rows)) < len(rows):
+        raise ValueError(f"{what}, of shape (n,), got {value!r:.100}")
     return rows.astype(np.int64, copy=False)
 
 
 def _checked_seeds(seed: object, rows: Ints | None) -> int | list[int] | None:
     """The valid seeds of a reset."""
-    if seed is None:
-        return None
-    if isinstance(seed, (list, tuple, np.ndarray)):
-        seeds = [checks.integer(f"seed[{i}]", value, 0) for i, value in enumerate(seed)]
-        if rows is not None and len(seeds) != len(rows):
-            raise ValueError(f"seed must be {len(rows)} integers, one for each row, got {seed!r}")
-        return seeds
-    return checks.integer("seed", seed, 0)
+    if not isinstance(seed, (list, tuple, np.ndarray)):
+        return None if seed is None else checks.integer("seed", seed, 0)
+    if rows is not None and len(seed) != len(rows):
+        raise ValueError(f"seed must be {len(rows)} integers, one for each row, got {seed!r}")
+    return [checks.integer(f"seed[{i}]", value, 0) for i, value in enumerate(seed)]

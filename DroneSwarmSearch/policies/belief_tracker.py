@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -43,11 +42,8 @@ class BeliefTracker:
 
     Copies are cheap; they share the forecasts and the beliefs, which never change.
 
-    Args:
-        scenario: the parameters of the search.
-
     Attributes:
-        scenario: the same.
+        scenario: the parameters of the search.
         forecasts: one for each person.
         step: completed steps.
         missing: the persons who count as missing, by number in ascending order; at least one.
@@ -86,46 +82,21 @@ class BeliefTracker:
         the coverage mission, it is unknown who would have been found, so each person counts as
         much as the probability that no search so far has found them.
         """
-        now: Floats = self.success_ahead(0)[0]
-        return now
+        success: Floats = Outlook(self, 0).success[0]
+        return success
 
     def success_ahead(self, steps: int) -> Floats:
-        """`success` in this step and each later one, if nobody searches in between.
-
-        Args:
-            steps: the number of steps to look ahead, at least 0.
+        """`success` in this step and some later ones, if nobody searches in between.
 
         Returns:
             float64, shape (steps + 1, N, N), indexed [steps from now, y, x]; a new array.
-
-        Raises:
-            TypeError: `steps` is not an integer.
-            ValueError: it is negative.
         """
-        return Outlook(self, checks.integer("steps", steps, 0)).success
-
-    def carried_ahead(self, person: int, steps: int) -> list[Floats]:
-        """`joint` in this step and each later one, if nobody searches in between."""
-        masses = [self.joint(person)]
-        for step in range(self.step, self.step + steps):
-            masses.append(self.forecasts[person].forward(masses[-1], step))
-        return masses
+        return Outlook(self, steps).success
 
     def worth(self, person: int) -> float:
         """The factor that turns `joint` of a missing person into `success`, before the mean."""
-        return self.scenario.detections[person] * (
-            self._beliefs[person].kept if self._beliefs else 1.0
-        )
-
-    def chance_of_find(self, person: int, searched: Sequence[int] | Ints) -> float:
-        """The probability that this step's searches find a missing person.
-
-        Args:
-            person: the person.
-            searched: the cells searched, y * N + x, all different.
-        """
-        within = float(self.belief(person).reshape(-1)[searched].sum())
-        return min(self.scenario.detections[person] * within, 1.0)
+        kept = self._beliefs[person].kept if self._beliefs else 1.0
+        return self.scenario.detections[person] * kept
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix that the environment shows while the given persons are missing.
@@ -198,8 +169,11 @@ class BeliefTracker:
 
     def _update_beliefs(self, searched: list[int]) -> None:
         """Apply Bayes' rule for unsuccessful searches."""
-        persons = range(len(self.forecasts))
-        beliefs, perhaps_found = [*(self._beliefs or map(self._belief_at_start, persons))], []
+        beliefs = list(self._beliefs or ())
+        if not beliefs:  # before the first search
+            persons = enumerate(zip(self.forecasts, self.scenario.detections, strict=True))
+            beliefs = [Belief(*person, self.joint(number)) for number, person in persons]
+        perhaps_found = []
         for person in self.missing:
             belief = beliefs[person]
             if belief.detection > 0.0 and belief.map().reshape(-1)[searched].any():
@@ -210,18 +184,13 @@ class BeliefTracker:
             beliefs[person] = after if is_coverage else after._replace(kept=belief.kept)
         self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)
 
-    def _belief_at_start(self, person: int) -> Belief:
-        """The belief before the first search."""
-        detection = self.scenario.detections[person]
-        return Belief(self.forecasts[person], detection, self.joint(person))
-
 
 class Outlook:
     """The success of searches in the next steps, less what planned searches find before them.
 
     Args:
         tracker: the beliefs; do not update it while the outlook is in use.
-        steps: the number of steps to look ahead, at least 0.
+        steps: the number of steps to look ahead.
 
     Attributes:
         success: the probability that a search of each cell is the first to find, as in
@@ -231,21 +200,19 @@ class Outlook:
 
     def __init__(self, tracker: BeliefTracker, steps: int) -> None:
         size, self._tracker = tracker.scenario.grid_size, tracker
-        self._masses = {person: tracker.carried_ahead(person, steps) for person in tracker.missing}
+        self._masses = {person: [tracker.joint(person)] for person in tracker.missing}
+        self._worths = {person: tracker.worth(person) for person in tracker.missing}
         self.success = np.zeros((steps + 1, size, size))
         for person, masses in self._masses.items():
-            worth = tracker.worth(person)
+            model = tracker.forecasts[person]
+            for step in range(tracker.step, tracker.step + steps):
+                masses.append(model.forward(masses[-1], step))
             for total, mass in zip(self.success, masses, strict=True):
-                total += worth * tracker.forecasts[person].map(mass)
+                total += self._worths[person] * model.map(mass)
         self.success /= len(tracker.missing)
 
     def search(self, cell: Cell, ahead: int) -> None:
-        """Plan a search: subtract what it finds, wherever that would drift.
-
-        Args:
-            cell: the (x, y) to search.
-            ahead: the steps from now.
-        """
+        """Plan a search of a cell (x, y) some steps from now: subtract what it finds."""
         (x, y), last = cell, min(len(self.success) - 1, ahead + FOLLOWED)
         first = self._tracker.step
         for person, masses in self._masses.items():
@@ -255,7 +222,7 @@ class Outlook:
             found.reshape(-1)[states] = detection * masses[ahead].reshape(-1)[states]
             if not found.any():
                 continue
-            worth = self._tracker.worth(person) / len(self._masses)
+            worth = self._worths[person] / len(self._masses)
             for later in range(ahead, last + 1):
                 masses[later] -= found
                 self.success[later] -= worth * model.map(found)

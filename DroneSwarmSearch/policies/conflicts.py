@@ -17,10 +17,9 @@ MOVES: dict[Cell, Action] = dict(zip(rules.MOVES, Action, strict=True))
 def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:
     """Every drone's next cell, given the cells that the drones want to enter.
 
-    Drones that exchange cells or rotate in a ring always move; if one of them gave way to another
-    drone, they would block each other forever. If other drones want the same cell, the first moves
-    and the rest stay. A drone also stays if a drone that stays occupies the cell it wants. Drones
-    may follow one another.
+    Drones that exchange cells or rotate in a ring always move; if one of them gave way, they would
+    block each other forever. Of other drones that want the same cell, the first moves. A drone
+    stays if the cell it wants is that of a drone that stays; drones may follow one another.
 
     Args:
         cells: every drone's cell, all different.
@@ -52,14 +51,11 @@ def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
         if cell in occupant and cell != cells[drone]
     }
     rings: set[int] = set()
-    visited: set[int] = set()
     for drone in follows:
-        trail: list[int] = []
-        here: int | None = drone
-        while here is not None and here not in visited:
-            visited.add(here)
+        trail, here = [drone], follows.get(drone)
+        while here is not None and here not in trail:
             trail.append(here)
             here = follows.get(here)
-        if here in trail:
-            rings.update(trail[trail.index(here) :])
+        if here == drone:
+            rings.update(trail)
     return rings

@@ -13,7 +13,6 @@ from DroneSwarmSearch.policies.tracks import Rectangle
 
 __all__ = ["REACH", "Datum", "datums_of"]
 
-
 REACH = 2.0
 """Standard deviations from the datum to each side: 91% of a normal distribution is inside."""
 
@@ -39,14 +38,13 @@ class Datum(NamedTuple):
         It extends ``REACH`` standard deviations to each side, reduced in tenths of a deviation
         until the effort suffices.
         """
-        for tenths in range(round(10 * REACH), 0, -1):
-            area = self._within(tenths / 10, grid_size)
-            if area.area <= self.effort:
-                return area
-        return self._within(0.0, grid_size)
+        areas = (
+            self._within(tenths / 10, grid_size) for tenths in range(round(10 * REACH), -1, -1)
+        )
+        return next(area for area in areas if area.area <= self.effort)
 
     def _within(self, reach: float, grid_size: int) -> Rectangle:
-        """All cells within a number of standard deviations along each axis."""
+        """All cells within a number of standard deviations along each axis; at 0, one cell."""
         ranges = []
         for mean, deviation in zip(self.mean, self.deviation, strict=True):
             first = max(math.floor(mean - reach * deviation + 0.5), 0)
@@ -57,12 +55,8 @@ class Datum(NamedTuple):
 
     def is_apart_from(self, other: Datum) -> bool:
         """Whether the areas of two datums, of ``REACH`` standard deviations, do not meet."""
-        return any(
-            abs(mean - others_mean) > REACH * (deviation + others_deviation) + 1.0
-            for mean, deviation, others_mean, others_deviation in zip(
-                self.mean, self.deviation, other.mean, other.deviation, strict=True
-            )
-        )
+        apart = abs(np.subtract(self.mean, other.mean))
+        return bool((apart > REACH * np.add(self.deviation, other.deviation) + 1.0).any())
 
 
 def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
@@ -72,11 +66,9 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
     usually has one datum; two last known positions far apart have two. An array is a single
     hypothesis, so that its datum is its mean.
     """
-    joint, weights = forecast.joint(step), forecast.weights.tolist()
-    # A weight may be too small for a float.
-    likely = [number for number, part in enumerate(joint) if part.any()]
-    joint, weights = joint[likely], [weights[number] for number in likely]
-    singles = [_datum(part, weight) for part, weight in zip(joint, weights, strict=True)]
+    parts = zip(forecast.joint(step), forecast.weights.tolist(), strict=True)
+    likely = [part for part in parts if part[0].any()]  # a weight may be too small for a float
+    singles = [_datum(*part) for part in likely]
     groups: list[list[int]] = []
     for number, single in enumerate(singles):
         apart, together = [], [number]
@@ -87,6 +79,7 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
                 together += group
         groups = [*apart, together]
     if len(groups) < len(singles):
+        joint, weights = np.array([mass for mass, _ in likely]), [weight for _, weight in likely]
         singles = [
             _datum(joint[group].sum(axis=0), sum(weights[number] for number in group))
             for group in groups
@@ -96,14 +89,11 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
 
 def _datum(matrix: Floats, weight: float) -> Datum:
     """The datum of a part of a forecast, float64, shape (N, N)."""
-    x, deviation_x = _moments(matrix.sum(axis=0) / matrix.sum())
-    y, deviation_y = _moments(matrix.sum(axis=1) / matrix.sum())
+    moments = []
+    for axis in (0, 1):
+        chances = matrix.sum(axis=axis) / matrix.sum()
+        numbers = np.arange(len(chances))
+        mean = float(chances @ numbers)
+        moments.append((mean, math.sqrt(float(chances @ (numbers - mean) ** 2))))
+    (x, deviation_x), (y, deviation_y) = moments
     return Datum((x, y), (deviation_x, deviation_y), weight=weight)
-
-
-def _moments(chances: Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the column or row."""
-    numbers = np.arange(len(chances))
-    mean = float(chances @ numbers)
-    variance = float(chances @ (numbers - mean) ** 2)
-    return mean, math.sqrt(variance)

@@ -35,15 +35,10 @@ another likely cell gather around the claimed one."""
 FADING = 0.9
 """Factor per step on the memory of a search, since the person may drift back."""
 
-WORTHWHILE = 0.3
-"""Fraction of the best cell's success that a cell needs to be a target. A posterior has wide
-flanks where searches hardly ever succeed, and a drone that stops there reaches the middle too
-late. On six searches of the suite, values up to 0.3 found equally many on average; 0.5 found 1.5
-percentage points fewer and 0.7 found 3.6 fewer."""
-
-WORTHWHILE_ON_ARRIVAL = 0.2
-"""The same for `ForecastGreedyPolicy`, relative to each drone's best cell on arrival. On random
-searches outside the suite, 0.2 found 0.1 to 0.4 percentage points more than 0.3 on average."""
+WORTHWHILE, WORTHWHILE_ON_ARRIVAL = 0.3, 0.2
+"""Fraction of the best cell's success, now and on arrival, that a cell needs to be a target. A
+posterior has wide flanks where searches hardly ever succeed, and a drone that stops there reaches
+the middle too late."""
 
 SLIGHT = 1e-20
 """Factor on the value of the other cells: enough to choose among them if all targets are taken."""
@@ -71,8 +66,7 @@ class _Greedy(SwarmPolicy):
 
         Args:
             cells: every drone's cell.
-            values: the values of the cells as targets, shape (N, N), or (n_drones, N, N) if they
-                differ between drones.
+            values: of the cells as targets, shape (N, N), or (n_drones, N, N) for each drone.
             claim: called with a drone, its target, and the drones that still choose; returns the
                 values for these, shape (drones, N, N). Without it, values stay.
         """
@@ -102,11 +96,11 @@ class _Greedy(SwarmPolicy):
 
 
 def worthwhile(success: Floating, share: float) -> Floating:
-    """The values of cells as targets, given the success there, both of shape (..., N, N).
+    """The values of cells as targets, which need a share of the best one's success.
 
     Args:
-        success: see above, at least 0.
-        share: the fraction of the best cell's success that a target needs.
+        success: of each cell, shape (..., N, N), at least 0.
+        share: see above.
     """
     best = success.max(axis=(-2, -1), keepdims=True)
     return np.where(success < share * best, SLIGHT * success, success)
@@ -116,8 +110,7 @@ def claimed_in_turn(values: Singles) -> Ints:
     """The array form of `_Greedy._targets` without `claim`, for many swarms.
 
     Args:
-        values: of each cell to each drone, discounted by the distance, at least 0; shape
-            (swarms, n, N * N).
+        values: of each cell to each drone, discounted, at least 0; shape (swarms, n, N * N).
 
     Returns:
         Each drone's target, y * N + x: int64, shape (swarms, n).
@@ -154,8 +147,7 @@ class GreedyPolicy(_Greedy):
     With `bayesian_update=True` the matrix shows which searches were unsuccessful. Otherwise the
     policy remembers its recent searches, and lowers the value of those cells for a few steps.
 
-    The policy is deterministic. Ties go to the first drone, then to the first cell row by row.
-    Time and memory per step are proportional to drones times cells.
+    Ties go to the first drone, then to the first cell row by row.
     """
 
     def begin(self) -> Floats:
@@ -202,7 +194,7 @@ class PosteriorGreedyPolicy(_Greedy):
     def _choice(
         self, memory: BeliefTracker, cells: list[Cell]
     ) -> tuple[list[tuple[int, Cell]], Floats]:
-        """See `_targets`; and the success in the cells on the way, shape (N, N)."""
+        """The drones' targets, see `_targets`, and the success in the cells on the way: (N, N)."""
         success = memory.success
         return self._targets(cells, worthwhile(success, WORTHWHILE)), success
 
@@ -211,23 +203,21 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
     """Greedy on the posterior at the time of arrival.
 
     It chooses like `PosteriorGreedyPolicy`, but the value of a cell at distance d is its
-    probability of success d steps from now, if nobody searches before
-    (`BeliefTracker.success_ahead`). So drones meet a drifting person instead of following. What a
-    drone finds on its target is subtracted for drones that arrive later, wherever it drifts. Cells
-    that a drone cannot reach and search before the time limit have no value.
+    probability of success d steps from now, if nobody searches before. So drones meet a drifting
+    person instead of following. What a drone finds on its target is subtracted for drones that
+    arrive later, wherever it drifts. Cells that a drone cannot reach and search before the time
+    limit have no value.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        axis = np.arange(scenario.grid_size)
-        self._distance = np.abs(axis[:, None] - axis)  # [a, b], along one axis
-        self._rows, self._columns = axis[:, None], axis
+        self._rows, self._columns = np.ogrid[: scenario.grid_size, : scenario.grid_size]
 
     def _choice(
         self, memory: BeliefTracker, cells: list[Cell]
     ) -> tuple[list[tuple[int, Cell]], Floats]:
-        x, y = np.array(cells).T
-        distances = self._distance[y][:, :, None] + self._distance[x][:, None, :]
+        x, y = np.array(cells).T[:, :, None, None]
+        distances = abs(self._rows - y) + abs(self._columns - x)  # [drone, y, x]
         steps = max(self.scenario.timestep_limit - memory.step - 1, 0)
         steps = min(steps, int(distances.max()))
         outlook = Outlook(memory, steps)
@@ -275,7 +265,4 @@ def _approach(
         for (dx, dy), action in MOVES.items()
         if to_x * dx + to_y * dy > 0 and (x + dx, y + dy) not in closed
     ]
-    if not nearer:
-        return Action.IDLE, cell
-    _, action, ahead = max(nearer, key=lambda option: option[0])
-    return action, ahead
+    return max(nearer, key=lambda it: it[0], default=(None, Action.IDLE, cell))[1:]

@@ -64,40 +64,29 @@ class _RouteProgress:
     Attributes:
         route: the cells to search in order; empty for a drone without a route.
         at: the index of the next one.
-        finished: whether all have been searched; the drone then flies back along the route.
+        is_done: whether no cell is left to be searched for the first time; the drone then flies
+            back along the route.
     """
 
     route: Route
     at: int = 0
-    finished: bool = False
+    is_done: bool = False
 
     @property
     def next_cell(self) -> Cell | None:
         return self.route[self.at] if self.route else None
 
-    @property
-    def is_done(self) -> bool:
-        """Whether no cell is left to be searched for the first time."""
-        return self.finished or not self.route
-
     def advance(self) -> None:
         """The next cell is being searched; continue with the one after it."""
         self.at += 1
         if self.at == len(self.route):
-            self.finished = True
-            self.route = self.route[::-1]
+            self.is_done, self.route = True, self.route[::-1]
             self.at = min(1, len(self.route) - 1)
 
 
 @dataclass
 class _PatternMemory:
-    """The memory of one search.
-
-    Attributes:
-        tracker: holds the forecasts and the missing persons.
-        progress: one for each drone.
-        passes: how many times tracks have been laid out.
-    """
+    """The beliefs, each drone's progress, and how many times tracks have been laid out."""
 
     tracker: BeliefTracker
     progress: list[_RouteProgress] = field(default_factory=list)
@@ -116,9 +105,8 @@ class PatternPolicy(SwarmPolicy):
             passes: how many times tracks have been laid out before.
 
         Returns:
-            Alternative routes for each drone, or for fewer, but at least one; each route is a list
-            of the cells to search in order. The nearest drone takes the one that starts nearest to
-            it.
+            Alternative routes for each drone, or for fewer, but at least one: lists of the cells
+            to search in order. The nearest drone takes the one that starts nearest to it.
         """
 
     def begin(self) -> _PatternMemory:
@@ -234,7 +222,7 @@ def _assigned(choices: Sequence[Sequence[Route]], cells: Sequence[Cell]) -> list
         for track, routes in enumerate(choices)
         for alternative, route in enumerate(routes)
     )
-    progress = [_RouteProgress([]) for _ in cells]
+    progress = [_RouteProgress([], is_done=True) for _ in cells]
     assigned: set[int] = set()
     for _, drone, track, alternative in pairs:
         if not progress[drone].route and track not in assigned:
@@ -275,11 +263,9 @@ def _step_towards(goal: Cell, cell: Cell, occupied: set[Cell]) -> Cell:
     """The next cell on the way to another one: around occupied cells, the longer leg first."""
     x, y = cell
     to_x, to_y = goal[0] - x, goal[1] - y
-    options = []
-    if to_x:
-        options.append((abs(to_x), (x + (1 if to_x > 0 else -1), y)))
-    if to_y:
-        options.append((abs(to_y), (x, y + (1 if to_y > 0 else -1))))
+    along_x = abs(to_x), (x + (1 if to_x > 0 else -1), y)
+    along_y = abs(to_y), (x, y + (1 if to_y > 0 else -1))
+    options = [option for option in (along_x, along_y) if option[0]]
     return min(options, key=lambda option: (option[1] in occupied, -option[0]))[1]
 
 

@@ -9,15 +9,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.planning.plan import Report
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["PlannedPolicy", "PlannedSearch", "PlannedStep", "Report"]
+__all__ = ["Act", "PlannedPolicy", "PlannedSearch", "PlannedStep"]
 
 HORIZON = 500
 """The most steps to plan at once, which bounds time and memory."""
@@ -28,8 +29,8 @@ CACHED_PLANS = 4096
 PlannedStep = tuple[list[Cell], list[int]]
 """Every drone's cell, and its action there."""
 
-Report = Callable[[float], None]
-"""Is called from time to time with the completed fraction of some work."""
+Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
+"""Chooses the drones' actions, given the beliefs and their cells."""
 
 
 @dataclass
@@ -39,28 +40,16 @@ class PlannedSearch:
     Attributes:
         tracker: the beliefs.
         plan: the steps of the plan; shared between searches, never changed.
-        first: the step in which the plan begins.
-        missing: the persons missing at that step.
-        situations: step, drones' cells and missing persons at every plan made in this search. With
+        situations: step, missing persons and drones' cells at every plan made in this search. With
             the scenario, they determine the plan.
     """
 
     tracker: BeliefTracker
     plan: list[PlannedStep] = field(default_factory=list)
-    first: int = 0
-    missing: tuple[int, ...] = ()
-    situations: tuple[Any, ...] = ()
+    situations: tuple[tuple[int, tuple[int, ...], tuple[Cell, ...]], ...] = ((0, (), ()),)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> PlannedSearch:
         return replace(self, tracker=copy.deepcopy(self.tracker, memo))
-
-    def actions(self, cells: list[Cell]) -> list[int] | None:
-        """The plan's actions in this step; None if it is over, or was made for something else."""
-        done = self.tracker.step - self.first
-        if self.tracker.missing != self.missing or done >= len(self.plan):
-            return None
-        expected, actions = self.plan[done]
-        return actions if expected == cells else None
 
 
 class PlannedPolicy(SwarmPolicy):
@@ -90,15 +79,16 @@ class PlannedPolicy(SwarmPolicy):
     def begin(self) -> PlannedSearch:
         return PlannedSearch(copy.deepcopy(self._tracker))
 
-    def choose(
-        self, memory: PlannedSearch, cells: list[Cell], matrix: NDArray[np.float32]
-    ) -> Sequence[int]:
-        memory.tracker.observe(matrix)
-        actions = memory.actions(cells)
-        if actions is None:
+    def choose(self, memory: PlannedSearch, cells: list[Cell], matrix: Singles) -> Sequence[int]:
+        tracker = memory.tracker
+        tracker.observe(matrix)
+        first, missing, _ = memory.situations[-1]
+        ahead = memory.plan[tracker.step - first :]
+        if not ahead or missing != tracker.missing or ahead[0][0] != cells:
             self._replan(memory, cells)
-            actions = memory.plan[0][1]
-        memory.tracker.update(cells, actions)
+            ahead = memory.plan
+        actions = ahead[0][1]
+        tracker.update(cells, actions)
         return actions
 
     def _replan(
@@ -106,14 +96,14 @@ class PlannedPolicy(SwarmPolicy):
     ) -> None:
         """Give a search a plan from its current step on."""
         tracker = memory.tracker
-        situations = (*memory.situations, tracker.step, tuple(cells), tracker.missing)
-        if situations not in self._plans:
+        now = tracker.step, tracker.missing, tuple(cells)
+        memory.situations = (*memory.situations, now)
+        if memory.situations not in self._plans:
             plan = self.plan(tracker, cells, report)
             if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
-            self._plans[situations] = plan
-        memory.plan, memory.situations = self._plans[situations], situations
-        memory.first, memory.missing = tracker.step, tracker.missing
+            self._plans[memory.situations] = plan
+        memory.plan = self._plans[memory.situations]
 
     def horizon(self, tracker: BeliefTracker) -> int:
         """The number of steps to plan: until the time limit, or `HORIZON`."""
@@ -121,14 +111,14 @@ class PlannedPolicy(SwarmPolicy):
 
     def simulated(
         self,
-        act: Callable[[BeliefTracker, list[Cell]], Sequence[int]],
+        act: Act,
         tracker: BeliefTracker,
         cells: list[Cell],
-    ) -> tuple[list[PlannedStep], NDArray[np.float64]]:
+    ) -> tuple[list[PlannedStep], Floats]:
         """The next steps of a swarm that finds nobody.
 
         Args:
-            act: the drones' actions, given the beliefs and their cells.
+            act: chooses the actions.
             tracker: the beliefs now; not updated.
             cells: every drone's (x, y).
 
@@ -143,9 +133,9 @@ class PlannedPolicy(SwarmPolicy):
             numbers = [y * self.scenario.grid_size + x for x, y in cells]
             moved = [*zip(numbers, actions, strict=True)]
             searched = [cell for cell, action in moved if action == Action.SEARCH]
-            if searched:
-                chances = [tracker.chance_of_find(each, searched) for each in tracker.missing]
-                unfound *= 1.0 - np.array(chances)
+            for which, person in enumerate(tracker.missing if searched else ()):
+                within = float(tracker.belief(person).reshape(-1)[searched].sum())
+                unfound[which] *= 1.0 - min(self.scenario.detections[person] * within, 1.0)
             tracker.update(cells, actions)
             cells = [self._positions[self._neighbours[cell][action]] for cell, action in moved]
         return steps, 1.0 - unfound

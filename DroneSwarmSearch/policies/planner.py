@@ -1,9 +1,4 @@
-"""The planner: follows an open-loop plan for all drones, and replans after a find.
-
-With one person, a plan for the whole episode suffices, because every search before the find has the
-same outcome (`planning.plan`). With several persons, the planner makes a new plan after each find,
-for those still missing.
-"""
+"""The planner: follows an open-loop plan (`planning.plan`), and replans after a find."""
 
 from __future__ import annotations
 
@@ -27,11 +22,8 @@ EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last. Of several plans, the one
 with the largest probability of success by the limit is chosen, without the bonus."""
 
-MIN_GAIN = 5e-4
-"""Improvement of an initial plan stops after a round that gains less."""
-
-MAX_ROUNDS = 8
-"""The most rounds for an initial plan; few plans need all of them."""
+MIN_GAIN, MAX_ROUNDS = 5e-4, 8
+"""Improvement of an initial plan stops after a round that gains less, or after so many."""
 
 MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
@@ -47,24 +39,19 @@ MAX_LENGTH_AFTER_FIND = 24
 EXPLORED_ROUNDS = 500
 """Exploring takes at most as much work as this many rounds of improvement."""
 
-RANDOM_STARTS = 32
-"""The most random initial plans. Only small searches can afford them, see `RANDOM_BUDGET`."""
-
-RANDOM_BUDGET = 400_000
-"""The largest product of random plans, drones, persons' hypotheses, steps and cells: about a
-second."""
+RANDOM_STARTS, RANDOM_BUDGET = 32, 400_000
+"""The most random initial plans, and the largest product of their number, drones, persons'
+hypotheses, steps and cells: about a second. Only small searches can afford them."""
 
 FEW_DRONES = 4
 """The most drones for which idle drones are an initial plan, too."""
 
 
 class PlannerPolicy(PlannedPolicy):
-    """Plans the paths of all drones together, regardless of the matrix shown.
+    """Plans the paths of all drones together, from its own beliefs (`BeliefTracker`).
 
     The first plan of a scenario takes seconds on a large grid; searches that begin in the same
-    way share it. On a terminal, a bar on stderr shows the progress after two seconds. Plans follow
-    from the planner's own beliefs (`BeliefTracker`), so they do not depend on whether the
-    environment shows posteriors.
+    way share it. On a terminal, a bar on stderr shows the progress after two seconds.
 
     A plan maximises the probability of success by the limit, with several persons its mean over
     those who are missing, and among nearly equal plans prefers early finds (``EARLY_BONUS``). With
@@ -87,8 +74,7 @@ class PlannerPolicy(PlannedPolicy):
 
         Raises:
             TypeError: they are not cells.
-            ValueError: their number differs from that of the drones, one is off the grid, or two
-                are equal.
+            ValueError: they are not different cells on the grid, one for each drone.
         """
         starts = self.scenario.drone_cells(drones_positions)
         self._has_bar = self._has_bar and report is None
@@ -111,13 +97,9 @@ class PlannerPolicy(PlannedPolicy):
         step, steps = tracker.step, self.horizon(tracker)
         bonus = EARLY_BONUS if self.scenario.mission == "rescue" else 0.0
         worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
+        forecasts, detections = tracker.forecasts, self.scenario.detections
         targets = [
-            Target(
-                tracker.forecasts[person],
-                self.scenario.detections[person],
-                tracker.joint(person),
-                worth,
-            )
+            Target(forecasts[person], detections[person], tracker.joint(person), worth)
             for person in tracker.missing
         ]
 
@@ -125,21 +107,23 @@ class PlannerPolicy(PlannedPolicy):
             return sum(Plan(targets, step, paths).success_probabilities())
 
         best_initial = max(initial, key=success)
-        starts = [int(path.cells[0]) for path in best_initial]
-        idle, perturbed = idle_paths(starts, steps), 0
-        work, max_length = WORK_AFTER_FIND, MAX_LENGTH_AFTER_FIND
-        if step % HORIZON == 0:
-            work, max_length = WORK, steps
-            if len(starts) <= FEW_DRONES:
-                initial = [*initial, idle]
-            hypotheses = sum(len(target.belief) for target in targets)
-            size = len(starts) * hypotheses * steps * self.scenario.grid_size**2
-            perturbed = min(RANDOM_STARTS, RANDOM_BUDGET // size)
-        else:
+        idle = idle_paths([int(path.cells[0]) for path in best_initial], steps)
+        work, max_length, perturbed = WORK_AFTER_FIND, MAX_LENGTH_AFTER_FIND, 0
+        if step % HORIZON:
             initial = [best_initial]
+        else:
+            work, max_length = WORK, steps
+            if len(idle) <= FEW_DRONES:
+                initial = [*initial, idle]
+            size = len(idle) * steps * sum(target.belief.size for target in targets)
+            perturbed = min(RANDOM_STARTS, RANDOM_BUDGET // size)
         count, best = len(initial) + perturbed, None
         rng = np.random.default_rng(0)
         for number, paths in enumerate([*initial, *[idle] * perturbed]):
+
+            def report_part(part: float, number: int = number) -> None:
+                report((number + part) / count / 2)
+
             plan = Plan(targets, step, paths)  # large, so only two exist at a time
             if number >= len(initial):
                 plan.perturb(rng)
@@ -148,13 +132,13 @@ class PlannerPolicy(PlannedPolicy):
                 min_gain=MIN_GAIN,
                 max_rounds=MAX_ROUNDS,
                 max_length=max_length,
-                report=_part(report, number / count / 2, (number + 1) / count / 2),
+                report=report_part,
             )
             if best is None or plan.value() > best.value():
                 best = plan
         assert best is not None
         work = min(work - best.work, EXPLORED_ROUNDS * best.round_work)
-        best.explore(rng, work, report=_part(report, 0.5, 1.0))
+        best.explore(rng, work, report=lambda part: report(0.5 + part / 2))
         return max(best.paths, best_initial, key=success)
 
     def _paths(self, steps: list[PlannedStep]) -> list[Path]:
@@ -181,8 +165,3 @@ class PlannerPolicy(PlannedPolicy):
             ]
             steps.append(([self._positions[cell] for cell in here], actions))
         return steps
-
-
-def _part(report: Report, begin: float, end: float) -> Report:
-    """The report of a part of the work: from one fraction of the whole to another."""
-    return lambda fraction: report(begin + fraction * (end - begin))

@@ -7,7 +7,7 @@ command, the training time and the learning curve.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -17,15 +17,11 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.layouts.masks import choose_in_turn
+from DroneSwarmSearch.planning.plan import Report
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
-from DroneSwarmSearch.policies.planned import (
-    PlannedPolicy,
-    PlannedSearch,
-    PlannedStep,
-    Report,
-)
+from DroneSwarmSearch.policies.planned import Act, PlannedPolicy, PlannedSearch, PlannedStep
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -65,7 +61,7 @@ class Network:
         width, last = INPUTS, len(layers) - 1
         for number, (weights, biases) in enumerate(layers):
             width += INPUTS * (number == last > 0)
-            if weights.ndim != 2 or biases.ndim != 1 or weights.shape != (width, len(biases)):
+            if biases.ndim != 1 or weights.shape != (width, len(biases)):
                 raise ValueError(
                     f"layers[{number}] must have weights of shape ({width}, outputs) and as many "
                     f"biases as outputs, got {weights.shape} and {biases.shape}"
@@ -130,11 +126,9 @@ class Network:
 class PPOPolicy(PlannedPolicy):
     """A network trained by PPO on randomly drawn searches; every drone runs a copy of it.
 
-    The policy tracks the exact posterior itself, regardless of the matrix shown (`BeliefTracker`).
-    Each drone observes the probability that searching a cell succeeds (POS) at the time of its
-    arrival there (`Arrivals`), and the network computes the logits of its actions. The drones
-    take their best actions in turn (`masks.choose_in_turn`), so they never collide and never
-    leave the grid.
+    The policy tracks the posterior itself. Each drone observes the probability that searching a
+    cell succeeds (POS) at the time of its arrival there (`Arrivals`), and the network computes the
+    logits of its actions. The drones take their best actions in turn (`masks.choose_in_turn`).
 
     Until a person is found, an unsuccessful search can be simulated exactly. Before the first
     step, the policy therefore simulates the search several times: with the network's best
@@ -179,38 +173,27 @@ class PPOPolicy(PlannedPolicy):
         self, tracker: BeliefTracker, cells: list[Cell], report: Report | None
     ) -> list[PlannedStep]:
         """The most successful simulation of the rest of a search."""
-        is_rescue = self.scenario.mission == "rescue"
         tracker = copy.deepcopy(tracker)
         # In a coverage mission nobody is found, as in the simulations.
         tracker.scenario = replace(self.scenario, mission="coverage")
-        candidates: list[Callable[[BeliefTracker, list[Cell]], Sequence[int]]] = [
-            self._preferred,
-            self._greedy.actions,
-        ]
+        candidates: list[Act] = [self._preferred, self._greedy.actions]
         if tracker.step == 0:  # after a find, samples for all continuations would take too long
-            for seed in range(self._samples or 0):
-                candidates.append(partial(self._preferred, rng=np.random.default_rng(seed)))
-        best, most = [], -1.0
-        for act in candidates:
-            steps, found = self.simulated(act, tracker, cells)
-            success = float(found.prod() if is_rescue else found.mean())
-            if success > most:
-                best, most = steps, success
-        return best
+            samples = map(np.random.default_rng, range(self._samples or 0))
+            candidates += [partial(self._preferred, rng=rng) for rng in samples]
+        simulations = [self.simulated(act, tracker, cells) for act in candidates]
+        success = np.prod if self.scenario.mission == "rescue" else np.mean
+        return max(simulations, key=lambda simulation: float(success(simulation[1])))[0]
 
     def _preferred(
         self, tracker: BeliefTracker, cells: list[Cell], rng: np.random.Generator | None = None
     ) -> list[int]:
         """The actions that the network prefers; with `rng` a sample."""
         limit, size = self.scenario.timestep_limit, self.scenario.grid_size
-        remaining = max(limit - tracker.step, 1)
-        ahead = tracker.success_ahead(self._arrivals.steps(remaining))
-        positions = np.array([cells])
+        remaining, positions = max(limit - tracker.step, 1), np.array([cells])
+        ahead = tracker.success_ahead(self._arrivals.steps(remaining))[None]
         detections = [self.scenario.detections[person] for person in tracker.missing]
         detection = np.array([sum(detections) / len(detections)])
-        inputs = self._arrivals.inputs(
-            ahead[None], positions, np.array([remaining]), limit, detection
-        )
+        inputs = self._arrivals.inputs(ahead, positions, np.array([remaining]), limit, detection)
         logits = self._network(inputs[0])
         if rng is not None:
             logits += (TEMPERATURE * rng.gumbel(size=logits.shape)).astype(np.float32)

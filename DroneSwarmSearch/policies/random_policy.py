@@ -27,61 +27,45 @@ class RandomPolicy(BatchPolicy):
     an environment with the same seed.
     """
 
-    _seeds: int | list[int]  # as given to `reset`
-    _resets: int  # resets of all rows without a seed, since then
-    _keys: Words  # for each row used so far, like the next two
-    _episodes: Words
-    _steps: Words
-
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._targets = neighbours_of_all(scenario.grid_size)  # [cell, action]
         self._reset(None, 0)
 
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
+        if rows is None and seeds is not None:
+            self._seeds: int | list[int] = seeds
+            self._episode = 0  # of rows to come
+            self._rows: Words = np.empty((3, 0), np.uint64)  # key, episode and step of each row
+            return
         if rows is None:
-            if seeds is None:
-                self._resets += 1
-                self._episodes = self._episodes + np.uint64(1)
-                self._steps = np.zeros_like(self._steps)
-                return
-            self._seeds, self._resets = seeds, 0
-            self._keys, self._episodes, self._steps = np.empty((3, 0), np.uint64)
-            return
-        if not rows.size:
-            return
-        self._add_rows(int(rows.max()) + 1)
-        self._steps[rows] = 0
+            self._episode += 1
+            rows = np.arange(self._rows.shape[1])
+        self._add_rows(rows)
+        keys, episodes, steps = self._rows
+        steps[rows] = 0
         if seeds is None:
-            self._episodes[rows] += np.uint64(1)
-            return
-        if isinstance(seeds, int):
-            seeds = [seeds + row for row in rows.tolist()]
-        self._keys[rows] = [policy_key(seed) for seed in seeds]
-        self._episodes[rows] = 0
+            episodes[rows] += np.uint64(1)
+        else:
+            given = [seeds + row for row in rows.tolist()] if isinstance(seeds, int) else seeds
+            keys[rows], episodes[rows] = [policy_key(seed) for seed in given], 0
 
-    def _add_rows(self, count: int) -> None:
-        """Add rows up to a total of `count`."""
-        known = len(self._keys)
+    def _add_rows(self, rows: Ints) -> None:
+        """Add the rows up to the last one of some rows."""
+        known, count = self._rows.shape[1], int(rows.max(initial=-1)) + 1
         if count <= known:
             return
-        keys = np.array([policy_key(self._seed_of(row)) for row in range(known, count)], np.uint64)
-        self._keys = np.concatenate([self._keys, keys])
-        episodes = np.full(count - known, self._resets, np.uint64)
-        self._episodes = np.concatenate([self._episodes, episodes])
-        self._steps = np.concatenate([self._steps, np.zeros(count - known, np.uint64)])
-
-    def _seed_of(self, row: int) -> int:
-        if isinstance(self._seeds, int):
-            return self._seeds + row
-        return self._seeds[row] if row < len(self._seeds) else row
+        seeds: int | list[int] = self._seeds
+        if isinstance(seeds, int):
+            seeds = [seeds + row for row in range(count)]
+        seeds = [*seeds, *range(len(seeds), count)][known:count]
+        new = [[policy_key(seed), np.uint64(self._episode), np.uint64(0)] for seed in seeds]
+        self._rows = np.concatenate([self._rows, np.array(new).T], axis=1)
 
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
         drones = positions.shape[1]
         actions = np.empty((len(rows), drones), np.int64)
-        if not rows.size:
-            return actions
-        self._add_rows(int(rows.max()) + 1)
+        self._add_rows(rows)
         uniforms = self._draw(rows, drones)
         cells = positions[..., 1].astype(np.int64) * self.scenario.grid_size + positions[..., 0]
         targets = self._targets[cells]  # [row, drone, action]
@@ -101,7 +85,8 @@ class RandomPolicy(BatchPolicy):
 
     def _draw(self, rows: Ints, drones: int) -> NDArray[np.float64]:
         """A uniform number in [0, 1) for every drone in this step, shape (E, drones)."""
-        first = np.multiply(self._steps[rows], np.uint64(drones), dtype=np.uint64)
+        keys, episodes, steps = self._rows
+        first = np.multiply(steps[rows], np.uint64(drones), dtype=np.uint64)
         places: Words = np.add.outer(first, np.arange(drones, dtype=np.uint64))
-        self._steps[rows] += np.uint64(1)
-        return numbers(episode_keys(self._keys[rows], self._episodes[rows])[:, None], places)
+        steps[rows] += np.uint64(1)
+        return numbers(episode_keys(keys[rows], episodes[rows])[:, None], places)

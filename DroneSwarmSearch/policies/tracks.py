@@ -33,14 +33,7 @@ Point = tuple[float, float]
 
 
 class Rectangle(NamedTuple):
-    """Consecutive columns and rows of the grid.
-
-    Attributes:
-        x: first column.
-        y: first row.
-        width: number of columns, at least 1.
-        height: number of rows, at least 1.
-    """
+    """Consecutive columns, from x on, and rows, from y on, of the grid; at least one of each."""
 
     x: int
     y: int
@@ -65,44 +58,29 @@ class Rectangle(NamedTuple):
 
 
 def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
-    """Parallel legs in alternating directions, one cell apart, half a cell from the edges.
+    """The turning points of parallel legs in alternating directions, one cell apart.
 
     With legs along the area's longer side this is the parallel sweep search, PS; along the
     shorter side, the creeping line search, CS.
 
     Args:
-        area: the area to search.
+        area: the area to search; legs begin and end half a cell from its edges.
         along_x: whether the legs are parallel to the x axis.
         corner: where the track starts.
-
-    Returns:
-        The turning points, two for each leg.
     """
-    columns: Sequence[int] = range(area.x, area.x + area.width)
-    rows: Sequence[int] = range(area.y, area.y + area.height)
-    if corner[0] != area.x:
-        columns = columns[::-1]
-    if corner[1] != area.y:
-        rows = rows[::-1]
+    columns = range(area.x, area.x + area.width)[:: 1 if corner[0] == area.x else -1]
+    rows = range(area.y, area.y + area.height)[:: 1 if corner[1] == area.y else -1]
     points: list[Point] = []
     for leg, line in enumerate(rows if along_x else columns):
         ends = (columns if along_x else rows)[:: -1 if leg % 2 else 1]
-        pair = ends[0], ends[-1]
-        points += [(end, line) if along_x else (line, end) for end in pair]
+        points += [(end, line) if along_x else (line, end) for end in (ends[0], ends[-1])]
     return points
 
 
 def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
-    """Divide an area into nearly equal strips of whole legs.
+    """Divide an area into a number of nearly equal strips of whole legs.
 
-    Args:
-        area: the area to divide.
-        count: the number of strips.
-        along_x: whether the legs are parallel to the x axis.
-
-    Returns:
-        The strips. With fewer legs than strips, the legs are cut; there are never more strips
-        than cells.
+    With fewer legs than strips, the legs are cut; there are never more strips than cells.
     """
     legs, length = (area.height, area.width) if along_x else (area.width, area.height)
     across = min(count, legs)
@@ -118,15 +96,7 @@ def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
 
 
 def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
-    """Divide an area into nearly square parts.
-
-    Args:
-        area: the area to divide.
-        count: the number of parts.
-
-    Returns:
-        The parts, row after row; never more than cells.
-    """
+    """Divide an area into a number of nearly square parts, row after row; at most one a cell."""
     ideal = math.sqrt(count * area.height / area.width)
     rows = min(max(1, round(ideal)), count, area.height)
     parts = []
@@ -138,6 +108,12 @@ def parts_of(area: Rectangle, count: int) -> list[Rectangle]:
         for left, width in _divided(area.width, columns):
             parts.append(Rectangle(area.x + left, area.y + top, width, height))
     return parts
+
+
+def _divided(length: int, parts: int) -> list[tuple[int, int]]:
+    """The start and length of each part, as integers; lengths differ by at most 1."""
+    borders = [length * part // parts for part in range(parts + 1)]
+    return [(begin, end - begin) for begin, end in pairwise(borders)]
 
 
 def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Point]:
@@ -177,18 +153,19 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
     return _ends_of_legs(datum, [radius] * 9, headings)
 
 
+def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[float]) -> list[Point]:
+    points = [start]
+    for length, heading in zip(lengths, headings, strict=True):
+        (x, y), angle = points[-1], math.radians(heading)
+        points.append((x + length * math.sin(angle), y - length * math.cos(angle)))
+    return points
+
+
 def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
-    """The cells along a track, each next to the one before it.
+    """The cells (x, y) along a track, as often as it crosses them, each next to the one before.
 
     Legs that are not parallel to an axis become staircases. Cells outside the grid are left out, so
     successive cells may not be adjacent where the track leaves the grid.
-
-    Args:
-        points: the turning points.
-        grid_size: cells along each side of the grid.
-
-    Returns:
-        The cells (x, y); a cell that the track crosses twice appears twice.
     """
     corners = [(math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in points]
     cells = corners[:1]
@@ -203,8 +180,7 @@ def _staircase(begin: Cell, end: Cell) -> list[Cell]:
     (x, y), (end_x, end_y) = begin, end
     columns, rows = abs(end_x - x), abs(end_y - y)
     step_x, step_y = (1 if end_x > x else -1), (1 if end_y > y else -1)
-    cells = []
-    i = j = 0
+    cells, i, j = [], 0, 0
     while i < columns or j < rows:
         # Cross the next border on the line: a column's or a row's.
         if (2 * i + 1) * rows < (2 * j + 1) * columns:
@@ -213,19 +189,3 @@ def _staircase(begin: Cell, end: Cell) -> list[Cell]:
             j, y = j + 1, y + step_y
         cells.append((x, y))
     return cells
-
-
-def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[float]) -> list[Point]:
-    x, y = start
-    points = [start]
-    for length, heading in zip(lengths, headings, strict=True):
-        x += length * math.sin(math.radians(heading))
-        y -= length * math.cos(math.radians(heading))
-        points.append((x, y))
-    return points
-
-
-def _divided(length: int, parts: int) -> list[tuple[int, int]]:
-    """The start and length of each part, as integers; lengths differ by at most 1."""
-    borders = [length * part // parts for part in range(parts + 1)]
-    return [(begin, end - begin) for begin, end in pairwise(borders)]

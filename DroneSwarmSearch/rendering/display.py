@@ -8,7 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.palette import CLASSIC, Look
+from DroneSwarmSearch.rendering.palette import Look
+from DroneSwarmSearch.rendering.text import render_text
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
@@ -18,19 +19,14 @@ __all__ = ["Display"]
 
 
 class Display:
-    """Renders frames. The painter and the window are created on first use.
+    """Renders frames of one grid size, in the window at most `fps` per second.
 
-    Copies and pickles have no window.
-
-    Args:
-        grid_size: cells along each side of the grid.
-        look: how the cells are drawn.
-        fps: frames per second at most in the window.
+    The painter and the window are created on first use. Copies and pickles have no window.
     """
 
-    def __init__(self, grid_size: int, look: Look = CLASSIC, *, fps: float) -> None:
+    def __init__(self, grid_size: int, look: Look | None = None, *, fps: float) -> None:
         self._grid_size = grid_size
-        self._look = look
+        self._look = look or Look()
         self._fps = fps
         self._is_dismissed = False
 
@@ -61,8 +57,6 @@ class Display:
             RuntimeError: "human", and no window can be opened.
         """
         if mode == "ansi":
-            from DroneSwarmSearch.rendering.text import render_text
-
             return render_text(frame)
         if mode == "rgb_array":
             return self._painter.pixels(frame)
@@ -71,7 +65,7 @@ class Display:
 
     def png(self, frame: Frame) -> bytes:
         """A frame as the content of a PNG file."""
-        from DroneSwarmSearch.rendering._pygame import pygame
+        import pygame
 
         file = io.BytesIO()
         pygame.image.save(self._painter.paint(frame), file, ".png")
@@ -101,12 +95,9 @@ class Display:
     def _show(self, frame: Frame) -> None:
         """Show a frame and wait for at most one frame period; open the window if needed.
 
-        The other events than keys, which stay in pygame's queue for the program, are removed.
-
-        Raises:
-            RuntimeError: no window can be opened.
+        Key events stay in pygame's queue for the program; others are removed.
         """
-        from DroneSwarmSearch.rendering._pygame import pygame
+        import pygame
 
         if self._is_dismissed:
             return

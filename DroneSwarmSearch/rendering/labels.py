@@ -34,16 +34,11 @@ def signed(value: float) -> str:
     return text if abs(value) >= 0.095 or float(text) == value else f"{value:+#.2g}"
 
 
-def tick_stride(room_needed: float, pitch: float) -> int:
-    """The distance between axis labels in cells: the smallest of 1, 2, 5, 10, 20, 50, ...
-
-    Args:
-        room_needed: length along the axis of a label with its spacing.
-        pitch: length of a cell along the axis, in the same unit.
-    """
+def tick_stride(room: float, pitch: float) -> int:
+    """The smallest of 1, 2, 5, 10, 20, 50, ... cells, of length `pitch`, that have the room."""
     power = 1
     while True:
-        for mantissa in (1, 2, 5):
-            if mantissa * power * pitch >= room_needed:
-                return mantissa * power
+        for stride in (power, 2 * power, 5 * power):
+            if stride * pitch >= room:
+                return stride
         power *= 10

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pygame
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.labels import percent
-from DroneSwarmSearch.rendering.palette import CLASSIC, GREY, INK, PAPER, WHITE, Look
-from DroneSwarmSearch.rendering.panel import Panel
+from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE, Look
+from DroneSwarmSearch.rendering.panel import draw_panel, panel_size
 from DroneSwarmSearch.rendering.search_map import (
     BOTTOM,
     LEFT,
@@ -29,40 +29,27 @@ SIDES = {"matrix": 720, "both": 660}
 """The views with the approximate side of a map in pixels: "matrix" is one map, of what the drones
 observe; "both" has the prior left of the posterior."""
 
-GAP = 6
-"""Pixels between the map's margin and the panel."""
-
-HEAD = 52
-"""The height of the headline."""
-
+GAP = 6  # between the map's margin and the panel, in pixels
+HEAD = 52  # the height of the headline
 TITLE_FONT, CAPTION_FONT, OUTCOME_FONT = 32, 24, 38
-TITLE_SHARE, TITLE_GAP = 0.55, 20
-OUTCOME_PADDING = 16
-
-PRIOR, POSTERIOR = "prior: the drift alone", "posterior: given the searches"
+CAPTIONS = "prior: the drift alone", "posterior: given the searches"
 
 
 class Painter:
-    """Draws frames of one grid size; needs no display and starts none.
-
-    Args:
-        grid_size: cells along each side.
-        look: how the cells are drawn.
-        view: a key of `SIDES`.
+    """Draws frames of one grid size in a view of `SIDES`; needs no display and starts none.
 
     Attributes:
         size: width and height of the pictures in pixels; both even, as video codecs require.
     """
 
-    def __init__(self, grid_size: int, look: Look = CLASSIC, *, view: str = "matrix") -> None:
-        self._view = view
-        self._map = SearchMap(grid_size, look, side=SIDES[view])
-        self._panel = Panel(look, symbol=self._map.symbol, least_height=self._map.side)
+    def __init__(self, grid_size: int, look: Look | None = None, *, view: str = "matrix") -> None:
+        self._look = look or Look()
+        self._map = SearchMap(grid_size, self._look, side=SIDES[view])
         width, height = self._map.size
         lefts = [0] if view == "matrix" else [0, width]
         self._map_areas = [pygame.Rect(left, HEAD, width, height) for left in lefts]
         right = self._map_areas[-1].right
-        self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), self._panel.size)
+        self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), panel_size(self._map.side))
         height = max(self._panel_area.bottom + BOTTOM, HEAD + height)
         width = self._panel_area.right + RIGHT
         self.size = width + width % 2, height + height % 2
@@ -79,10 +66,20 @@ class Painter:
         """
         canvas = pygame.Surface(self.size, 0, 32)
         canvas.fill(PAPER)
+        shown = [frame]
+        if len(self._map_areas) == 2:
+            prior = frame.matrix if frame.prior is None else frame.prior
+            shown.insert(0, replace(frame, matrix=prior))
+            for area, caption, each in zip(self._map_areas, CAPTIONS, shown, strict=True):
+                top, likeliest = area.top + CAPTION_FONT // 4, percent(float(each.matrix.max()))
+                write(canvas, caption, CAPTION_FONT, INK, topleft=(area.left + LEFT, top))
+                corner = area.right - RIGHT, top
+                write(canvas, f"likeliest cell {likeliest}", CAPTION_FONT, GREY, topright=corner)
         self._draw_head(canvas, frame)
-        for area, shown in zip(self._map_areas, self._maps(frame), strict=True):
-            self._map.draw(canvas.subsurface(area), shown, towards=towards, progress=progress)
-        self._panel.draw(canvas.subsurface(self._panel_area), frame)
+        for area, each in zip(self._map_areas, shown, strict=True):
+            self._map.draw(canvas.subsurface(area), each, towards or frame, progress)
+        panel = canvas.subsurface(self._panel_area)
+        draw_panel(panel, frame, self._look, self._map.symbol)
         return canvas
 
     def pixels(
@@ -91,48 +88,28 @@ class Painter:
         """`paint` as a new uint8 array of shape (height, width, 3)."""
         return to_array(self.paint(frame, towards=towards, progress=progress))
 
-    def _maps(self, frame: Frame) -> list[Frame]:
-        """What each map shows."""
-        if self._view == "matrix":
-            return [frame]
-        prior = frame.matrix if frame.prior is None else frame.prior
-        return [replace(frame, matrix=prior), frame]
-
     def _draw_head(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """The outcome, or before the end the policy's name; and what the maps show."""
-        captions = [PRIOR, POSTERIOR]
-        if self._view == "both":
-            maps = self._maps(frame)
-            for area, caption, shown in zip(self._map_areas, captions, maps, strict=True):
-                top = area.top + CAPTION_FONT // 4
-                write(canvas, caption, CAPTION_FONT, INK, topleft=(area.left + LEFT, top))
-                likeliest = f"likeliest cell {percent(float(shown.matrix.max()))}"
-                write(canvas, likeliest, CAPTION_FONT, GREY, topright=(area.right - RIGHT, top))
+        """The policy's name, and the outcome or, before the end, what a single map shows."""
         left, right = LEFT, self._map_areas[-1].right - RIGHT
         if frame.policy:
-            line = fitted_line(frame.policy, TITLE_FONT, (right - left) * TITLE_SHARE, INK)
-            left = canvas.blit(line, line.get_rect(midleft=(left, HEAD // 2))).right + TITLE_GAP
+            line = fitted_line(frame.policy, TITLE_FONT, (right - left) * 0.55, INK)
+            left = canvas.blit(line, line.get_rect(midleft=(left, HEAD // 2))).right + 20
         if frame.ending is not None:
-            self._draw_outcome(canvas, frame, pygame.Rect(left, 10, right - left, HEAD - 12))
-        elif self._view == "matrix":
-            caption = captions[frame.prior is not None]
-            anchor = {"midright": (right, HEAD // 2)}
-            if not frame.policy:
-                anchor = {"midleft": (left, HEAD // 2)}
-            write(canvas, caption, CAPTION_FONT, GREY, **anchor)
-
-    def _draw_outcome(self, canvas: pygame.Surface, frame: Frame, box: pygame.Rect) -> None:
-        """The outcome in white on its colour."""
-        text, ending = frame.outcome, frame.ending
-        if ending is not None and (ending is not Ending.FOUND or len(frame.persons) > 1):
-            text += f": {ending.description}"
-        pygame.draw.rect(canvas, outcome_colour(frame), box, border_radius=6)
-        line = fitted_line(text, OUTCOME_FONT, box.width - 2 * OUTCOME_PADDING, WHITE)
-        canvas.blit(line, line.get_rect(center=box.center))
+            box = pygame.Rect(left, 10, right - left, HEAD - 12)
+            pygame.draw.rect(canvas, outcome_colour(frame), box, border_radius=6)
+            text = frame.outcome
+            if frame.ending is not Ending.FOUND or len(frame.persons) > 1:
+                text += f": {frame.ending.description}"
+            line = fitted_line(text, OUTCOME_FONT, box.width - 32, WHITE)
+            canvas.blit(line, line.get_rect(center=box.center))
+        elif len(self._map_areas) == 1:
+            middle = HEAD // 2
+            anchor = {"midright": (right, middle)} if frame.policy else {"midleft": (left, middle)}
+            write(canvas, CAPTIONS[frame.prior is not None], CAPTION_FONT, GREY, **anchor)
 
 
 def to_array(surface: pygame.Surface) -> NDArray[np.uint8]:
     """A surface as a new uint8 array of shape (height, width, 3)."""
     width, height = surface.get_size()
-    data = pygame.image.tobytes(surface, "RGB")
-    return np.frombuffer(data, dtype=np.uint8).reshape(height, width, 3).copy()
+    pixels = np.frombuffer(pygame.image.tobytes(surface, "RGB"), np.uint8)
+    return pixels.reshape(height, width, 3).copy()

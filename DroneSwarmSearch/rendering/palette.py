@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "CLASSIC",
-    "PALETTES",
-    "Colour",
-    "Look",
-    "Palette",
-    "readable_on",
-    "shares_of_maximum",
-]
+__all__ = ["PALETTES", "Colour", "Look", "Palette", "readable_on", "shares_of_maximum"]
 
 Colour = tuple[int, int, int]
 
@@ -47,8 +40,7 @@ MIDDLE_FROM, HIGH_FROM = 0.25, 0.75
 """Without a gradient, the fractions of the maximum at which the middle and last shades start."""
 
 
-@dataclass(frozen=True)
-class Palette:
+class Palette(NamedTuple):
     """The colours of a map.
 
     Attributes:
@@ -60,21 +52,6 @@ class Palette:
 
     stops: tuple[Colour, ...]
     drones: str
-
-    @cached_property
-    def ramp(self) -> NDArray[np.uint8]:
-        """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
-        at = np.linspace(0.0, 1.0, N_SHADES)
-        places = np.linspace(0.0, 1.0, len(self.stops))
-        channels = [np.interp(at, places, channel) for channel in zip(*self.stops, strict=True)]
-        ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-        return ramp
-
-    def drone(self, number: int) -> Colour:
-        """The colour of a drone; those beyond the table reuse the first ones."""
-        table = self.drones.split()
-        r, g, b = bytes.fromhex(table[number % len(table)])
-        return r, g, b
 
 
 PALETTES = {
@@ -98,8 +75,7 @@ PALETTES = {
 
 def shares_of_maximum(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     """A matrix divided by its maximum; all zeros if the maximum is 0."""
-    top = matrix.max()
-    return matrix / top if top > 0.0 else np.zeros_like(matrix)
+    return matrix / (matrix.max() or np.float32(1.0))
 
 
 @dataclass(frozen=True)
@@ -116,22 +92,27 @@ class Look:
     gradient: bool = True
     palette: str = "classic"
 
+    @cached_property
+    def ramp(self) -> NDArray[np.uint8]:
+        """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
+        stops = np.array(PALETTES[self.palette].stops)
+        at, places = np.linspace(0.0, len(stops) - 1, N_SHADES), range(len(stops))
+        channels = [np.interp(at, places, channel) for channel in stops.T]
+        ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+        return ramp
+
     def colours(self, matrix: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The colours of probabilities; shape (*matrix.shape, 3)."""
         shares = shares_of_maximum(matrix)
-        if self.gradient:
-            shades = np.rint(shares * (N_SHADES - 1)).astype(np.intp)
-        else:
-            third = (shares >= MIDDLE_FROM).astype(np.intp) + (shares >= HIGH_FROM)
-            shades = third * (N_SHADES // 2)
-        return PALETTES[self.palette].ramp[shades]
+        if not self.gradient:
+            shares = np.float32(0.5) * np.digitize(shares, (MIDDLE_FROM, HIGH_FROM))
+        return self.ramp[np.rint(shares * (N_SHADES - 1)).astype(np.intp)]
 
     def drone(self, number: int) -> Colour:
-        """The colour of a drone."""
-        return PALETTES[self.palette].drone(number)
-
-
-CLASSIC = Look()
+        """The colour of a drone; those beyond the palette's table reuse the first ones."""
+        table = PALETTES[self.palette].drones.split()
+        r, g, b = bytes.fromhex(table[number % len(table)])
+        return r, g, b
 
 
 def readable_on(background: Colour) -> Colour:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pygame
 
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering import sprites
-from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.labels import signed
 from DroneSwarmSearch.rendering.palette import (
     FAINT,
@@ -24,182 +24,144 @@ from DroneSwarmSearch.rendering.palette import (
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-__all__ = ["Panel"]
+__all__ = ["draw_panel", "panel_size"]
 
 WIDTH, LEAST_HEIGHT = 232, 704
 
 HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42
 """Font sizes."""
 
-PROGRESS_TOP, PROGRESS_HEIGHT = 54, 7
-RESULTS_TOP, SUCCESS_TOP = 92, 144
-"""Distances from the upper edge, of results and of the probability of success below them."""
+RESULTS_TOP, RESULTS_HEIGHT, DRIFT_HEIGHT, SCALE_HEIGHT, SYMBOLS_HEIGHT = 92, 68, 112, 88, 144
+"""Of the sections; those below grow with their content."""
 
-RESULTS_HEIGHT, DRIFT_HEIGHT, SCALE_SECTION, SYMBOLS_HEIGHT = 68, 112, 88, 144
-SUCCESS_HEIGHT, RETURN_HEIGHT = 36, 24
-"""Of the sections, and of the lines that some searches add to the results."""
-
-HYPOTHESES_HEAD = 44
-HYPOTHESES_ROW = 22
-HYPOTHESES_ROWS = 3
-DRONES_LEAST = 49
-"""The heading and one row of drones."""
-
-RULE_ABOVE = 16
+HYPOTHESES_HEAD, HYPOTHESES_ROW, HYPOTHESES_ROWS = 44, 22, 3
+DRONES_HEAD, DRONE_ROW, DRONE_COLUMNS, DRONE_SYMBOL = 22, 27, 5, 20
 COMPASS = 62
-SCALE_HEIGHT = 16
-LABEL_GAP = 6
-SYMBOL_ROW = 30
 SYMBOL_LEAST, SYMBOL_MOST = 15, 24
+LABEL_GAP = 6
 
-FINDERS_NAMED = 4
-"""Drones named as finders; of more, only the first ones."""
-
-DRONE_COLUMNS = 5
-DRONE_ROW = 27
-DRONE_SYMBOL = 20
-
-WEIGHTS_HEIGHT = 17
-WEIGHTS_ROOM = 62, 22
-"""Of several persons, the room for the name and for the number of hypotheses."""
-WEIGHT_GAP_FROM = 4
-"""Parts of a bar at least this wide have a gap between them."""
+FINDERS_NAMED = 4  # of more drones that found somebody, only the first ones are named
 
 
-class Panel:
-    """Draws the panel on surfaces of its `size`.
+def panel_size(least_height: int) -> tuple[int, int]:
+    """The width and height of the panel in pixels."""
+    return WIDTH, max(least_height, LEAST_HEIGHT)
 
-    Args:
-        look: how the cells of the map are drawn.
-        symbol: side of a drone on the map in pixels; the legend shows it at this size.
-        least_height: in pixels.
 
-    Attributes:
-        size: width and height in pixels.
+def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) -> None:
+    """Draw all sections, one below the other, on a surface of `panel_size`.
+
+    The legend shows symbols in about the size that they have on the map, `symbol`.
     """
-
-    def __init__(self, look: Look, *, symbol: int, least_height: int) -> None:
-        self.size = WIDTH, max(least_height, LEAST_HEIGHT)
-        self._symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
-        self._look = look
-
-    def draw(self, canvas: pygame.Surface, frame: Frame) -> None:
-        """Draw all sections, one below the other."""
-        _draw_step(canvas, frame)
-        top = RESULTS_TOP + _draw_results(canvas, frame)
-        _draw_drift(canvas, frame.vector, top)
-        top += DRIFT_HEIGHT
-        self._draw_scale(canvas, float(frame.matrix.max()), top)
-        top += SCALE_SECTION
-        self._draw_symbols(canvas, top, bool(frame.persons))
-        top += SYMBOLS_HEIGHT
-        room = self.size[1] - top - HYPOTHESES_HEAD - DRONES_LEAST
-        rows = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW, len(frame.uncertain_persons))
-        if rows:
-            _draw_hypotheses(canvas, frame, rows, top)
-            top += HYPOTHESES_HEAD + HYPOTHESES_ROW * rows
-        self._draw_drones(canvas, len(frame.drones), top)
-
-    def _draw_scale(self, canvas: pygame.Surface, maximum: float, top: int) -> None:
-        """The colours, and the probabilities at their limits."""
-        _heading(canvas, "PROBABILITY OF A CELL, %", top)
-        colours = self._look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
-        bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
-        place = pygame.Rect(0, top + 22, WIDTH, SCALE_HEIGHT)
-        canvas.blit(pygame.transform.scale(bar, place.size), place)
-        pygame.draw.rect(canvas, INK, place, width=1)
-        limits = (0.0, 0.5, 1.0) if self._look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
-        room = WIDTH
-        for share in reversed(limits):
-            at = min(round(share * WIDTH), WIDTH - 1)
-            pygame.draw.line(canvas, INK, (at, place.bottom), (at, place.bottom + 3))
-            label = text_line(_percentage(share * maximum), SMALL, INK)
-            width = label.get_width()
-            left = max(0, min(at - width // 2, room - width))
-            canvas.blit(label, (left, place.bottom + 7))
-            room = left - LABEL_GAP
-
-    def _draw_symbols(self, canvas: pygame.Surface, top: int, persons: bool) -> None:
-        """The legend of the map."""
-        _heading(canvas, "SYMBOLS", top)
-        side, colour, half = self._symbol, self._look.drone(0), WIDTH // 2
-        small = sprites.drone(side - 4, colour)
-        symbols = [
-            (0, 0, "drone", (sprites.drone(side, colour),)),
-            (half, 0, "searching", (sprites.search_ring(SYMBOL_MOST + 4), small)),
-            (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL_MOST + 6), small)),
-        ]
-        if persons:
-            found = (sprites.found(side, colour),)
-            symbols.append((0, 1, "person", (sprites.person(side),)))
-            symbols.append((0, 2, "found, in the drone's colour", found))
-        for left, row, meaning, images in symbols:
-            middle = top + 36 + row * SYMBOL_ROW
-            for image in images:
-                canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
-            write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
-
-    def _draw_drones(self, canvas: pygame.Surface, drones: int, top: int) -> None:
-        """The drones' colours and numbers, as many as fit."""
-        _heading(canvas, "DRONES", top)
-        write(canvas, f"{drones}", HEADING, GREY, topright=(WIDTH, top))
-        rows = (self.size[1] - top - 22) // DRONE_ROW
-        shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
-        for number in range(shown):
-            row, column = divmod(number, DRONE_COLUMNS)
-            middle = top + 34 + row * DRONE_ROW
-            left = column * WIDTH // DRONE_COLUMNS
-            image = sprites.drone(min(self._symbol, DRONE_SYMBOL), self._look.drone(number))
-            canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
-            write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
-        if shown < drones:
-            middle = top + 34 + (rows - 1) * DRONE_ROW
-            write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
-
-
-def _heading(canvas: pygame.Surface, text: str, top: int) -> None:
-    """The heading of a section, below a line."""
-    pygame.draw.line(canvas, FAINT, (0, top - RULE_ABOVE), (WIDTH - 1, top - RULE_ABOVE))
-    write(canvas, text, HEADING, GREY, topleft=(0, top))
-
-
-def _draw_step(canvas: pygame.Surface, frame: Frame) -> None:
+    symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
     write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
     _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
-    _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), PROGRESS_TOP)
+    _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), 54)
+    top = _draw_results(canvas, frame)
+    _draw_drift(canvas, frame.vector, top)
+    top += DRIFT_HEIGHT
+    _draw_scale(canvas, look, float(frame.matrix.max()), top)
+    top += SCALE_HEIGHT
+    _draw_symbols(canvas, look, symbol, bool(frame.persons), top)
+    top += SYMBOLS_HEIGHT
+    room = canvas.get_height() - top - HYPOTHESES_HEAD - DRONES_HEAD - DRONE_ROW
+    rows = min(HYPOTHESES_ROWS, room // HYPOTHESES_ROW, len(frame.uncertain_persons))
+    if rows:
+        _draw_hypotheses(canvas, frame, rows, top)
+        top += HYPOTHESES_HEAD + HYPOTHESES_ROW * rows
+    _draw_drones(canvas, look, symbol, len(frame.drones), top)
+
+
+def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) -> None:
+    """The colours, and the probabilities at their limits."""
+    _heading(canvas, "PROBABILITY OF A CELL, %", top)
+    colours = look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
+    bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
+    place = pygame.Rect(0, top + 22, WIDTH, 16)
+    canvas.blit(pygame.transform.scale(bar, place.size), place)
+    pygame.draw.rect(canvas, INK, place, width=1)
+    limits = (0.0, 0.5, 1.0) if look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
+    room = WIDTH
+    for share in reversed(limits):
+        at = min(round(share * WIDTH), WIDTH - 1)
+        pygame.draw.line(canvas, INK, (at, place.bottom), (at, place.bottom + 3))
+        label = text_line(_percentage(share * maximum), SMALL, INK)
+        width = label.get_width()
+        left = max(0, min(at - width // 2, room - width))
+        canvas.blit(label, (left, place.bottom + 7))
+        room = left - LABEL_GAP
+
+
+def _draw_symbols(canvas: pygame.Surface, look: Look, side: int, persons: bool, top: int) -> None:
+    """The legend of the map."""
+    _heading(canvas, "SYMBOLS", top)
+    colour, half = look.drone(0), WIDTH // 2
+    small = sprites.drone(side - 4, colour)
+    symbols = [
+        (0, 0, "drone", (sprites.drone(side, colour),)),
+        (half, 0, "searching", (sprites.search_ring(SYMBOL_MOST + 4), small)),
+        (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL_MOST + 6), small)),
+    ]
+    if persons:
+        found = (sprites.found(side, colour),)
+        symbols.append((0, 1, "person", (sprites.person(side),)))
+        symbols.append((0, 2, "found, in the drone's colour", found))
+    for left, row, meaning, images in symbols:
+        middle = top + 36 + row * 30
+        for image in images:
+            canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
+        write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
+
+
+def _draw_drones(canvas: pygame.Surface, look: Look, side: int, drones: int, top: int) -> None:
+    """The drones' colours and numbers, as many as fit."""
+    _heading(canvas, "DRONES", top, f"{drones}")
+    rows = (canvas.get_height() - top - DRONES_HEAD) // DRONE_ROW
+    shown = drones if drones <= rows * DRONE_COLUMNS else (rows - 1) * DRONE_COLUMNS
+    for number in range(shown):
+        row, column = divmod(number, DRONE_COLUMNS)
+        left, middle = column * WIDTH // DRONE_COLUMNS, top + 34 + row * DRONE_ROW
+        image = sprites.drone(min(side, DRONE_SYMBOL), look.drone(number))
+        canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
+        write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
+    if shown < drones:
+        middle = top + 34 + (rows - 1) * DRONE_ROW
+        write(canvas, f"and {drones - shown} more", SMALL, GREY, midleft=(0, middle))
+
+
+def _heading(canvas: pygame.Surface, text: str, top: int, right: str = "") -> None:
+    """The heading of a section, below a line."""
+    pygame.draw.line(canvas, FAINT, (0, top - 16), (WIDTH - 1, top - 16))
+    write(canvas, text, HEADING, GREY, topleft=(0, top))
+    if right:
+        write(canvas, right, HEADING, GREY, topright=(WIDTH, top))
 
 
 def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
-    """Persons found, probability of success and return; returns the height of the section."""
-    success, bottom = frame.probability_of_success, RESULTS_TOP + RESULTS_HEIGHT
+    """Persons found, probability of success and return; returns where the section ends."""
+    success, top, bottom = frame.probability_of_success, RESULTS_TOP, RESULTS_TOP + RESULTS_HEIGHT
     if frame.persons:
-        _heading(canvas, "PERSONS FOUND", RESULTS_TOP)
-        _draw_found(canvas, frame)
+        _heading(canvas, "PERSONS FOUND", top)
+        _write_ratio(canvas, sum(frame.found), len(frame.persons), top + 18, LARGE - 8)
+        finders = sorted({drone for drone in frame.found_by if drone is not None})
+        if finders:
+            names = ", ".join(map(str, finders[:FINDERS_NAMED]))
+            more = ", ..." if len(finders) > FINDERS_NAMED else ""
+            text = f"by drone{'s' * (len(finders) > 1)} {names}{more}"
+            write(canvas, text, SMALL, INK, topright=(WIDTH, top + 25))
         if success is not None:
-            write(canvas, "PROBABILITY OF SUCCESS", HEADING, GREY, topleft=(0, SUCCESS_TOP))
-            write(canvas, f"{success:.1%}", BODY, INK, topright=(WIDTH, SUCCESS_TOP - 2))
-            _draw_progress(canvas, success, SUCCESS_TOP + 18)
-            bottom += SUCCESS_HEIGHT
+            _write_pair(canvas, "PROBABILITY OF SUCCESS", f"{success:.1%}", bottom - 16)
+            _draw_progress(canvas, success, bottom + 2)
+            bottom += 36
     else:
-        _heading(canvas, "PROBABILITY OF SUCCESS", RESULTS_TOP)
+        _heading(canvas, "PROBABILITY OF SUCCESS", top)
         if success is not None:
-            write(canvas, f"{success:.1%}", LARGE - 8, INK, topleft=(0, RESULTS_TOP + 18))
+            write(canvas, f"{success:.1%}", LARGE - 8, INK, topleft=(0, top + 18))
     if frame.total_return is not None:
-        top = bottom - RULE_ABOVE
-        write(canvas, "RETURN", HEADING, GREY, topleft=(0, top))
-        write(canvas, _return(frame.total_return), BODY, INK, topright=(WIDTH, top - 2))
-        bottom += RETURN_HEIGHT
-    return bottom - RESULTS_TOP
-
-
-def _draw_found(canvas: pygame.Surface, frame: Frame) -> None:
-    _write_ratio(canvas, sum(frame.found), len(frame.persons), RESULTS_TOP + 18, LARGE - 8)
-    finders = sorted({drone for drone in frame.found_by if drone is not None})
-    if finders:
-        names = ", ".join(map(str, finders[:FINDERS_NAMED]))
-        more = ", ..." if len(finders) > FINDERS_NAMED else ""
-        text = f"by drone{'s' * (len(finders) > 1)} {names}{more}"
-        write(canvas, text, SMALL, INK, topright=(WIDTH, RESULTS_TOP + 25))
+        digits = 3 if abs(frame.total_return) < 10 else 0
+        _write_pair(canvas, "RETURN", _minus(f"{frame.total_return:,.{digits}f}"), bottom - 16)
+        bottom += 24
+    return bottom
 
 
 def _draw_drift(canvas: pygame.Surface, vector: tuple[float, float], top: int) -> None:
@@ -208,23 +170,21 @@ def _draw_drift(canvas: pygame.Surface, vector: tuple[float, float], top: int) -
     left, middle = COMPASS + 22, top + 22 + COMPASS // 2
     for name, value, row in (("x", vector[0], middle - 13), ("y", vector[1], middle + 13)):
         write(canvas, name, BODY, GREY, midleft=(left, row))
-        text = signed(value).replace("-", "\N{MINUS SIGN}")
-        write(canvas, text, BODY + 4, INK, midleft=(left + 22, row))
+        write(canvas, _minus(signed(value)), BODY + 4, INK, midleft=(left + 22, row))
 
 
 def _draw_hypotheses(canvas: pygame.Surface, frame: Frame, rows: int, top: int) -> None:
     """The probabilities of the hypotheses about the persons, as many persons as fit."""
-    _heading(canvas, "HYPOTHESES", top)
+    bar = pygame.Rect(0, top + 20, WIDTH, 17)
     if len(frame.hypotheses) == 1:
         (weights,) = frame.hypotheses
-        write(canvas, f"{len(weights)}", HEADING, GREY, topright=(WIDTH, top))
-        _draw_weights(canvas, weights, pygame.Rect(0, top + 20, WIDTH, WEIGHTS_HEIGHT))
+        _heading(canvas, "HYPOTHESES", top, f"{len(weights)}")
+        _draw_weights(canvas, weights, bar)
         return
     persons = frame.shown_uncertain_persons
-    if len(persons) > rows:
-        write(canvas, f"and {len(persons) - rows} more", HEADING, GREY, topright=(WIDTH, top))
-    before, behind = WEIGHTS_ROOM
-    bar = pygame.Rect(before, top + 20, WIDTH - before - behind, WEIGHTS_HEIGHT)
+    more = f"and {len(persons) - rows} more" if len(persons) > rows else ""
+    _heading(canvas, "HYPOTHESES", top, more)
+    bar.left, bar.width = 62, WIDTH - 84
     for person in persons[:rows]:
         weights = frame.hypotheses[person]
         write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
@@ -235,11 +195,9 @@ def _draw_hypotheses(canvas: pygame.Surface, frame: Frame, rows: int, top: int) 
 
 def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
     """A thin bar of which a share is filled."""
-    bar = pygame.Rect(0, top, WIDTH, PROGRESS_HEIGHT)
-    pygame.draw.rect(canvas, FAINT, bar, border_radius=PROGRESS_HEIGHT // 2)
-    bar.width = round(WIDTH * share)
-    if bar.width:
-        pygame.draw.rect(canvas, PROGRESS, bar, border_radius=PROGRESS_HEIGHT // 2)
+    for width, colour in ((WIDTH, FAINT), (round(WIDTH * share), PROGRESS)):
+        if width:
+            pygame.draw.rect(canvas, colour, (0, top, width, 7), border_radius=3)
 
 
 def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect) -> None:
@@ -247,19 +205,17 @@ def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygam
     edges = np.rint(bar.left + bar.width * np.cumsum((0.0, *weights))).astype(int).tolist()
     for number, (left, right) in enumerate(pairwise(edges)):
         colour = (PROGRESS, PROGRESS_LIGHT)[number % 2]
-        part = pygame.Rect(left, bar.top, right - left, bar.height)
-        if number and part.width >= WEIGHT_GAP_FROM:
-            part = pygame.Rect(left + 1, bar.top, part.width - 1, bar.height)
+        gap = 1 if number and right - left >= 4 else 0
+        part = pygame.Rect(left + gap, bar.top, right - left - gap, bar.height)
         canvas.fill(colour, part)
         label = text_line(f"{weights[number]:.0%}", SMALL, readable_on(colour))
         if label.get_width() + LABEL_GAP <= part.width:
             canvas.blit(label, label.get_rect(center=part.center))
 
 
-def _return(value: float) -> str:
-    """A return with a typographic minus sign and separated thousands."""
-    digits = 3 if abs(value) < 10 else 0
-    return f"{value:,.{digits}f}".replace("-", "\N{MINUS SIGN}")
+def _minus(number: str) -> str:
+    """A number with a typographic minus sign."""
+    return number.replace("-", "\N{MINUS SIGN}")
 
 
 def _percentage(probability: float) -> str:
@@ -269,6 +225,12 @@ def _percentage(probability: float) -> str:
         return f"{value:.3g}"
     digits, exponent = f"{value:.1e}".split("e")
     return f"{digits}e{int(exponent)}"
+
+
+def _write_pair(canvas: pygame.Surface, name: str, value: str, top: int) -> None:
+    """A name, and its value at the right."""
+    write(canvas, name, HEADING, GREY, topleft=(0, top))
+    write(canvas, value, BODY, INK, topright=(WIDTH, top - 2))
 
 
 def _write_ratio(canvas: pygame.Surface, part: int, whole: int, top: int, size: int) -> None:

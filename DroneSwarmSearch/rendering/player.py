@@ -7,32 +7,20 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
-__all__ = [
-    "SCORE_HEADERS",
-    "KeyHelp",
-    "Moment",
-    "Player",
-    "Recording",
-    "Score",
-    "refusal",
-    "score_row",
-]
+__all__ = ["KeyHelp", "Player", "Recording", "Score"]
 
 SLOWEST, FASTEST = 0.25, 8.0
 """Factors on the steps per second."""
 
 STEP_RATE = 8.0
 """Steps per second at which single steps and moves by hand are drawn."""
-
-YOU = "you (drone 0)"
 
 FLIGHT_KEYS = {
     **{"left": Action.LEFT, "a": Action.LEFT, "right": Action.RIGHT, "d": Action.RIGHT},
@@ -41,37 +29,29 @@ FLIGHT_KEYS = {
 }
 """Actions of drone 0 by the names of keys, as pygame names them."""
 
-REPEATING = frozenset({*FLIGHT_KEYS, ",", "up", "down"})
-"""Keys that act again while they are held down."""
 
+KeyHelp = tuple[str, str, str]
+"""Keys, what they do in a word or two, and in detail."""
 
-class KeyHelp(NamedTuple):
-    """A line on the screen about keys."""
-
-    keys: str
-    meaning: str
-    details: str
-
-
-_ON_BOTH = (
-    KeyHelp("P", "prior", "show the prior beside the posterior, or only the map of the drones"),
-    KeyHelp("N", "new seed", "search again with the next seed: another drift"),
+WATCHING = (
+    ("Space", "play, pause", "pause or resume; at the end, play again"),
+    ("Left, Right", "step", "one step back or forward"),
+    ("Up, Down", "speed", "faster or slower; also + and -"),
 )
-_AT_LAST = (
-    KeyHelp("H", "keys", "show or hide this list"),
-    KeyHelp("Esc", "quit", "close the window; also Q and, at the end, Enter"),
+FLYING = (
+    ("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
+    ("Space", "search", "search the cell of drone 0"),
+    ("I", "wait", "wait for a step; also the period key"),
 )
-_WATCHING = (
-    KeyHelp("Space", "play, pause", "pause or resume; at the end, play again"),
-    KeyHelp("Left, Right", "step", "one step back or forward"),
-    KeyHelp("Up, Down", "speed", "faster or slower; also + and -"),
+REPLAY = ("R", "replay", "play again; Home and End jump to the first and last step")
+FLY_AGAIN = ("R", "fly again", "fly the same search again")
+ON_BOTH = (
+    ("P", "prior", "show the prior beside the posterior, or only the map of the drones"),
+    ("N", "new seed", "search again with the next seed: another drift"),
 )
-_REPLAY = KeyHelp("R", "replay", "play again; Home and End jump to the first and last step")
-_FLY_AGAIN = KeyHelp("R", "fly again", "fly the same search again")
-_FLYING = (
-    KeyHelp("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
-    KeyHelp("Space", "search", "search the cell of drone 0"),
-    KeyHelp("I", "wait", "wait for a step; also the period key"),
+AT_LAST = (
+    ("H", "keys", "show or hide this list"),
+    ("Esc", "quit", "close the window; also Q and, at the end, Enter"),
 )
 
 
@@ -80,20 +60,6 @@ class Score(NamedTuple):
 
     name: str
     last: Frame
-
-
-SCORE_HEADERS = ("", "result", "POS", "return")
-
-
-def score_row(score: Score) -> tuple[str, str, str, str]:
-    """A score as the cells of a table, below `SCORE_HEADERS`."""
-    success, total = score.last.probability_of_success, score.last.total_return
-    return (
-        score.name,
-        outcome_in_brief(score.last),
-        "" if success is None else f"{success:.1%}",
-        "" if total is None else f"{total:,.0f}",
-    )
 
 
 class Recording:
@@ -106,7 +72,7 @@ class Recording:
         title: what is shown, in a few words.
         fly: plays one step with an action for drone 0, and returns its frame, where the keys
             fly that drone; `frames` is then that of the reset.
-        rivals: the results of others in the same search, called at the end of a flight.
+        rivals: the results of others in the same search, taken at the end of a flight.
 
     Attributes:
         frames: those recorded so far.
@@ -122,7 +88,7 @@ class Recording:
         title: str = "",
         *,
         fly: Callable[[Action], Frame] | None = None,
-        rivals: Callable[[], Sequence[Score]] = list,
+        rivals: Iterable[Score] = (),
     ) -> None:
         self.frames = [next(frames)]
         self.seen = 0
@@ -163,8 +129,8 @@ class Recording:
         """Play one step."""
         assert self._fly is not None
         self.frames.append(self._fly(action))
-        if self.has_ended and (rivals := self._rivals()):
-            self.scores = [Score(YOU, self.frames[-1]), *rivals]
+        if self.has_ended and (rivals := list(self._rivals)):
+            self.scores = [Score("you (drone 0)", self.frames[-1]), *rivals]
 
     def show(self, number: int) -> None:
         """Note that a frame is shown. At the end, reveal the persons in all frames.
@@ -181,22 +147,6 @@ class Recording:
     def stop(self) -> None:
         """Record no further frames."""
         self._stopped = True
-
-
-class Moment(NamedTuple):
-    """What a picture shows.
-
-    Attributes:
-        frame: the last frame that was reached.
-        towards: the next one, if the drones are on their way to it.
-        progress: the part of the way, from 0 to 1.
-        view: "matrix", what the drones see, or "both", the prior and the posterior.
-    """
-
-    frame: Frame
-    towards: Frame | None
-    progress: float
-    view: str
 
 
 class Player:
@@ -236,16 +186,21 @@ class Player:
     # What is shown.
 
     @property
-    def moment(self) -> Moment:
-        """What to draw."""
+    def moment(self) -> tuple[Frame, Frame | None, float]:
+        """The last frame that was reached; on the way to the next one, this and the progress."""
         frames, number = self.recording.frames, math.floor(self._position)
         progress = self._position - number
-        return Moment(frames[number], frames[number + 1] if progress else None, progress, self.view)
+        return frames[number], frames[number + 1] if progress else None, progress
+
+    @property
+    def _is_at_last(self) -> bool:
+        """Whether the last frame recorded so far is shown."""
+        return self._position == len(self.recording.frames) - 1
 
     @property
     def is_at_end(self) -> bool:
         """Whether the last frame of the episode is shown."""
-        return self.recording.has_ended and self._position == len(self.recording.frames) - 1
+        return self.recording.has_ended and self._is_at_last
 
     @property
     def is_paused(self) -> bool:
@@ -262,7 +217,7 @@ class Player:
                 parts.append("the end: Enter closes the window")
             elif self.is_paused:
                 parts.append("paused")
-            elif not self.recording.has_ended and self._position == len(self.recording.frames) - 1:
+            elif self._is_at_last:
                 parts.append("the policy is planning ...")
         return "   ".join(parts)
 
@@ -270,9 +225,9 @@ class Player:
     def keys(self) -> tuple[KeyHelp, ...]:
         """The keys that do something now, the most important ones first."""
         if self.recording.flies:
-            return (*_FLYING, *_ON_BOTH, _FLY_AGAIN, *_AT_LAST)
-        again = _FLY_AGAIN if self.recording.is_flight else _REPLAY
-        return (*_WATCHING, again, *_ON_BOTH, *_AT_LAST)
+            return (*FLYING, *ON_BOTH, FLY_AGAIN, *AT_LAST)
+        again = FLY_AGAIN if self.recording.is_flight else REPLAY
+        return (*WATCHING, again, *ON_BOTH, *AT_LAST)
 
     # Keys and time.
 
@@ -283,7 +238,7 @@ class Player:
             key: its name, as `pygame.key.name` returns it.
             repeated: whether it is held down and has acted before.
         """
-        if repeated and key not in REPEATING:
+        if repeated and key not in {*FLIGHT_KEYS, ","}:
             return
         self.hint = ""
         if key in ("escape", "q") or (key == "return" and self.is_at_end):
@@ -292,27 +247,17 @@ class Player:
             self.view = "both" if self.view == "matrix" else "matrix"
         elif key == "h":
             self.shows_keys = not self.shows_keys
-        elif key == "n":
-            self._begin_again(self.seed + 1)
-        elif key == "r" and self.recording.is_flight:
-            self._begin_again(self.seed)
-        elif self.recording.flies:
-            if key in FLIGHT_KEYS:
-                self._fly(FLIGHT_KEYS[key])
-        else:
+        elif key == "n" or (key == "r" and self.recording.is_flight):
+            self.recording.stop()
+            self._start(self.seed + (key == "n"))
+        elif not self.recording.flies:
             self._scrub(key)
-
-    def _begin_again(self, seed: int) -> None:
-        self.recording.stop()
-        self._start(seed)
-
-    def _fly(self, action: Action) -> None:
-        frames = self.recording.frames
-        self.hint = refusal(frames[-1], action)
-        if self.hint:
-            return
-        self._position = len(frames) - 1.0  # the last move is complete
-        self.recording.fly(action)
+        elif key in FLIGHT_KEYS:
+            frames = self.recording.frames
+            self.hint = _refusal(frames[-1], FLIGHT_KEYS[key])
+            if not self.hint:
+                self._position = len(frames) - 1.0  # the last move is complete
+                self.recording.fly(FLIGHT_KEYS[key])
 
     def _scrub(self, key: str) -> None:
         if key == "r" or (key == "space" and self.is_at_end):
@@ -350,19 +295,17 @@ class Player:
         self.recording.show(math.floor(self._position))
 
 
-def refusal(frame: Frame, action: Action) -> str:
+def _refusal(frame: Frame, action: Action) -> str:
     """Why drone 0 may not take an action; empty if it may.
 
     By the rules of the environment, leaving the grid and collisions end the episode. By hand,
     both happen by mistake, so these moves are refused.
     """
-    size = frame.grid_size
-    x, y = frame.drones[0]
-    ahead = neighbours(y * size + x, size)[action]
+    (x, y), *others = frame.drones
+    ahead = neighbours(y * frame.grid_size + x, frame.grid_size)[action]
     if ahead == OFF_GRID:
         return "the grid ends here"
-    cell = ahead % size, ahead // size
-    for number, other in enumerate(frame.drones[1:], 1):
-        if other == cell:
+    for number, (x, y) in enumerate(others, 1):
+        if y * frame.grid_size + x == ahead:
             return f"drone {number} is there"
     return ""

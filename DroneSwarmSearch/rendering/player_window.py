@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from DroneSwarmSearch.rendering._pygame import pygame
+import pygame
+
+from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.painter import SIDES, Painter
 from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE, Look
-from DroneSwarmSearch.rendering.player import SCORE_HEADERS, KeyHelp, Player, score_row
+from DroneSwarmSearch.rendering.player import KeyHelp, Player, Score
 from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rendering.window import Window
 
@@ -18,39 +20,19 @@ PICTURES_PER_SECOND = 30
 LONGEST_PAUSE = 0.1
 """Seconds that pass at most between two pictures; a slower machine shows slower motion."""
 
-REPEAT_AFTER, REPEAT_EVERY = 300, 110
-"""Milliseconds for keys that are held down."""
-
 ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}
 """The keypad's names of keys."""
 
-FONT, LINE = 20, 30
-"""The size of the text, and the height of a line with its margins."""
-
-STRIP = FONT // 2 + 2 * LINE
-"""The height of the strip."""
-
-VEIL = (*INK, 150)
-"""The colour over the picture behind a card of text, with its opacity."""
+FONT, LINE, STRIP = 20, 30, 70
+"""The size of the text, and the heights of a line with its margins and of the strip."""
 
 
 class PlayerWindow(Window):
-    """Shows a player, and passes it keys and time.
-
-    Args:
-        grid_size: cells along each side of the searches.
-        look: how their cells are drawn.
-    """
+    """Shows a player, and passes it keys and time."""
 
     def __init__(self, grid_size: int, look: Look) -> None:
         self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
         super().__init__(self._usual_size("matrix"))
-
-    def __enter__(self) -> PlayerWindow:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _usual_size(self, view: str) -> tuple[int, int]:
         """The size of the window in which a view needs no scaling."""
@@ -64,7 +46,7 @@ class PlayerWindow(Window):
             How the user quits.
         """
         self.open()
-        pygame.key.set_repeat(REPEAT_AFTER, REPEAT_EVERY)
+        pygame.key.set_repeat(300, 110)  # milliseconds, for keys that are held down
         held: set[str] = set()
         shown: object = None
         view, size = "matrix", self.surface.get_size()
@@ -91,34 +73,42 @@ class PlayerWindow(Window):
                 if self.surface.get_size() == size:  # not resized by the user
                     self.resize(self._usual_size(view))
                     size = self.surface.get_size()
-            state = player.moment, player.status, player.hint, player.shows_keys
+            state = player.moment, player.view, player.status, player.hint, player.shows_keys
             if state != shown:
                 self._draw(player)
                 shown = state
             player.advance(min(self.wait(PICTURES_PER_SECOND), LONGEST_PAUSE))
 
-    # Drawing.
-
     def _draw(self, player: Player) -> None:
-        moment = player.moment
-        painter = self._painters[moment.view]
-        picture = painter.paint(moment.frame, towards=moment.towards, progress=moment.progress)
+        frame, towards, progress = player.moment
+        picture = self._painters[player.view].paint(frame, towards=towards, progress=progress)
         area = picture.get_rect()
         canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)
         canvas.blit(picture, area)
         _draw_strip(canvas, area.height, player)
         if player.shows_keys:
-            keys = [(each.keys, each.details) for each in player.keys]
             veil = pygame.Surface(area.size, pygame.SRCALPHA)
-            veil.fill(VEIL)
+            veil.fill((*INK, 150))
             canvas.blit(veil, area)
-            card = _card("Keys", keys)
+            card = _card("Keys", [(keys, details) for keys, _, details in player.keys])
             canvas.blit(card, card.get_rect(center=area.center))
         elif player.is_at_end and player.recording.scores:
-            scores = [SCORE_HEADERS, *map(score_row, player.recording.scores)]
-            card = _card("Your result", scores)
+            heading = ("", "result", "POS", "return")
+            card = _card("Your result", [heading, *map(_score_row, player.recording.scores)])
             canvas.blit(card, card.get_rect(bottomright=area.bottomright))
         self.draw(canvas)
+
+
+def _score_row(score: Score) -> tuple[str, str, str, str]:
+    """A score as the cells of a table."""
+    name, last = score
+    success, total = last.probability_of_success, last.total_return
+    return (
+        name,
+        outcome_in_brief(last),
+        "" if success is None else f"{success:.1%}",
+        "" if total is None else f"{total:,.0f}",
+    )
 
 
 def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
@@ -138,7 +128,7 @@ def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
 
 def _key_image(key: KeyHelp) -> pygame.Surface:
     """A key cap and what the key does."""
-    cap, meaning = text_line(key.keys, FONT, INK), text_line(key.meaning, FONT, GREY)
+    cap, meaning = text_line(key[0], FONT, INK), text_line(key[1], FONT, GREY)
     pad = FONT // 3
     box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, FONT + pad)
     image = pygame.Surface((box.width + meaning.get_width() + 4 * pad, box.height), 0, 32)
@@ -151,20 +141,19 @@ def _key_image(key: KeyHelp) -> pygame.Surface:
 
 def _card(title: str, rows: Sequence[Sequence[str]]) -> pygame.Surface:
     """A table on a card; the columns from the third one hold numbers, aligned to the right."""
-    gap, line = FONT, LINE
     cells = [[text_line(cell or " ", FONT, INK) for cell in row] for row in rows]
     widths = [max(cell.get_width() for cell in column) for column in zip(*cells, strict=True)]
-    size = sum(widths) + gap * (len(widths) + 1), line * (len(rows) + 1) + 2 * gap
+    size = sum(widths) + FONT * (len(widths) + 1), LINE * (len(rows) + 1) + 2 * FONT
     card = pygame.Surface(size, 0, 32)
     card.fill(PAPER)
-    card.blit(text_line(title, FONT + FONT // 3, INK), (gap, gap))
+    write(card, title, FONT + FONT // 3, INK, topleft=(FONT, FONT))
     for number, row in enumerate(cells, 1):
-        left, middle = gap, gap + line * number + line // 2
+        left, middle = FONT, FONT + LINE * number + LINE // 2
         for column, (cell, width) in enumerate(zip(row, widths, strict=True)):
             place = cell.get_rect(midleft=(left, middle))
             if column > 1:
                 place.right = left + width
             card.blit(cell, place)
-            left += width + gap
+            left += width + FONT
     pygame.draw.rect(card, INK, card.get_rect(), width=1)
     return card

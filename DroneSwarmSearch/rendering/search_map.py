@@ -6,19 +6,17 @@ Of a large grid, the map shows the part where the search takes place, and a smal
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
+import pygame
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.rendering import sprites
-from DroneSwarmSearch.rendering._pygame import pygame
 from DroneSwarmSearch.rendering.labels import tick_stride
 from DroneSwarmSearch.rendering.palette import (
-    CLASSIC,
     FOUND,
     GREY,
     INK,
@@ -52,91 +50,55 @@ PART_FROM = 0.02
 OVERVIEW_SHARE, OVERVIEW_INSET = 0.2, 10
 """The side of the overview as a share of the map's, and its distance from the corner."""
 
-TICK_ROOM = 26
-TICK_FONT = 18
+TICK_ROOM, TICK_FONT = 26, 18
 
-GRID_FINEST = 12
-"""Lines closer than this would look like a pattern; only every fifth, tenth, ... is drawn."""
+LINES_APART, OPAQUE_FROM, GRID_OPACITY = 12, 16, 0.45
+"""Of lines closer than the first only every second, fifth, ... is drawn; lines closer than the
+second are fainter than the third."""
 
-GRID_OPACITY = 0.45
-GRID_FULL_FROM = 16
-"""The opacity of lines at least this far apart; closer lines are fainter."""
-
-SYMBOL_SHARE = 0.92
-SEARCHING_SHARE = 0.76
-"""The side of a symbol, and of a drone inside a search ring, as a share of its room."""
+SYMBOL_SHARE, SEARCHING_SHARE, PAIR_SHARE = 0.92, 0.76, 0.58
+"""The side of a symbol, and of a drone inside a search ring, as a share of its room; and the
+room of each of two symbols in a cell as a share of the cell's side."""
 
 SMALL_SHARE, SMALL_MOST = 1.15, 16
 """In small cells, symbols up to this side are larger than their room."""
 
-PAIR_SHARE = 0.58
-"""The room of each of two symbols in a cell, as a share of the cell's side."""
-
-DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST = 13, 14, 160
-LEAST_APART = 8
+DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST, LEAST_APART = 13, 14, 160, 8
 """Limits of sizes and distances, which hold even if symbols then leave their cell."""
 
-RING_MARGIN = 9
-"""How much larger than its drone a search ring is."""
+RING_MARGIN, COLLISION_MARGIN = 9, 1.5
+"""How much larger than its drone a search ring is, in pixels, and the star of a collision, as a
+share of a drone."""
 
-COLLISION_MARGIN = 1.5
-"""How much larger than its drones the star of a collision is, as a share of a drone."""
+NUMBER_FROM, NUMBER_SHARES = 24, (1.1, 1.0, 0.75)
+"""Drones of at least this side show their number; the font sizes of one, two and three digits as
+shares of the drone's body."""
 
-NUMBER_FROM = 24
-"""Drones of at least this side show their number."""
+TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 3, 230
+"""The width of a trail as a share of a cell, its least width, and the opacity of the last move."""
 
-NUMBER_SHARES = (1.1, 1.0, 0.75)
-"""Font sizes of numbers with one, two or three digits, as shares of the drone's body."""
-
-TRAIL_SHARE, TRAIL_LEAST, TRAIL_RIM = 0.13, 3, 1
-"""The width of a trail as a share of a cell, its least width, and the rim on both sides."""
-
-TRAIL_OPACITY = 230
-"""Of the last move; earlier ones fade."""
-
-SEARCHED_SHARE, SEARCHED_SIZES = 0.3, (5, 14)
+SEARCHED_SHARE, SEARCHED_LEAST, SEARCHED_MOST = 0.3, 5, 14
 """The mark of a search as a share of a cell, and its limits."""
 
-FADES = 6
-"""The opacities of marks that fade."""
-
-FRAME_WIDTH = 5
-"""The frame around the cells at the end of an episode."""
+FADES = 6  # the opacities of marks that fade
 
 Point = tuple[float, float]
+Places = Sequence[Sequence[float]]
 Sprite = tuple[pygame.Surface, Point]
 """An image and the place of its middle."""
-
-
-class Part(NamedTuple):
-    """A square part of the grid, in cells."""
-
-    left: float
-    top: float
-    cells: float
-
-    def towards(self, other: Part, progress: float) -> Part:
-        """The part on the way to another one."""
-        left, top, cells = (a + (b - a) * progress for a, b in zip(self, other, strict=True))
-        return Part(left, top, cells)
 
 
 class SearchMap:
     """Draws the map of one grid size on surfaces of its `size`.
 
-    Args:
-        grid_size: cells along each side.
-        look: how the cells are drawn.
-        side: the side of all shown cells together in pixels, about; if the whole grid is
-            shown, it is rounded so that a cell has whole pixels.
-
     Attributes:
-        side: side of all shown cells together, in pixels.
+        side: side of all shown cells together, in pixels: about that of the argument, so that
+            cells have whole pixels if the whole grid is shown.
         size: width and height in pixels, margins included.
         symbol: side of a drone alone in its cell, in pixels, at the largest scale.
     """
 
-    def __init__(self, grid_size: int, look: Look = CLASSIC, *, side: int = 720) -> None:
+    def __init__(self, grid_size: int, look: Look, *, side: int = 720) -> None:
         self._grid_size = grid_size
         self._look = look
         self.side = side
@@ -147,61 +109,53 @@ class SearchMap:
         self.symbol = _symbol_side(SYMBOL_SHARE, finest, DRONE_LEAST)
         # Of the picture that is being drawn.
         self._canvas: pygame.Surface
-        self._part: Part
+        self._left: float  # the shown part of the grid, in cells
+        self._top: float
+        self._cells: float
         self._pitch: float  # the side of a cell in pixels
 
-    def draw(
-        self,
-        canvas: pygame.Surface,
-        frame: Frame,
-        *,
-        towards: Frame | None = None,
-        progress: float = 0.0,
-    ) -> None:
-        """Draw the map of a frame.
+    def draw(self, canvas: pygame.Surface, frame: Frame, end: Frame, progress: float) -> None:
+        """Draw the map of a moment between two frames.
 
         Args:
             canvas: a surface of `size`, filled with the background.
-            frame: a frame of this grid size.
-            towards: the next frame, to draw drones and persons on their way.
+            frame: the last frame.
+            end: the next frame, to which drones and persons are on their way; or `frame`.
             progress: the part of the way that lies behind them, 0 to 1.
         """
-        self._canvas, self._part = canvas, self._part_of(frame)
-        if towards is not None:
-            self._part = self._part.towards(self._part_of(towards), progress)
-        self._pitch = self.side / self._part.cells
+        self._canvas = canvas
+        (part,) = _on_the_way([self._part(frame)], [self._part(end)], progress)
+        self._left, self._top, self._cells = part
+        self._pitch = self.side / self._cells
         self._draw_coordinates()
         canvas.set_clip((LEFT, TOP, self.side, self.side))
         self._draw_cells(frame.matrix)
         if self._look.grid:
             self._draw_lines()
-        end = towards or frame
         drones = _on_the_way(frame.drones, end.drones, progress)
         persons = _on_the_way(frame.persons, end.persons, progress)
         self._draw_trails(frame, drones)
         self._draw_searched(frame)
         canvas.set_clip((LEFT - 2, TOP - 2, self.side + 4, self.side + 4))
-        self._draw_symbols(frame, drones, persons, end)
-        if self._part.cells < self._grid_size:
+        self._draw_symbols(frame, end, drones, persons)
+        if self._cells < self._grid_size:
             self._draw_overview(frame)
         canvas.set_clip(None)
         if frame.ending is not None:
-            self._draw_frame(outcome_colour(frame), FRAME_WIDTH)
+            self._draw_border(outcome_colour(frame), 5)
 
-    def _part_of(self, frame: Frame) -> Part:
-        """The part of the grid that a frame shows: all of it, unless it is large."""
+    def _part(self, frame: Frame) -> tuple[float, float, float]:
+        """The left, top and side of the part of the grid that a frame shows, in cells."""
         size = self._grid_size
         if size <= WHOLE_MOST:
-            return Part(0.0, 0.0, size)
+            return 0, 0, size
         maps = [each for each in (frame.matrix, frame.prior) if each is not None]
-        rows, columns = np.logical_or.reduce(
-            [each >= PART_FROM * each.max() for each in maps]
-        ).nonzero()
-        persons = (frame.persons[person] for person in _shown_persons(frame))
-        cells = [*frame.drones, *persons, *((x, y) for x, y, _ in frame.searched)]
-        across = [*(x for x, _ in cells), int(columns.min()), int(columns.max())]
-        down = [*(y for _, y in cells), int(rows.min()), int(rows.max())]
-        extents = [(min(along), max(along) + 1) for along in (across, down)]
+        likely = np.logical_or.reduce([each >= PART_FROM * each.max() for each in maps])
+        cells = [*_symbol_cells(frame), *((x, y) for x, y, _ in frame.searched)]
+        extents = []
+        for axis in (0, 1):
+            along = [*likely.any(axis=axis).nonzero()[0].tolist(), *(cell[axis] for cell in cells)]
+            extents.append((min(along), max(along) + 1))
         need = max(high - low for low, high in extents) + 2 * PART_MARGIN
         count = min(max(math.ceil(need / PART_STEP) * PART_STEP, PART_LEAST), size)
         corner: list[int] = []
@@ -211,13 +165,11 @@ class SearchMap:
             if left > low or left + count < high:  # rounding has cut something off
                 left = round(middle)
             corner.append(min(max(left, 0), size - count))
-        left, top = corner
-        return Part(left, top, count)
+        return corner[0], corner[1], count
 
     def _at(self, x: float, y: float) -> Point:
         """The pixel of a point of the grid, in cells from its upper left corner."""
-        part = self._part
-        return LEFT + (x - part.left) * self._pitch, TOP + (y - part.top) * self._pitch
+        return LEFT + (x - self._left) * self._pitch, TOP + (y - self._top) * self._pitch
 
     def _centre(self, x: float, y: float) -> Point:
         """The middle of a cell in pixels."""
@@ -225,25 +177,24 @@ class SearchMap:
 
     # Cells.
 
-    def _draw_frame(self, colour: Colour, width: int) -> None:
+    def _draw_border(self, colour: Colour, width: int) -> None:
         """A frame around the cells."""
         outer = self.side + 2 * width
         place = (LEFT - width, TOP - width, outer, outer)
         pygame.draw.rect(self._canvas, colour, place, width=width)
 
     def _draw_coordinates(self) -> None:
-        canvas, side, part = self._canvas, self.side, self._part
-        self._draw_frame(INK, 1)
+        canvas, side = self._canvas, self.side
+        self._draw_border(INK, 1)
         stride = tick_stride(TICK_ROOM, self._pitch)
-        for low, horizontal in ((part.left, True), (part.top, False)):
+        for axis, low in enumerate((self._left, self._top)):
             first = math.ceil(low / stride) * stride
-            for cell in range(first, math.ceil(low + part.cells - 0.5), stride):
-                across, down = self._centre(cell, cell)
-                if horizontal:
-                    place = {"midbottom": (round(across), TOP - 7)}
-                else:
-                    place = {"midright": (LEFT - 8, round(down))}
-                write(canvas, f"{cell}", TICK_FONT, GREY, **place)
+            for cell in range(first, math.ceil(low + self._cells - 0.5), stride):
+                across, down = map(round, self._centre(cell, cell))
+                anchor = (
+                    {"midright": (LEFT - 8, down)} if axis else {"midbottom": (across, TOP - 7)}
+                )
+                write(canvas, f"{cell}", TICK_FONT, GREY, **anchor)
         write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + side + 8, TOP - 20))
         write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + side + 5))
 
@@ -253,29 +204,25 @@ class SearchMap:
         return pygame.image.frombuffer(colours.tobytes(), matrix.shape[::-1], "RGB")
 
     def _draw_cells(self, matrix: NDArray[np.float32]) -> None:
-        left, top, count = self._part
-        first_x, first_y = math.floor(left), math.floor(top)
-        last_x, last_y = math.ceil(left + count), math.ceil(top + count)
-        cells = self._colours(matrix).subsurface(
-            (first_x, first_y, last_x - first_x, last_y - first_y)
-        )
-        x, y = self._at(first_x, first_y)
-        right, bottom = self._at(last_x, last_y)
-        size = round(right) - round(x), round(bottom) - round(y)
+        first_x, first_y = math.floor(self._left), math.floor(self._top)
+        last_x, last_y = math.ceil(self._left + self._cells), math.ceil(self._top + self._cells)
+        size = last_x - first_x, last_y - first_y
+        cells = self._colours(matrix).subsurface((first_x, first_y), size)
+        x, y = map(round, self._at(first_x, first_y))
+        right, bottom = map(round, self._at(last_x, last_y))
         scale = pygame.transform.scale if self._pitch >= 1.0 else pygame.transform.smoothscale
-        self._canvas.blit(scale(cells, size), (round(x), round(y)))
+        self._canvas.blit(scale(cells, (right - x, bottom - y)), (x, y))
 
     def _draw_lines(self) -> None:
-        side, part = self.side, self._part
-        stride = tick_stride(GRID_FINEST, self._pitch)
-        opacity = GRID_OPACITY * min(1.0, stride * self._pitch / GRID_FULL_FROM)
+        side, stride = self.side, tick_stride(LINES_APART, self._pitch)
+        opacity = GRID_OPACITY * min(1.0, stride * self._pitch / OPAQUE_FROM)
         lines = pygame.Surface((side, side), pygame.SRCALPHA, 32)
-        colour = (*GREY, round(255 * opacity))
-        for low, horizontal in ((part.left, False), (part.top, True)):
+        for axis, low in enumerate((self._left, self._top)):
             first = math.floor(low / stride + 1) * stride
-            for cell in range(first, math.ceil(low + part.cells), stride):
+            for cell in range(first, math.ceil(low + self._cells), stride):
                 at = round((cell - low) * self._pitch)
-                lines.fill(colour, (0, at, side, 1) if horizontal else (at, 0, 1, side))
+                line = (0, at, side, 1) if axis else (at, 0, 1, side)
+                lines.fill((*GREY, round(255 * opacity)), line)
         self._canvas.blit(lines, (LEFT, TOP))
 
     def _draw_overview(self, frame: Frame) -> None:
@@ -286,19 +233,19 @@ class SearchMap:
         corners = [(near, far), (far, far), (near, near), (far, near)]
         sides = [(middle, far), (near, middle), (far, middle), (middle, near)]
         places = [pygame.Rect(LEFT + x, TOP + y, side, side) for x, y in corners + sides]
-        cells = [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
-        middles = [self._centre(x, y) for x, y in cells]
+        middles = [self._centre(x, y) for x, y in _symbol_cells(frame)]
 
         def hidden(place: pygame.Rect) -> int:
             room = place.inflate(self.symbol, self.symbol)
             return sum(room.collidepoint(middle) for middle in middles)
 
         place = min(places, key=hidden)
-        scale = pygame.transform.smoothscale
-        self._canvas.blit(scale(self._colours(frame.matrix), place.size), place)
+        whole = self._colours(frame.matrix)
+        self._canvas.blit(pygame.transform.smoothscale(whole, place.size), place)
         pygame.draw.rect(self._canvas, WHITE, place.inflate(2, 2), width=1)
         pygame.draw.rect(self._canvas, INK, place.inflate(4, 4), width=1)
-        left, top, count = (value * side / self._grid_size for value in self._part)
+        scale = side / self._grid_size
+        left, top, count = self._left * scale, self._top * scale, self._cells * scale
         shown = pygame.Rect(place.left + left, place.top + top, count + 1, count + 1)
         pygame.draw.rect(self._canvas, WHITE, shown, width=2)
         pygame.draw.rect(self._canvas, INK, shown.inflate(2, 2), width=1)
@@ -307,8 +254,7 @@ class SearchMap:
 
     def _draw_searched(self, frame: Frame) -> None:
         """Marks of the last searches, fading; the latest search of a cell counts."""
-        least, most = SEARCHED_SIZES
-        size = min(max(round(SEARCHED_SHARE * self._pitch), least), most)
+        size = min(max(round(SEARCHED_SHARE * self._pitch), SEARCHED_LEAST), SEARCHED_MOST)
         ages = {(x, y): age for x, y, age in frame.searched}
         marks = [
             (sprites.searched(size, opacity), self._centre(*cell))
@@ -317,42 +263,32 @@ class SearchMap:
         ]
         _blit_all(self._canvas, marks)
 
-    def _draw_trails(self, frame: Frame, drones: list[Point]) -> None:
-        """The drones' last moves, fading, up to where the drones are."""
-        side = self.side
+    def _draw_trails(self, frame: Frame, drones: Places) -> None:
+        """The drones' last moves, fading and with a rim, up to where the drones are."""
         width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
-        layer = pygame.Surface((side, side), pygame.SRCALPHA, 32)
-        for rim in (2 * TRAIL_RIM, 0):
+        layer = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
+        for rim in (1, 0):
             for number, (trail, at) in enumerate(zip(frame.trails, drones, strict=False)):
                 colour = WHITE if rim else self._look.drone(number)
-                points: list[Point] = [*trail, at]
-                for index, (start, end) in enumerate(pairwise(points)):
-                    if start != end:
-                        age = len(points) - 2 - index
-                        fade = _faded(age / (TRAIL_STEPS + 1)) * TRAIL_OPACITY // 255
-                        layer.fill((*colour, fade), self._move(start, end, width).inflate(rim, rim))
+                moves = list(pairwise([*trail, at]))
+                for index, (start, end) in enumerate(moves):
+                    if tuple(start) == tuple(end):
+                        continue
+                    age = (len(moves) - 1 - index) / (TRAIL_STEPS + 1)
+                    (x0, y0), (x1, y1) = self._centre(*start), self._centre(*end)
+                    move = pygame.Rect(round(x0) - LEFT, round(y0) - TOP, 0, 0)
+                    move.union_ip((round(x1) - LEFT, round(y1) - TOP, 0, 0))
+                    move.inflate_ip(width + 2 * rim, width + 2 * rim)
+                    layer.fill((*colour, _faded(age) * TRAIL_OPACITY // 255), move)
         self._canvas.blit(layer, (LEFT, TOP))
-
-    def _move(self, start: Point, end: Point, width: int) -> pygame.Rect:
-        """The pixels of a straight move along one axis, relative to the map."""
-        (x0, y0), (x1, y1) = self._centre(*start), self._centre(*end)
-        left, top = round(min(x0, x1)) - LEFT, round(min(y0, y1)) - TOP
-        right, bottom = round(max(x0, x1)) - LEFT, round(max(y0, y1)) - TOP
-        half = width // 2
-        return pygame.Rect(left - half, top - half, right - left + width, bottom - top + width)
 
     # Drones and persons.
 
     def _draw_symbols(
-        self,
-        frame: Frame,
-        drones_at: list[Point],
-        persons_at: list[Point],
-        end: Frame,
+        self, frame: Frame, end: Frame, drones_at: Places, persons_at: Places
     ) -> None:
         """Drones and persons; those at one place share its room, unless they only pass there."""
-        searching = end.searching
-        cells: dict[tuple[Point, Point], tuple[list[int], list[int]]] = {}
+        cells: dict[tuple[Sequence[float], Point], tuple[list[int], list[int]]] = {}
         for number, way in enumerate(zip(drones_at, end.drones, strict=True)):
             cells.setdefault(way, ([], []))[0].append(number)
         for number in _shown_persons(frame):
@@ -365,20 +301,28 @@ class SearchMap:
             if len(drones) > 1:
                 marks.append(_collision(places[: len(drones)], room))
             for drone, place in zip(drones, places, strict=False):
-                share = SEARCHING_SHARE if searching[drone] else SYMBOL_SHARE
+                share = SEARCHING_SHARE if end.searching[drone] else SYMBOL_SHARE
                 side = _symbol_side(share, room, DRONE_LEAST)
-                if searching[drone]:
+                if end.searching[drone]:
                     ring = max(round(side / SEARCHING_SHARE), side + RING_MARGIN)
                     marks.append((sprites.search_ring(ring), place))
-                symbols += self._drone(drone, side, place)
+                colour = self._look.drone(drone)
+                symbols.append((sprites.drone(side, colour), place))
+                if side >= NUMBER_FROM:
+                    digits = min(len(str(drone)), len(NUMBER_SHARES))
+                    font = round(side * sprites.body_share(side) * NUMBER_SHARES[digits - 1])
+                    symbols.append((text_line(f"{drone}", font, readable_on(colour)), place))
             side = _symbol_side(SYMBOL_SHARE, room, PERSON_LEAST)
             for person, place in zip(persons, places[len(drones) :], strict=True):
-                symbols.append((self._person(frame.found_by[person], side), place))
+                finder = frame.found_by[person]
+                image = sprites.person(side)
+                if finder is not None:
+                    image = sprites.found(side, self._look.drone(finder))
+                symbols.append((image, place))
         # Marks lie below all symbols: in small cells they reach into the neighbours.
-        _blit_all(self._canvas, marks)
-        _blit_all(self._canvas, symbols)
+        _blit_all(self._canvas, marks + symbols)
 
-    def _places(self, cell: Point, count: int) -> tuple[list[Point], float]:
+    def _places(self, cell: Sequence[float], count: int) -> tuple[list[Point], float]:
         """Middles of the symbols in one cell, and the side of the room of each, in pixels.
 
         One symbol is in the middle, two are on the diagonal, more form a square.
@@ -392,21 +336,6 @@ class SearchMap:
         left, top = (middle - apart * (along - 1) / 2 for middle in centre)
         squares = [(0, 0), (1, 1)] if count == 2 else [divmod(n, along) for n in range(count)]
         return [(left + apart * column, top + apart * row) for row, column in squares], room
-
-    def _drone(self, number: int, side: int, place: Point) -> list[Sprite]:
-        """A drone, with its number if it is large enough."""
-        colour = self._look.drone(number)
-        drawn = [(sprites.drone(side, colour), place)]
-        if side >= NUMBER_FROM:
-            digits = min(len(str(number)), len(NUMBER_SHARES))
-            font = round(side * sprites.body_share(side) * NUMBER_SHARES[digits - 1])
-            drawn.append((text_line(f"{number}", font, readable_on(colour)), place))
-        return drawn
-
-    def _person(self, found_by: int | None, side: int) -> pygame.Surface:
-        if found_by is None:
-            return sprites.person(side)
-        return sprites.found(side, self._look.drone(found_by))
 
 
 def outcome_colour(frame: Frame) -> Colour:
@@ -425,11 +354,10 @@ def _symbol_side(share: float, room: float, least: int) -> int:
 
 def _collision(places: list[Point], room: float) -> Sprite:
     """The star behind drones in one cell."""
-    lefts, tops = zip(*places, strict=True)
-    middle = ((min(lefts) + max(lefts)) / 2, (min(tops) + max(tops)) / 2)
-    spread = max(max(lefts) - min(lefts), max(tops) - min(tops))
-    side = spread + COLLISION_MARGIN * _symbol_side(SYMBOL_SHARE, room, DRONE_LEAST)
-    return sprites.collision(round(side)), middle
+    (left, top), (right, bottom) = np.min(places, axis=0), np.max(places, axis=0)
+    drone = _symbol_side(SYMBOL_SHARE, room, DRONE_LEAST)
+    side = max(right - left, bottom - top) + COLLISION_MARGIN * drone
+    return sprites.collision(round(side)), ((left + right) / 2, (top + bottom) / 2)
 
 
 def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
@@ -440,20 +368,20 @@ def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
 
 def _shown_persons(frame: Frame) -> list[int]:
     """The numbers of the persons whom a map may show."""
-    return [
-        person
-        for person, drone in enumerate(frame.found_by)
-        if drone is not None or not frame.hide_persons
-    ]
+    found_by = enumerate(frame.found_by)
+    return [person for person, drone in found_by if drone is not None or not frame.hide_persons]
 
 
-def _on_the_way(
-    cells: tuple[tuple[int, int], ...], ends: tuple[tuple[int, int], ...], progress: float
-) -> list[Point]:
-    """Places between cells and those of the next step."""
+def _symbol_cells(frame: Frame) -> list[tuple[int, int]]:
+    """The cells of all drones and shown persons."""
+    return [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
+
+
+def _on_the_way(starts: Places, ends: Places, progress: float) -> list[tuple[float, ...]]:
+    """Points between those of one frame and of the next one."""
     return [
-        (x0 + (x1 - x0) * progress, y0 + (y1 - y0) * progress)
-        for (x0, y0), (x1, y1) in zip(cells, ends, strict=True)
+        tuple(a + (b - a) * progress for a, b in zip(start, end, strict=True))
+        for start, end in zip(starts, ends, strict=True)
     ]
 
 

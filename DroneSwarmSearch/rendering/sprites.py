@@ -1,4 +1,4 @@
-"""The symbols of the map, as smooth vector shapes seen from above.
+"""The symbols of the map, as smooth vector shapes seen from above, and lines of text.
 
 Every function returns a cached surface that callers share: blit it, do not draw on it.
 """
@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 
-from DroneSwarmSearch.rendering._pygame import pygame
+import pygame
+
 from DroneSwarmSearch.rendering.palette import (
     COLLISION,
     GREY,
@@ -38,16 +39,15 @@ __all__ = [
     "write",
 ]
 
+# Sizes in pixels from which a drone has an outline, rotors and blades, and a person a life ring
+# and a body.
 OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60
 LIFE_RING_FROM, BODY_FROM = 24, 40
-"""Sizes in pixels from which a drone has an outline, rotors and blades, and a person a life
-ring and a body."""
 
-_CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-_TICK = ((-0.36, 0.04), (-0.09, 0.30), (0.38, -0.28))
-_TEXT_SUPERSAMPLING = 4
+TEXT_SUPERSAMPLING = 4
 
 Point = tuple[float, float]
+CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 class _Pen:
@@ -110,8 +110,8 @@ def text_line(text: str, size: int, colour: Colour) -> pygame.Surface:
     if not pygame.font.get_init():
         pygame.font.init()
     # Small glyphs are hinted to whole pixels; glyphs drawn enlarged keep their shapes.
-    large = pygame.font.Font(None, size * _TEXT_SUPERSAMPLING).render(text, True, colour)
-    width, height = (round(side / _TEXT_SUPERSAMPLING) for side in large.get_size())
+    large = pygame.font.Font(None, size * TEXT_SUPERSAMPLING).render(text, True, colour)
+    width, height = (round(side / TEXT_SUPERSAMPLING) for side in large.get_size())
     return pygame.transform.smoothscale(large, (width, height))
 
 
@@ -123,25 +123,17 @@ def fitted_line(text: str, size: int, width: float, colour: Colour) -> pygame.Su
     return line
 
 
-def body_share(size: int) -> float:
-    """The diameter of a drone's body as a share of its size, larger for small drones."""
-    return 0.56 if size < BLADES_FROM else 0.44
-
-
 def write(
     canvas: pygame.Surface, text: str, size: int, colour: Colour, **anchor: tuple[int, int]
 ) -> pygame.Rect:
-    """Write a line of text and return where it is.
-
-    Args:
-        canvas: the surface to draw on.
-        text: the text to write.
-        size: pygame's font size.
-        colour: the colour of the text.
-        anchor: an attribute of `pygame.Rect` with its value, such as `midleft=(x, y)`.
-    """
+    """Write a line of text where an attribute of `pygame.Rect` says, as `midleft=(x, y)`."""
     line = text_line(text, size, colour)
     return canvas.blit(line, line.get_rect(**anchor))
+
+
+def body_share(size: int) -> float:
+    """The diameter of a drone's body as a share of its size, larger for small drones."""
+    return 0.56 if size < BLADES_FROM else 0.44
 
 
 @lru_cache(maxsize=512)
@@ -157,22 +149,21 @@ def drone(size: int, colour: Colour) -> pygame.Surface:
     if size < OUTLINE_FROM:
         layers = [(0.0, WHITE), (0.8 * pen.pixel, colour)]
     for inset, paint in layers:
-        if size < ROTORS_FROM:
-            for x, y in _CORNERS:
+        for x, y in CORNERS:
+            if size < ROTORS_FROM:
                 pen.stroke([(0, 0), (0.56 * x, 0.56 * y)], 0.84 - 2 * inset, paint)
-            continue
-        for x, y in _CORNERS:
+                continue
             arm = INK if paint is colour else paint
             pen.stroke([(0, 0), (0.6 * x, 0.6 * y)], max(0.22 - 2 * inset, 0.08), arm)
             pen.disc((0.6 * x, 0.6 * y), 0.4 - inset, paint)
-        pen.disc((0, 0), body_share(size) - inset, paint)
+        if size >= ROTORS_FROM:
+            pen.disc((0, 0), body_share(size) - inset, paint)
     if size >= BLADES_FROM:
         r, g, b = ((2 * channel + 3 * 255) // 5 for channel in colour)
-        for x, y in _CORNERS:
+        for x, y in CORNERS:
             pen.disc((0.6 * x, 0.6 * y), 0.28, (r, g, b))
-            pen.stroke(
-                [(0.6 * x - 0.2, 0.6 * y + 0.14), (0.6 * x + 0.2, 0.6 * y - 0.14)], 0.07, INK
-            )
+            blade = [(0.6 * x - 0.2, 0.6 * y + 0.14), (0.6 * x + 0.2, 0.6 * y - 0.14)]
+            pen.stroke(blade, 0.07, INK)
     return pen.finish()
 
 
@@ -185,12 +176,11 @@ def person(size: int) -> pygame.Surface:
         pen.discs((1.0, INK), (1.0 - line, WHITE), (0.56, INK), (0.46, LIFE_RING))
         return pen.finish()
     pen.discs((1.0, WHITE), (1.0 - line, INK), (1.0 - 2 * line, WHITE))
-    for quarter in range(4):
-        angles = [math.radians(45 + 90 * quarter + turn) for turn in range(-24, 25, 4)]
-        arc = [(math.cos(angle), math.sin(angle)) for angle in angles]
-        pen.polygon(
-            [(0, 0), *(((1 - 2 * line) * x, (1 - 2 * line) * y) for x, y in arc)], LIFE_RING
-        )
+    for middle in (45, 135, 225, 315):
+        angles = [math.radians(angle) for angle in range(middle - 24, middle + 25, 4)]
+        reach = 1 - 2 * line
+        arc = [(reach * math.cos(angle), reach * math.sin(angle)) for angle in angles]
+        pen.polygon([(0, 0), *arc], LIFE_RING)
     pen.discs((0.6 + line, INK), (0.6, WATER))
     if size < BODY_FROM:
         pen.disc((0, 0), 0.34, SKIN)
@@ -212,7 +202,8 @@ def found(size: int, colour: Colour) -> pygame.Surface:
     if size >= LIFE_RING_FROM:
         inner = min(1.0 - 2 * line, 0.86)
         pen.discs((1.0 - line, WHITE), (inner, INK), (inner - line, colour))
-    pen.stroke([(1.1 * x, 1.1 * y) for x, y in _TICK], 0.26, readable_on(colour))
+    tick = ((-0.396, 0.044), (-0.099, 0.33), (0.418, -0.308))
+    pen.stroke(tick, 0.26, readable_on(colour))
     return pen.finish()
 
 
@@ -220,8 +211,7 @@ def found(size: int, colour: Colour) -> pygame.Surface:
 def search_ring(size: int) -> pygame.Surface:
     """The bright ring around a drone that searches."""
     pen = _Pen(size, INK)
-    line = 1.1 * pen.pixel
-    ring = max(2.0 * pen.pixel, 0.05)
+    line, ring = 1.1 * pen.pixel, max(2.0 * pen.pixel, 0.05)
     pen.discs((1.0, INK), (1.0 - line, WHITE), (1.0 - line - ring, INK))
     pen.disc((0, 0), 1.0 - 2 * line - ring, SPOTLIGHT, alpha=150)
     return pen.finish()
@@ -242,12 +232,10 @@ def collision(size: int) -> pygame.Surface:
     """The star behind drones that collided."""
     pen = _Pen(size, INK)
     for reach, paint in ((1.0, INK), (1.0 - 2.2 * pen.pixel, COLLISION)):
-        points = []
-        for spike in range(24):
-            radius = reach if spike % 2 == 0 else 0.72 * reach
-            angle = math.pi * spike / 12
-            points.append((radius * math.cos(angle), radius * math.sin(angle)))
-        pen.polygon(points, paint)
+        radii = [reach, 0.72 * reach] * 12
+        angles = [math.pi * spike / 12 for spike in range(24)]
+        star = zip(radii, angles, strict=True)
+        pen.polygon([(r * math.cos(angle), r * math.sin(angle)) for r, angle in star], paint)
     return pen.finish()
 
 

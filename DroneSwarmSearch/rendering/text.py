@@ -1,8 +1,13 @@
-"""A frame as plain ASCII text, for terminals and logs."""
+"""Frames as plain ASCII text, for terminals and logs."""
 
 from __future__ import annotations
 
+import math
+import shutil
+import sys
+import time
 from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -10,22 +15,23 @@ from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
-__all__ = ["RAMP", "render_text"]
+__all__ = ["print_frames", "render_text"]
 
 RAMP = ".:;=oO%#@"
 """Probability from 0 (first) to the maximum of the matrix (last). Shares no character with
 the marks below, so that a cell's probability stays readable behind the marks."""
 
-SEARCHING = "*"
-TOGETHER = "+"
-MISSING = "P"
-FOUND = "F"
+SEARCHING, TOGETHER, MISSING, FOUND = "*+PF"
 
 WIDTH = 160
 """Characters in a line where the width of the terminal is unknown."""
 
 WEIGHTS_NAMED, PERSONS_NAMED = 6, 4
 """Of more hypotheses, only the likeliest one is written; of more persons, only the first."""
+
+PRINTED_FRAMES, PRINTED_STRIDE = 5, 10
+"""Without a terminal, the most frames printed between the first and the last one, and the
+fewest steps between them."""
 
 
 def render_text(frame: Frame, columns: int = WIDTH) -> str:
@@ -41,22 +47,49 @@ def render_text(frame: Frame, columns: int = WIDTH) -> str:
         frame: what to write.
         columns: characters in a line; a space separates the cells if they then fit.
     """
-    tokens = _tokens(frame)
+    size, tokens = frame.grid_size, _tokens(frame)
     # Room for the mark of a search is reserved: the width of a cell then changes from
     # frame to frame only where several things meet.
-    usual = len(str(len(frame.drones) - 1)) + len(SEARCHING)
+    usual = len(f"{len(frame.drones) - 1}{SEARCHING}")
     width = max([usual, *map(len, tokens.values())]) + 1
-    margin = len(str(frame.grid_size - 1)) + 1
-    if margin + (width + 1) * frame.grid_size <= columns:
+    margin = len(str(size - 1)) + 1
+    if margin + (width + 1) * size <= columns:
         width += 1
-    return "\n".join(
-        [
-            *_header(frame),
-            " " * margin + _column_numbers(frame.grid_size, width),
-            *_rows(frame, tokens, width, margin),
-            _legend(frame),
-        ]
-    )
+    numbers = ""
+    for x in range(0, size, tick_stride(margin, width)):
+        numbers = numbers.ljust((x + 1) * width - len(str(x))) + str(x)
+    lines = [*_header(frame), " " * margin + numbers]
+    levels = np.rint(shares_of_maximum(frame.matrix) * (len(RAMP) - 1)).astype(np.intp)
+    for y, row in enumerate(levels.tolist()):
+        cells = ((tokens.get((x, y), "") + RAMP[level]).rjust(width) for x, level in enumerate(row))
+        lines.append(f"{y:{margin - 1}} " + "".join(cells))
+    return "\n".join([*lines, _legend(frame)])
+
+
+def print_frames(frames: Iterable[Frame], fps: float) -> None:
+    """Draw the frames of an episode in place on a terminal, which cuts them off at its edges.
+
+    To any other output, print a selection of whole frames.
+
+    Args:
+        frames: the frames, in order.
+        fps: frames per second on a terminal.
+    """
+    in_place, height = sys.stdout.isatty(), 0
+    for frame in frames:
+        stride = max(PRINTED_STRIDE, math.ceil(frame.timestep_limit / PRINTED_FRAMES))
+        if in_place:
+            columns, rows = shutil.get_terminal_size()
+            lines = render_text(frame, columns).split("\n")[: rows - 1]
+            if height:
+                print(f"\x1b[{height}A\x1b[J", end="")
+            print("\n".join(line[:columns] for line in lines), flush=True)
+            height = len(lines)
+            time.sleep(1 / fps)
+        elif frame.ending is not None or frame.step % stride == 0:
+            print(render_text(frame) + "\n", flush=True)
+    if in_place:
+        print()
 
 
 def _header(frame: Frame) -> list[str]:
@@ -72,7 +105,7 @@ def _header(frame: Frame) -> list[str]:
         status.append(f"POS {frame.probability_of_success:.1%}")
     lines = [" | ".join(status)]
     if frame.uncertain_persons:
-        lines.append(_hypotheses(frame))
+        lines.append(f"hypotheses: {_hypotheses(frame)}")
     if frame.ending is not None:
         lines.append(f"{frame.outcome} ({frame.ending.description})")
     return lines
@@ -80,30 +113,27 @@ def _header(frame: Frame) -> list[str]:
 
 def _hypotheses(frame: Frame) -> str:
     """The probabilities of the hypotheses about each person of whom there are several."""
-    if len(frame.hypotheses) == 1:
-        return f"hypotheses: {_weights(frame.hypotheses[0])}"
-    persons = frame.shown_uncertain_persons
-    parts = [
-        f"person {person} {_weights(frame.hypotheses[person])}"
-        for person in persons[:PERSONS_NAMED]
+    weights = [
+        " ".join(f"{weight:.0%}" for weight in each)
+        if len(each) <= WEIGHTS_NAMED
+        else f"{len(each)}, the likeliest {max(each):.0%}"
+        for each in frame.hypotheses
     ]
+    if len(weights) == 1:
+        return weights[0]
+    persons = frame.shown_uncertain_persons
+    parts = [f"person {person} {weights[person]}" for person in persons[:PERSONS_NAMED]]
     if len(persons) > PERSONS_NAMED:
         parts.append(f"{len(persons) - PERSONS_NAMED} more persons")
-    return f"hypotheses: {' | '.join(parts) or 'none'}"
-
-
-def _weights(weights: tuple[float, ...]) -> str:
-    if len(weights) <= WEIGHTS_NAMED:
-        return " ".join(f"{weight:.0%}" for weight in weights)
-    return f"{len(weights)}, the likeliest {max(weights):.0%}"
+    return " | ".join(parts) or "none"
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
     """The contents of each occupied cell, by (x, y)."""
-    drones: dict[tuple[int, int], list[str]] = {}
+    tokens: dict[tuple[int, int], str] = {}
     for number, (cell, searching) in enumerate(zip(frame.drones, frame.searching, strict=True)):
-        drones.setdefault(cell, []).append(f"{number}{SEARCHING if searching else ''}")
-    tokens = {cell: TOGETHER.join(numbers) for cell, numbers in drones.items()}
+        before = tokens[cell] + TOGETHER if cell in tokens else ""
+        tokens[cell] = f"{before}{number}{SEARCHING if searching else ''}"
     finds = list(zip(frame.persons, frame.found_by, strict=True))
     missing = [cell for cell, drone in finds if drone is None and not frame.hide_persons]
     for cell, count in Counter(missing).items():
@@ -112,26 +142,6 @@ def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
         if drone is not None:
             tokens[cell] = f"{tokens.get(cell, '')}{FOUND}{drone}"
     return tokens
-
-
-def _column_numbers(grid_size: int, width: int) -> str:
-    """The numbers of the columns, right-aligned with their cells; thinned out if too dense."""
-    stride = tick_stride(len(str(grid_size - 1)) + 1, width)
-    line = ""
-    for x in range(0, grid_size, stride):
-        label = str(x)
-        line = line.ljust((x + 1) * width - len(label)) + label
-    return line
-
-
-def _rows(frame: Frame, tokens: dict[tuple[int, int], str], width: int, margin: int) -> list[str]:
-    """One line per row of the grid: its number, then its cells."""
-    levels = np.rint(shares_of_maximum(frame.matrix) * (len(RAMP) - 1)).astype(np.intp)
-    lines = []
-    for y, row in enumerate(levels.tolist()):
-        cells = ((tokens.get((x, y), "") + RAMP[level]).rjust(width) for x, level in enumerate(row))
-        lines.append(f"{y:{margin - 1}} " + "".join(cells))
-    return lines
 
 
 def _legend(frame: Frame) -> str:

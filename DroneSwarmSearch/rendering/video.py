@@ -29,23 +29,12 @@ FPS_LEAST, FPS_MOST = 0.1, 50.0
 SMOOTH = 25.0
 """Pictures per second of smooth motion."""
 
-LOSSLESS = {
-    "codec": "libx264rgb",
-    "pix_fmt_out": "rgb24",
-    "quality": None,
-    "macro_block_size": 1,
-    "ffmpeg_log_level": "error",
-    "output_params": ["-qp", "0", "-preset", "ultrafast"],
-}
+LOSSLESS = ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"]
 
-MP4 = "scale=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"  # which needs even sides
+EVEN = "scale=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"  # as MP4 requires
 
-GIF = (
-    "[0]scale='min(iw,{width})':-1:flags=area,palettegen[palette];"
-    "[1]scale='min(iw,{width})':-1:flags=area[pictures];"
-    # Without dithering, what does not move keeps its colours and needs no bytes.
-    "[pictures][palette]paletteuse=dither=none:diff_mode=rectangle"
-)
+# Without dithering, what does not move keeps its colours and needs no bytes.
+PALETTE = "[0]palettegen[palette];[1][palette]paletteuse=dither=none:diff_mode=rectangle"
 
 
 def write_video(
@@ -57,18 +46,10 @@ def write_video(
     hold: float,
     gif_width: int = 600,
 ) -> None:
-    """Write the frames of consecutive steps as a smooth video.
+    """Write the frames of consecutive steps as a smooth video; `fps` is in steps per second.
 
-    Args:
-        path: see `write_pictures`.
-        painter: draws the frames.
-        frames: at least one; the first one is taken after all checks.
-        fps: steps per second.
-        hold: see `write_pictures`.
-        gif_width: see `write_pictures`.
-
-    Raises:
-        ImportError, OSError, ValueError: see `write_pictures`.
+    There is at least one frame; the first one is taken after all checks. The other arguments and
+    the errors are those of `write_pictures`.
     """
     per_step = max(1, round(SMOOTH / fps))
 
@@ -120,23 +101,36 @@ def write_pictures(
             'pip install "DroneSwarmSearchEnvironment[video]"',
             name=error.name,
         ) from error
+    ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error"]
     left = iter(pictures)
     first = next(left)
     height, width, _ = first.shape
+    shape = ["-s", f"{width}x{height}", "-r", f"{fps}"]
+    read = [*ffmpeg, "-f", "rawvideo", "-pix_fmt", "rgb24", *shape, "-i", "-", "-vf"]
     stay = f"tpad=stop_mode=clone:stop_duration={hold}"
     with replacing(path) as spare, tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        # The palette of a GIF depends on all pictures, so they go to disk first.
-        video = str(Path(folder, "pictures.mkv"))
-        writer = imageio_ffmpeg.write_frames(video, (width, height), fps=fps, **LOSSLESS)
-        with contextlib.closing(writer):
-            writer.send(None)
-            for picture in itertools.chain([first], left):
-                writer.send(picture)
-        options = ["-vf", f"{MP4},{stay}"]
-        if path.suffix.lower() == ".gif":
-            options = ["-i", video, "-filter_complex", f"{GIF.format(width=gif_width)},{stay}"]
-        start = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error", "-i", video]
-        done = subprocess.run([*start, *options, f"{spare}"], stderr=subprocess.PIPE, check=False)
-        if done.returncode:
-            reason = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-            raise OSError(f"ffmpeg ended with code {done.returncode}: {reason}")
+        every = itertools.chain([first], left)
+        if path.suffix.lower() == ".mp4":
+            _run([*read, f"{EVEN},{stay}", "-preset", "veryfast", str(spare)], every)
+        else:  # the palette depends on all pictures, so they go to disk first
+            video, smaller = str(Path(folder, "pictures.mkv")), f"scale='min(iw,{gif_width})':-1"
+            _run([*read, f"{smaller}:flags=area", *LOSSLESS, video], every)
+            twice = [*ffmpeg, "-i", video, "-i", video, "-filter_complex"]
+            _run([*twice, f"{PALETTE},{stay}", str(spare)])
+
+
+def _run(command: list[str], pictures: Iterable[NDArray[np.uint8]] = ()) -> None:
+    """Run ffmpeg, which reads pictures.
+
+    Raises:
+        OSError: it fails.
+    """
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # its message says why it ended
+            for picture in pictures:
+                process.stdin.write(picture.data)
+        _, problem = process.communicate()
+    if process.returncode:
+        reason = problem.decode(errors="replace").strip().rpartition("\n")[2]
+        raise OSError(f"ffmpeg ended with code {process.returncode}: {reason}")

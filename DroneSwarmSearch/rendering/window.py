@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import os
 
+import pygame
+
 from DroneSwarmSearch.rendering import sprites
-from DroneSwarmSearch.rendering._pygame import pygame
-from DroneSwarmSearch.rendering.palette import CLASSIC, PAPER
+from DroneSwarmSearch.rendering.palette import PAPER, Look
 
 __all__ = ["Window"]
 
 DESKTOP_SHARE = 0.92
 """A window too large for the desktop takes this share of it; the rest is for title bars."""
 
-TITLE, ICON = "Drone swarm search", 32
-
 HIDDEN_DRIVERS = ("dummy", "offscreen")
-DRIVER_VARIABLES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 
 
 class Window:
@@ -46,8 +44,8 @@ class Window:
 
     @property
     def is_hidden(self) -> bool:
-        """Whether the window is open, but nobody can see it."""
-        return self.is_open and pygame.display.get_driver() in HIDDEN_DRIVERS
+        """Whether nobody can see the open window."""
+        return pygame.display.get_driver() in HIDDEN_DRIVERS
 
     def open(self) -> None:
         """Open the window; do nothing if it is open.
@@ -59,10 +57,10 @@ class Window:
             return
         try:
             pygame.display.init()
-            asked = any(os.environ.get(name) for name in DRIVER_VARIABLES)
-            if pygame.display.get_driver() in HIDDEN_DRIVERS and not asked:
+            asked = map(os.environ.get, ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"))
+            if self.is_hidden and not any(asked):
                 raise pygame.error("there is no screen")
-            pygame.display.set_mode(self._fitted_size(), pygame.RESIZABLE)
+            self.resize(self._size)
         except pygame.error as error:
             pygame.display.quit()
             raise RuntimeError(
@@ -70,8 +68,8 @@ class Window:
                 ' pictures or "ansi" for text, or set the environment variable'
                 " SDL_VIDEODRIVER=dummy to run without a screen"
             ) from error
-        pygame.display.set_caption(TITLE)
-        pygame.display.set_icon(sprites.drone(ICON, CLASSIC.drone(0)))
+        pygame.display.set_caption("Drone swarm search")
+        pygame.display.set_icon(sprites.drone(32, Look().drone(0)))
 
     def draw(self, picture: pygame.Surface) -> None:
         """Show a picture in the open window, scaled to fit it."""
@@ -88,21 +86,16 @@ class Window:
         return self._clock.tick(fps) / 1000
 
     def close(self) -> None:
-        """Close the window if it is open; may be called any number of times."""
+        """Close the window if it is open."""
         if self.is_open:
             pygame.display.quit()
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Change the size of the open window, at most to that of the desktop, and centre it."""
-        self._size = size
-        os.environ.setdefault("SDL_VIDEO_CENTERED", "1")  # pygame's own way to keep it on screen
-        pygame.display.set_mode(self._fitted_size(), pygame.RESIZABLE)
-
-    def _fitted_size(self) -> tuple[int, int]:
-        """The size, scaled down if the desktop is smaller."""
-        width, height = self._size
+        """Open the window with a size, at most that of the desktop, or change its size."""
+        self._size = width, height = size
         desktop_width, desktop_height = pygame.display.get_desktop_sizes()[0]
-        if width <= desktop_width and height <= desktop_height:
-            return width, height
-        share = DESKTOP_SHARE * min(desktop_width / width, desktop_height / height)
-        return round(width * share), round(height * share)
+        if width > desktop_width or height > desktop_height:
+            share = DESKTOP_SHARE * min(desktop_width / width, desktop_height / height)
+            size = round(width * share), round(height * share)
+        os.environ.setdefault("SDL_VIDEO_CENTERED", "1")  # pygame's own way to keep it on screen
+        pygame.display.set_mode(size, pygame.RESIZABLE)

@@ -1,4 +1,4 @@
-"""Comparison of a trained policy with the baselines, on the same episodes."""
+"""The task of the training examples, and the comparison of what was trained with the baselines."""
 
 from __future__ import annotations
 
@@ -14,14 +14,25 @@ from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import resolve_scenario
 
-__all__ = ["BASELINES", "compare_with_baselines"]
+__all__ = ["TRAINING_TASK", "compare_with_baselines"]
 
-BASELINES = ("random", "greedy-matrix", "greedy-posterior")
+TRAINING_TASK: dict[str, Any] = {
+    "grid_size": 10,
+    "n_drones": 2,
+    "vector": (0.2, 0.1),
+    "person_initial_position": (4, 3),
+    "disperse_constant": 5,
+    "timestep_limit": 50,
+    "bayesian_update": True,
+}
+"""Parameters of `DroneSwarmSearch`: two drones search a 10 x 10 grid for a drifting person.
+
+The matrix is the posterior, so a policy without memory sees where the drones have searched. The
+task is small enough to learn in minutes.
+"""
 
 SEED = 1_000_000
 """Seed of the first episode; training usually starts from small seeds."""
-
-HEADERS = ["policy", "success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
 
 
 def compare_with_baselines(
@@ -32,7 +43,7 @@ def compare_with_baselines(
     episodes: int = 1000,
     name: str = "trained",
     folder: str | Path | None = None,
-    baselines: Sequence[str] = BASELINES,
+    baselines: Sequence[str] = ("random", "greedy-matrix", "greedy-posterior"),
 ) -> list[Evaluation]:
     """Evaluate a policy and the baselines on the same episodes, and print a table.
 
@@ -49,17 +60,25 @@ def compare_with_baselines(
         The evaluation of the policy, then those of the baselines in order.
 
     Raises:
-        StorageError: evaluation.csv cannot be written.
-        TypeError: an argument, or what the policy returns, has the wrong type.
-        ValueError: an argument, or what the policy returns, is out of range.
+        Exception: as `evaluate`.
     """
-    search = _search(parameters)
-    shared: dict[str, Any] = {"episodes": episodes, "seed": SEED}
-    trained = evaluate(policy, search, view=view, name=name, **shared)
-    others = [evaluate(baseline, search, **shared) for baseline in baselines]
-    rows = [[*_figures(trained), "", ""]]
-    rows += [[*_figures(other), *_lead(trained, other)] for other in others]
-    print_table(HEADERS, rows, words=1)
+    given = dict(parameters)
+    drones = given.pop("drones_positions", ())
+    search = NamedSearch("the search", "Of the comparison.", resolve_scenario(**given), drones)
+    trained = evaluate(policy, search, view=view, name=name, episodes=episodes, seed=SEED)
+    every = [trained]
+    every += [evaluate(each, search, episodes=episodes, seed=SEED) for each in baselines]
+    rows = []
+    for each in every:
+        crashes = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
+        lead = ["", ""]
+        if each is not trained:
+            success = compare(trained, each).success.scaled(100.0)
+            lead = [signed(success), signed(compare(each, trained).time)]
+        figures = percent(each.success), figure(each.time), f"{100 * crashes / episodes:.1f}"
+        rows.append([each.policy, *figures, *lead])
+    headers = ["success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
+    print_table(["policy", *headers], rows, words=1)
     print(
         f"\n{episodes:,} episodes, the same for all policies; 95% intervals in parentheses; "
         "success and time without one are exact.\n"
@@ -68,24 +87,5 @@ def compare_with_baselines(
         f"Lead: how far {name} is ahead of each baseline, in percentage points and in steps."
     )
     if folder is not None:
-        save_csv(Path(folder) / "evaluation.csv", [trained, *others])
-    return [trained, *others]
-
-
-def _search(parameters: Mapping[str, Any]) -> NamedSearch:
-    of_scenario = dict(parameters)
-    positions = of_scenario.pop("drones_positions", None)
-    scenario = resolve_scenario(**of_scenario)
-    drones = () if positions is None else tuple((int(x), int(y)) for x, y in positions)
-    return NamedSearch("the search", "The search of the comparison.", scenario, drones)
-
-
-def _figures(each: Evaluation) -> list[str]:
-    crashes = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
-    share = f"{100 * crashes / len(each.episodes):.1f}"
-    return [each.policy, percent(each.success), figure(each.time), share]
-
-
-def _lead(trained: Evaluation, other: Evaluation) -> list[str]:
-    success = compare(trained, other).success.scaled(100.0)
-    return [signed(success), signed(compare(other, trained).time)]
+        save_csv(Path(folder) / "evaluation.csv", every)
+    return every

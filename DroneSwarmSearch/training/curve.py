@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from DroneSwarmSearch._internal.arrays import Floats
 
 __all__ = ["log_row", "moving_mean", "plot_curve", "read_columns"]
-
-Floats = NDArray[np.float64]
 
 
 def log_row(path: str | Path, **values: float) -> None:
@@ -46,18 +45,12 @@ def plot_curve(
         columns: the columns to plot, one panel each; empty cells are left out.
 
     Raises:
-        ImportError: matplotlib is not installed.
+        ImportError: Matplotlib, of the extra "evaluation", is not installed.
         KeyError: a file has no such column.
     """
-    try:
-        from matplotlib.figure import Figure
-        from matplotlib.ticker import EngFormatter
-    except ImportError as error:
-        raise ImportError(
-            "the plot of the learning curve needs the package matplotlib: "
-            'pip install "DroneSwarmSearchEnvironment[evaluation]"',
-            name=error.name,
-        ) from error
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import EngFormatter
+
     figure = Figure(figsize=(6.4, 2.8 * len(columns)), layout="constrained")
     panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     for path in paths:
@@ -76,10 +69,8 @@ def plot_curve(
 
 def read_columns(path: str | Path) -> dict[str, Floats]:
     """The columns of a CSV file by name: float64, NaN for empty cells."""
-    with Path(path).open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(file)
-    values = [[float(cell) if cell else math.nan for cell in row] for row in rows]
-    return dict(zip(header, np.array(values).reshape(-1, len(header)).T, strict=True))
+    table = np.genfromtxt(path, delimiter=",", names=True, deletechars="", ndmin=1)
+    return {name: table[name] for name in table.dtype.names or ()}
 
 
 def moving_mean(values: Floats) -> Floats:

@@ -1,11 +1,9 @@
 """Searches in expectation: nobody is found, and each search pays its probability of success.
 
 With one person, everything before the find follows from the drones' actions, so a search can be
-simulated without drawing persons. The unnormalised belief is multiplied by the probability of
-missing and drifts on; what a search removes from it is the probability that the search finds the
-person at that moment. These rewards add up to the probability of success of the whole episode,
-without sampling error. With several persons, they add up to the mean over them, as in a coverage
-mission.
+simulated without drawing persons. What a search removes from the unnormalised belief is the
+probability that it finds the person at that moment. These rewards add up to the probability of
+success of the whole episode, without sampling error; with several persons, to the mean over them.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
@@ -24,9 +23,7 @@ from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["ExpectedSearches"]
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
-Singles = NDArray[np.float32]
 
 
 class ExpectedSearches:
@@ -71,10 +68,6 @@ class ExpectedSearches:
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
         neighbours = neighbours_of_all(self.grid_size)  # [cell, action]
         self._neighbours = np.where(neighbours < 0, np.arange(len(neighbours))[:, None], neighbours)
-        self._tabulate(scenarios)
-
-    def _tabulate(self, scenarios: Sequence[Scenario]) -> None:
-        """Compute the beliefs before the first search, and the forecasts of all steps."""
         models = [each.forecasts() for each in scenarios]
         last = self.timestep_limit + STEPS
         self._forecasts, numbers = forecasts_of(

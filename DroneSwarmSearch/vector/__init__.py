@@ -4,8 +4,7 @@
 which works with plain arrays.
 """
 
-from DroneSwarmSearch.vector.drone_vector_env import DroneVectorEnv
 from DroneSwarmSearch.vector.engine import Sampler, SearchBatch
-from DroneSwarmSearch.vector.swarm_vector_env import SwarmVectorEnv
+from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
 
 __all__ = ["DroneVectorEnv", "Sampler", "SearchBatch", "SwarmVectorEnv"]

@@ -20,9 +20,6 @@ _TILE_BYTES = 1600 * 2**10
 _LEAST_ROWS, _MOST_ROWS = 64, 1024
 """The fewest and the most rows in a tile."""
 
-_BEGIN_ROWS = 256
-"""The rows whose beliefs begin at a time, which limits scratch memory."""
-
 
 class Beliefs:
     """The beliefs about every row's persons.
@@ -69,24 +66,24 @@ class Beliefs:
         """Let the beliefs of some rows equal the forecast, unless they have begun.
 
         Args:
-            rows: their numbers, in ascending order; a row may occur several times.
+            rows: their numbers; a row may occur several times.
             forecasts: the persons' forecasts.
             entries: each person's entry in them: int64, (persons, all rows).
         """
         new = np.unique(rows[~self.begun[rows]])
-        for first in range(0, len(new), _BEGIN_ROWS):
-            some = new[first : first + _BEGIN_ROWS]
-            tile, column = np.divmod(some, self._width)
-            for person, entry in enumerate(entries[:, some]):
+        tiles = new // self._width
+        for tile in np.unique(tiles):
+            some = new[tiles == tile]
+            for mass, entry in zip(self._mass[tile], entries[:, some], strict=True):
                 joint = forecasts.joint(entry).reshape(len(some), -1, self._size**2)
-                self._mass[tile, person, :, :, column] = joint
+                mass[..., some % self._width] = np.moveaxis(joint, 0, -1)
         self.begun[new] = True
 
     def search(self, rows: Ints, cells: Ints, detections: Floats) -> None:
         """Apply searches that find nobody.
 
         Args:
-            rows: the row of every search, in ascending order; all of them have beliefs.
+            rows: the row of every search; all of them have beliefs.
             cells: the cell of every search, y * N + x; different cells within a row.
             detections: each person's probability of detection: (persons, n).
         """
@@ -94,8 +91,9 @@ class Beliefs:
         searched = np.zeros(self.begun.shape, np.bool_)
         searched[rows] = True
         for person, detection in enumerate(detections):
-            before = self._mass[tile, person, :, cells, column]  # (n, M)
-            self._mass[tile, person, :, cells, column] = before * (1.0 - detection[:, None])
+            where = tile, person, slice(None), cells, column
+            before = self._mass[where]  # (n, M)
+            self._mass[where] = before * (1.0 - detection[:, None])
             missed = self._normalise(person, searched)
             # Rounding must not lower the probability of success.
             self.kept[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
@@ -106,60 +104,57 @@ class Beliefs:
 
     def _normalise(self, person: int, searched: Flags) -> Floats:
         """Normalise a person's beliefs in the searched rows; returns the sums before."""
-        width, size = self._width, self._size
         total = np.zeros(len(searched))
-        for first, beliefs in zip(range(0, len(total), width), self._mass[:, person], strict=True):
-            here = np.zeros(width, np.bool_)
-            some = searched[first : first + width]
-            here[: len(some)] = some
+        for first, mass in zip(self._firsts(), self._mass[:, person], strict=True):
+            some = searched[first : first + self._width]
             if some.any():
-                mass = beliefs.reshape(-1, size, size, width)
-                total[first : first + width] = normalise(mass, here)[: len(some)]
+                here = np.zeros(self._width, np.bool_)
+                here[: len(some)] = some
+                sums = normalise(mass.reshape(-1, self._size, self._size, self._width), here)
+                total[first : first + self._width] = sums[: len(some)]
         return total
 
     def drift(self, forecasts: Forecasts, entries: Ints) -> None:
         """Let the beliefs drift by a step; arguments as for `begin`, before the step."""
         size, width = self._size, self._width
-        for tile, first in zip(self._mass, range(0, len(self.begun), width), strict=True):
-            if not self.begun[first : first + width].any():
-                continue
-            for belief, entry in zip(tile, entries[:, first : first + width], strict=True):
-                of_columns = np.zeros(width, np.int64)
-                of_columns[: len(entry)] = entry
-                forecasts.drift(belief.reshape(-1, size, size, width), of_columns)
+        for first, tile in zip(self._firsts(), self._mass, strict=True):
+            if self.begun[first : first + width].any():
+                for mass, entry in zip(tile, entries[:, first : first + width], strict=True):
+                    of_columns = np.zeros(width, np.int64)
+                    of_columns[: len(entry)] = entry
+                    forecasts.drift(mass.reshape(-1, size, size, width), of_columns)
 
-    # The matrices.
+    def _firsts(self) -> range:
+        """The first row of each tile."""
+        return range(0, len(self.begun), self._width)
+
+    # The matrices; `counted` are the persons in the mean, see `shown_persons`.
 
     def write_matrices(self, counted: Flags, out: Singles) -> None:
         """Write the matrices of all rows with beliefs; some others receive arbitrary values.
 
         Args:
-            counted: the persons in the mean: bool, (persons, rows).
+            counted: bool, (persons, rows).
             out: float32, (rows, N, N).
         """
-        flat = out.reshape(len(out), -1)
-        for tile, first in zip(self._mass, range(0, len(out), self._width), strict=True):
+        for first, tile in zip(self._firsts(), self._mass, strict=True):
             rows = slice(first, first + self._width)
             if self.begun[rows].any():
                 here = counted[:, rows]
-                beliefs = [over_hypotheses(belief)[:, : here.shape[1]] for belief in tile]
-                flat[rows] = means_over_missing(beliefs, here).astype(np.float32).T
-
-    def _of_rows(self, rows: Ints) -> Floats:
-        """The beliefs of some rows: (persons, M, N², n)."""
-        tile, column = np.divmod(rows, self._width)
-        return np.moveaxis(self._mass[tile, :, :, :, column], 0, -1)
+                maps = [over_hypotheses(mass)[:, : here.shape[1]] for mass in tile]
+                matrices = means_over_missing(maps, here).astype(np.float32).T
+                out[rows] = matrices.reshape(-1, self._size, self._size)
 
     def matrices(self, rows: Ints, counted: Flags) -> Singles:
-        """The matrices of some rows with beliefs: float32, (n, N, N).
-
-        Args:
-            rows: their numbers.
-            counted: the persons in the mean: bool, (persons, n).
-        """
-        beliefs = [over_hypotheses(belief) for belief in self._of_rows(rows)]
-        matrices = means_over_missing(beliefs, counted).T.astype(np.float32)
+        """The matrices of some rows with beliefs: float32, (n, N, N); `counted` is of these."""
+        maps = [over_hypotheses(mass) for mass in self.mass(rows)]
+        matrices = means_over_missing(maps, counted).T.astype(np.float32)
         return np.ascontiguousarray(matrices).reshape(-1, self._size, self._size)
+
+    def mass(self, rows: Ints) -> Floats:
+        """The beliefs in some rows: float64, (persons, M, N², n)."""
+        tile, column = np.divmod(rows, self._width)
+        return np.moveaxis(self._mass[tile, :, :, :, column], 0, -1)
 
     def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
         """The matrix entry of one cell in each of some rows: float32, (n,)."""
@@ -169,26 +164,19 @@ class Beliefs:
     def _at(self, rows: Ints, cells: Ints) -> list[Floats]:
         """Each person's belief about one cell in each of some rows, over all hypotheses: (n,)."""
         tile, column = np.divmod(rows, self._width)
-        persons = range(self._mass.shape[1])
+        persons = range(len(self.kept))
         return [over_hypotheses(self._mass[tile, k, :, cells, column].T) for k in persons]
-
-    def mass(self, row: int) -> Floats:
-        """The belief about each person in a row: float64, (persons, M, N, N)."""
-        beliefs = self._of_rows(np.array([row]))[..., 0]
-        return beliefs.reshape(*beliefs.shape[:2], self._size, self._size).copy()
 
     # The probability of success.
 
-    def success(self, rows: Ints | slice) -> Floats:
-        """The cumulative probability of success (POS) in some rows: float64, (n,)."""
-        kept = self.kept[:, rows]
-        return 1.0 - means_over_missing(kept, np.ones(kept.shape, np.bool_))
+    def success(self) -> Floats:
+        """The cumulative probability of success (POS) in every row: float64, (rows,)."""
+        return 1.0 - means_over_missing(self.kept, np.ones(self.kept.shape, np.bool_))
 
     def added_success(self, rows: Ints, cells: Ints, detections: Floats) -> Floats:
-        """The probability of success that searches add; arguments as for `search`, which follows.
+        """What each search adds to it, as if it were its row's only one: float64, (n,).
 
-        Returns:
-            float64, shape (n,): for each search, as if it were its row's only one.
+        Arguments as for `search`, which follows.
         """
         added = self.kept[:, rows] * detections * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

@@ -1,13 +1,12 @@
-"""The base class of both vector environments: Gymnasium's vector API around a `SearchBatch`.
+"""Gymnasium's vector API around a `SearchBatch`.
 
-Names, autoreset and infos follow Gymnasium's vector environments (1.x). The subclasses define
-what a sub-environment is: `SwarmVectorEnv` a swarm, `DroneVectorEnv` a drone.
+Names, autoreset and infos follow Gymnasium's vector environments (1.x). The subclasses of
+`SearchVectorEnv` define what a sub-environment is: `SwarmVectorEnv` a swarm, `DroneVectorEnv` a
+drone.
 """
 
 from __future__ import annotations
 
-import inspect
-import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,10 +15,10 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, iterate
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.layouts import LAYOUTS
@@ -27,36 +26,28 @@ from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import BatchObservations, Observations, Values
+from DroneSwarmSearch.vector.observations import BatchObservations, Observations
 
-__all__ = ["SearchVectorEnv"]
+__all__ = ["DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
 
+Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
 
 MASKS_IN = (None, "observation", "info")
 """Where action masks may be."""
 
-_CATALOGUE = ("situations", "situation", "drones_positions")
+_OPTIONS = ("situations", "situation", "drones_positions")
 """The options of `reset` that `SearchBatch.reset` takes."""
 
-_BYTES_PER_NUMBER = 14
-"""The memory of each number of an observation: itself, and its limits in the batched space."""
 
-
-@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "rows_name", "finds_last")
+@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "finds_last")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both vector environments share; `SwarmVectorEnv` describes the arguments.
 
     Attributes:
         num_envs: the number of sub-environments.
         batch: the `SearchBatch`, which knows the whole state of all searches.
-        observation: the layout of the observations.
-        action_mask: where the action masks are: "observation", "info" or None.
         right_of_way: whether the masks have right of way.
-        autoreset_mode: when ended episodes are followed by the next ones.
-        reward_scale: the factor of the rewards.
-        copies: whether every step returns new observations.
-        largest_reward: an upper limit of the absolute value of a scaled reward.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (as in the base class)
@@ -65,6 +56,12 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         "render_fps": 10,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
+
+    _count_name: str
+    """The constructor's name for the number of swarms."""
+
+    _joint: bool
+    """Whether a sub-environment is a whole swarm."""
 
     def __init__(
         self,
@@ -83,110 +80,66 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
-        known = inspect.signature(type(self)).parameters
-        for name in parameters:
-            if name not in known:
-                raise TypeError(
-                    f"{type(self).__name__} got an unexpected keyword argument {name!r}; "
-                    f"it takes {', '.join(known)}"
-                )
-        self.observation = str(checks.choice("observation", observation, tuple(LAYOUTS)))
-        if observation != "top-cells":  # that layout checks it
-            checks.integer("top_cells", top_cells, 1)
-        self._writes = checks.boolean("write_matrices", write_matrices)
-        if not self._writes and observation != "dict":
+        swarms = checks.integer(self._count_name, num_swarms, 1)
+        checks.choice("observation", observation, tuple(LAYOUTS))
+        has_sampler = parameters.get("sampler") is not None
+        checks.boolean("write_matrices", write_matrices)
+        if not write_matrices and (observation != "dict" or has_sampler):
             raise ValueError(
-                f"write_matrices=False needs observation='dict', got observation={observation!r}"
+                "write_matrices=False needs observation='dict', and no sampler, got "
+                f"observation={observation!r}"
             )
-        self.action_mask = checks.choice("action_mask", action_mask, MASKS_IN)
+        self._mask = checks.choice("action_mask", action_mask, MASKS_IN)
         self.right_of_way = checks.boolean("right_of_way", right_of_way)
-        try:
-            self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            allowed = ", ".join(str(mode) for mode in AutoresetMode)
-            raise ValueError(
-                f"autoreset_mode must be one of {allowed}, got {autoreset_mode!r}"
-            ) from None
-        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self._mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
         self._separate = checks.boolean("separate_flags", separate_flags)
-        self.reward_scale = checks.positive("reward_scale", reward_scale)
-        self.copies = checks.boolean("copy", copy)
+        self._scale = checks.positive("reward_scale", reward_scale)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
 
-        self.batch = SearchBatch(
-            num_swarms, wants_table=not self._writes, rows_name=self._count_name, **parameters
-        )
-        scenario, rows = self.batch.scenario_of(0), self.batch.num_rows
-        self._size, self._drones = scenario.grid_size, scenario.n_drones
+        self.batch = SearchBatch(swarms, wants_table=not write_matrices, **parameters)
+        if not write_matrices:
+            _ = self.batch.table  # an error if there is none
+        scenario = self.batch.scenario_of(0)
+        self._size, drones = scenario.grid_size, scenario.n_drones
         self._display = Display(self._size, fps=self.metadata["render_fps"])
-        self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
-        self.num_envs = rows * self._each
-        if not self._writes:
-            if parameters.get("sampler") is not None:
-                raise ValueError("write_matrices=False cannot be given together with a sampler")
-            try:
-                _ = self.batch.table
-            except ValueError as error:
-                raise ValueError(f"write_matrices=False needs a table: {error}") from None
-        largest = scenario.reward_scheme.largest(scenario.timestep_limit)
-        self.largest_reward = largest * (scenario.n_drones // self._each) * self.reward_scale
-        if math.isinf(self.largest_reward) and math.isfinite(largest):
-            raise ValueError(
-                f"reward_scale must leave rewards finite, which are up to {largest:g}, "
-                f"got {reward_scale!r}"
-            )
+        self._each = 1 if self._joint else drones  # sub-environments in a swarm
+        self.num_envs = swarms * self._each
+        masks = self.right_of_way if self._mask == "observation" else None
         self._observations = BatchObservations(
-            self.batch,
-            self.observation,
-            self._joint,
-            top_cells,
-            self._writes,
-            self.right_of_way if self.action_mask == "observation" else None,
+            self.batch, observation, self._joint, top_cells, write_matrices, masks
         )
         self.single_observation_space = self._observations.space
-        checks.fits(
-            "the observations",
-            _BYTES_PER_NUMBER * spaces.flatdim(self.single_observation_space) * self.num_envs,
-            **{self._count_name: rows, "grid_size": self._size, "n_drones": self._drones},
-        )
         self.single_action_space = (
-            spaces.MultiDiscrete([len(Action)] * self._drones)
+            spaces.MultiDiscrete([len(Action)] * drones)
             if self._joint
             else spaces.Discrete(len(Action))
         )
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._all_rows = np.arange(rows)
-        self._all_envs = np.ones(self.num_envs, np.bool_)
-        self._reused = None if self.copies else self._observations.empty(self.num_envs)
-
-    _count_name: str
-    """The constructor's name for the number of swarms."""
-
-    _joint: bool
-    """Whether a sub-environment is a whole swarm."""
+        copies = checks.boolean("copy", copy)
+        self._reused = None if copies else self._observations.empty(swarms)
 
     @abstractmethod
-    def _rewards(self) -> NDArray[np.float64]:
+    def _rewards(self) -> Floats:
         """The rewards of the last step: (num_envs,), a new array."""
 
     def _infos(self) -> Infos:
         """The infos of all sub-environments, without Gymnasium's masks such as "_Found"."""
         batch, each = self.batch, self._each
-        endings = batch.endings
         infos: Infos = {
             "Found": batch.found,
-            "is_success": successes(endings),
+            "is_success": successes(batch.endings),
             "persons_found": ~batch.missing,
-            "ending": endings,
+            "ending": batch.endings.copy(),
             "step": batch.steps,
         }
         if (success := batch.probability_of_success) is not None:
             infos["probability_of_success"] = success
         if not self._joint:
             infos = {name: values.repeat(each, axis=0) for name, values in infos.items()}
-        if self.action_mask == "info":
-            masks = self._action_masks(self.right_of_way).astype(np.int8)
+        if self._mask == "info":
+            masks = action_masks(batch.cells, self._size, self.right_of_way).astype(np.int8)
             infos["action_mask"] = masks if self._joint else masks.reshape(self.num_envs, -1)
         return infos
 
@@ -217,21 +170,15 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             TypeError: an argument is of the wrong type.
             ValueError: an argument is out of its limits.
         """
-        known = {} if options is None else options
+        known: dict[str, Any] = {}
         if options is not None:
-            known = checks.known_options(options, ("reset_mask", *_CATALOGUE), stacklevel=2)
-        rows = self._rows_of(known.get("reset_mask"))
-        seeds = self._seeds_of(seed)
-        chosen = [seeds[row] for row in rows.tolist()] if seeds else None
-        self.batch.reset(chosen, rows, **{name: known.get(name) for name in _CATALOGUE})
-        if seeds and seeds[0] is not None:
+            known = checks.known_options(options, ("reset_mask", *_OPTIONS), stacklevel=2)
+        rows, seeds = self._rows_of(known.get("reset_mask")), self._seeds_of(seed)
+        chosen = [seeds[row] for row in rows.tolist()]
+        self.batch.reset(chosen, rows, **{name: known.get(name) for name in _OPTIONS})
+        if seeds[0] is not None:
             super().reset(seed=seeds[0])  # seeds `np_random`
-        observations = self._output()
-        matrices = self._observations.matrices_in(observations)
-        if matrices is not None:
-            self.batch.write_matrices(matrices)
-        self._observations.write(self._all_rows, matrices, observations)
-        return observations, self._masked_infos(rows)
+        return self._observed(), self._masked_infos(rows)
 
     def step(self, actions: ArrayLike) -> tuple[Observations, Values, Values, Values, Infos]:
         """Let every drone act once.
@@ -253,48 +200,39 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             Exception: any error of a sampler. With autoreset in the same step, the step is
                 complete then, and a reset is needed.
         """
-        batch = self.batch
-        given = checks.array("actions", actions, "an array of the shape of action_space")
+        batch, given = self.batch, np.asarray(actions)
         if given.shape != self.action_space.shape:
             raise ValueError(
                 f"actions must have the shape {self.action_space.shape}, got {given.shape}"
             )
-        observations = self._output()
-        matrices = self._observations.matrices_in(observations)
-        by_swarm = given.reshape(batch.num_rows, self._drones)
-        batch.step(by_swarm, matrices, autoreset=self.autoreset_mode is AutoresetMode.NEXT_STEP)
+        in_next_step = self._mode is AutoresetMode.NEXT_STEP
+        batch.step(given.reshape(batch.cells.shape), autoreset=in_next_step)
         final: Infos = {}
-        ends_here = self.autoreset_mode is AutoresetMode.SAME_STEP
-        if ends_here and (ended := batch.ended.nonzero()[0]).size:
-            final = self._final_infos(ended, matrices)
-            batch.restart(ended)  # keeps the step's rewards and endings
-            if matrices is not None:
-                matrices[ended] = batch.matrices_of(ended)
-        self._observations.write(self._all_rows, matrices, observations)
+        if self._mode is AutoresetMode.SAME_STEP and (ended := batch.ended.nonzero()[0]).size:
+            final = self._final_infos(ended)
+            of_step = batch.rewards, batch.endings
+            batch.reset(rows=ended)
+            batch.rewards, batch.endings = of_step
         rewards, terminated, truncated = self._rewards(), *self._flags()
-        return observations, rewards, terminated, truncated, {**self._masked_infos(), **final}
+        infos = {**self._masked_infos(), **final}
+        return self._observed(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...] | None:
         """Render every swarm as text or as a picture, uint8 (H, W, 3); see `render_mode`."""
         if self.render_mode is None:
             return None
-        frames = map(self.frame, self._all_rows.tolist())
+        frames = map(self.frame, range(self.batch.num_rows))
         return tuple(self._display.render(frame, self.render_mode) for frame in frames)
 
     # Beyond Gymnasium's API.
 
     def frame(self, swarm: int) -> Frame:
         """Everything that a picture of one swarm shows, including the persons."""
-        return self.batch.frame(checks.integer("swarm", swarm, 0, self.batch.num_rows - 1))
+        return self.batch.frame(swarm)
 
-    def observe(self, rows: Ints) -> Observations:
-        """The current observations of some swarms' sub-environments, in new arrays.
-
-        Args:
-            rows: the swarms' numbers, in ascending order; int64, shape (n,).
-        """
-        rows = checks.row_numbers(rows, self.batch.num_rows, ascending=True)
-        return self._observations.of_rows(rows)
+    def observe(self, swarms: ArrayLike) -> Observations:
+        """The current observations of some swarms' sub-environments, in new arrays."""
+        return self._observations.of_rows(np.asarray(swarms))
 
     def action_masks(self, right_of_way: bool | None = None) -> Flags:
         """The valid actions of every sub-environment, see `wrappers.action_masks`.
@@ -310,8 +248,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         if right_of_way is None:
             right_of_way = self.right_of_way
-        right_of_way = checks.boolean("right_of_way", right_of_way)
-        return self._action_masks(right_of_way).reshape(self.num_envs, -1)
+        masks = action_masks(self.batch.cells, self._size, right_of_way)
+        return masks.reshape(self.num_envs, -1)
 
     @property
     def matrices(self) -> Singles:
@@ -326,30 +264,29 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     # Input.
 
-    def _rows_of(self, mask: Any) -> Ints:
+    def _rows_of(self, mask: ArrayLike | None) -> Ints:
         """The swarms to reset, given the option "reset_mask"."""
         if mask is None:
-            return self._all_rows
-        what = f"options['reset_mask'] must be a bool array of shape ({self.num_envs},)"
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            raise TypeError(f"{what}, got {mask!r}")
-        if mask.shape != (self.num_envs,):
-            raise ValueError(f"{what}, got shape {mask.shape}")
-        by_swarm = mask.reshape(-1, self._each)
-        wanted: Flags = np.logical_or.reduce(by_swarm, axis=1)
-        if not wanted.any():
-            raise ValueError(f"{what} with at least one True, got none")
-        if (by_swarm != wanted[:, None]).any():
-            raise ValueError(f"{what}, equal for all drones of a swarm, got {mask!r}")
-        return wanted.nonzero()[0]
+            return np.arange(self.batch.num_rows)
+        given = np.asarray(mask)
+        if given.dtype != np.bool_ or given.shape != (self.num_envs,) or not given.any():
+            raise ValueError(
+                f"options['reset_mask'] must be a bool array of shape ({self.num_envs},) with at "
+                f"least one True, got {mask!r}"
+            )
+        by_swarm = given.reshape(-1, self._each)
+        if (by_swarm != by_swarm[:, :1]).any():
+            raise ValueError(
+                f"options['reset_mask'] must be equal for all drones of a swarm, got {mask!r}"
+            )
+        return by_swarm[:, 0].nonzero()[0]
 
     def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """A seed for each swarm, or an empty list without seeds."""
+        """A seed for each swarm."""
         swarms = self.batch.num_rows
         if seed is None:
-            return []
-        several = isinstance(seed, Sequence) and not isinstance(seed, str)
-        if not several and not (isinstance(seed, np.ndarray) and seed.ndim):
+            return [None] * swarms
+        if isinstance(seed, str) or np.ndim(seed) == 0:  # type: ignore[arg-type]
             first = checks.integer("seed", seed, 0)
             return list(range(first, first + swarms))
         seeds = checks.seeds("seed", seed)
@@ -365,55 +302,188 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     # Output.
 
-    def _action_masks(self, right_of_way: bool) -> Flags:
-        """The masks by swarm and drone: bool, (swarms, drones, 6)."""
-        return action_masks(self.batch.cells, self._size, right_of_way)
-
-    def _output(self) -> Observations:
-        """The arrays for the observations of all sub-environments."""
-        return self._observations.empty(self.num_envs) if self._reused is None else self._reused
-
-    def _scaled_rewards(self) -> NDArray[np.float64]:
-        """Every drone's reward: (swarms, drones); possibly the batch's own array."""
-        rewards = self.batch.rewards
-        return rewards if self.reward_scale == 1.0 else rewards * self.reward_scale
+    def _observed(self) -> Observations:
+        """The observations of all sub-environments."""
+        out = self._reused
+        if out is None:
+            out = self._observations.empty(self.batch.num_rows)
+        self._observations.write(out)
+        return out
 
     def _flags(self) -> tuple[Flags, Flags]:
         """Terminations and truncations of all sub-environments."""
-        endings, each = self.batch.endings, self._each
-        terminated = truncated = endings != 0
+        terminated = truncated = self.batch.endings != 0
         if self._separate:
-            truncated = endings == Ending.TIME_LIMIT
+            truncated = self.batch.endings == Ending.TIME_LIMIT
             terminated = terminated & ~truncated
-        return terminated.repeat(each), truncated.repeat(each)
+        return terminated.repeat(self._each), truncated.repeat(self._each)
 
     def _masked_infos(self, rows: Ints | None = None) -> Infos:
-        """The infos, each with a mask of the sub-environments of these swarms."""
-        mask = self._all_envs
-        if rows is not None and len(rows) < self.batch.num_rows:
-            mask = np.zeros_like(mask)
+        """The infos, each with a mask of the sub-environments of some swarms, or of all."""
+        mask = np.full(self.num_envs, rows is None)
+        if rows is not None:
             mask.reshape(-1, self._each)[rows] = True
         infos = self._infos()
         return {**infos, **{f"_{key}": mask.copy() for key in infos}}
 
-    def _final_infos(self, rows: Ints, matrices: Singles | None) -> Infos:
-        """The final observations and infos of swarms whose episodes have ended.
-
-        Args:
-            rows: the swarms' numbers.
-            matrices: of all swarms, or None.
-        """
-        envs = (rows[:, None] * self._each + np.arange(self._each)).reshape(-1)
-        observed = self._observations.of_rows(rows, None if matrices is None else matrices[rows])
-        final = np.full(self.num_envs, None, object)
-        each = iterate(self.observation_space, observed)
-        for env, observation in zip(envs.tolist(), each, strict=True):
+    def _final_infos(self, rows: Ints) -> Infos:
+        """The final observations and infos of swarms whose episodes have ended."""
+        infos, final = self._masked_infos(rows), np.full(self.num_envs, None, object)
+        mask = infos["_step"].copy()
+        observed = iterate(self.observation_space, self._observations.of_rows(rows))
+        for env, observation in zip(mask.nonzero()[0].tolist(), observed, strict=True):
             final[env] = observation
-        mask = np.zeros(self.num_envs, np.bool_)
-        mask[envs] = True
         return {
             "final_obs": final,
             "_final_obs": mask,
-            "final_info": self._masked_infos(rows),
+            "final_info": infos,
             "_final_info": mask.copy(),
         }
+
+
+@shows_keywords_of(SearchVectorEnv)
+class SwarmVectorEnv(SearchVectorEnv):
+    """Many searches; each sub-environment is a swarm with a joint action and a team reward.
+
+    Given the same seed and actions, each swarm reproduces `DroneSwarmSearch` bit for bit.
+
+    Actions: `MultiDiscrete([6] * n_drones)` for each swarm, see `rules.Action`.
+
+    Observations of each swarm:
+
+    - "dict": `positions`, every drone's (x, y), int32, shape (n_drones, 2), and
+      `probability_matrix`, float32, (N, N), indexed [y, x]. With write_matrices=False,
+      `matrix_index` replaces the matrix.
+    - "flat": every drone's x and y, scaled to the grid; the remaining share of the steps, 1 at
+      the start; the matrix row by row, scaled to a maximum of 1: float32,
+      (2 n_drones + 1 + N²,).
+    - "planes": the matrix, scaled to a maximum of 1; for each drone a plane with 1 at its
+      cell; the remaining share of the steps in every cell: float32, (2 + n_drones, N, N).
+    - "top-cells", "crops": the observations of the drones in `DroneVectorEnv`,
+      (n_drones, ...).
+
+    Rewards: the sum over the drones.
+
+    Infos, each with a mask of the same name after an underscore:
+
+    - `rewards`: each drone's reward, (num_envs, n_drones).
+    - `Found`: whether any person has been found.
+    - `is_success`: whether the last step ended the episode with success: all persons have been
+      found, or the coverage mission is complete.
+    - `persons_found`: which persons have been found, (num_envs, persons).
+    - `ending`: why the last step ended the episode, the integer value of an `Ending`; 0 while
+      the episode continues.
+    - `step`: completed steps.
+    - `probability_of_success`: the cumulative probability of success (POS) of all searches so
+      far, the mean over persons. Only with `bayesian_update`, `RewardScheme.expected()` or the
+      coverage mission.
+    - `action_mask`: int8, (num_envs, n_drones, 6), indexed by `rules.Action`. Only with
+      action_mask="info".
+
+    Args:
+        num_envs: the number of swarms.
+        observation: the layout: "dict", or "flat", "planes", "top-cells" or "crops", which
+            are single float32 arrays.
+        top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
+        write_matrices: False observes, in place of each matrix, its index in the table
+            `matrices` that all swarms share. Only for one person, without `bayesian_update`,
+            without a `sampler`, and with observation="dict".
+        action_mask: where the masks of valid actions are, see `wrappers.action_masks`. With
+            "observation", every observation is {"observation": the layout's, "action_mask":
+            int8, (n_drones, 6)}. With "info", they are an info. With None, only the method
+            `action_masks` returns them.
+        right_of_way: whether the masks prevent all collisions.
+        autoreset_mode: when an ended episode is followed by the next one: in the next step,
+            in the same step (the final observation is in the infos, "final_obs"), or only
+            in `reset` ("Disabled").
+        separate_flags: False sets both termination and truncation at the end of an episode,
+            as `DroneSwarmSearch` does. True sets only truncation at the time limit and only
+            termination otherwise, for value bootstrapping.
+        reward_scale: a factor above 0 for the rewards; a power of two is exact.
+            `batch.rewards` are not scaled.
+        copy: return new observations from every step; False overwrites the same ones.
+        render_mode: None, "ansi" or "rgb_array": whether `render` returns text or pictures.
+        scenario, situations, situation, drones_positions, sampler: as for `SearchBatch`.
+        grid_size, n_drones, vector, person_initial_position, disperse_constant, timestep_limit,
+            probability_of_detection, bayesian_update, reward_scheme, persons, mission: in place
+            of a scenario, see `Scenario`.
+
+    Attributes:
+        num_envs: the number of sub-environments.
+        batch: the `SearchBatch`, which knows the whole state of all searches.
+
+    Raises:
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
+        ValueError: an argument is out of its limits, or given together with a scenario.
+    """
+
+    _count_name = "num_envs"
+    _joint = True
+
+    def __init__(self, num_envs: int = 1, **keywords: Any) -> None:
+        super().__init__(num_envs, **keywords)
+
+    def _rewards(self) -> Floats:
+        # Along the first axis NumPy adds in order, as `sum` does in the single environment.
+        total: Floats = np.add.reduce((self.batch.rewards * self._scale).T.copy(), axis=0)
+        return total
+
+    def _infos(self) -> Infos:
+        return {"rewards": self.batch.rewards * self._scale, **super()._infos()}
+
+
+@shows_keywords_of(SearchVectorEnv)
+class DroneVectorEnv(SearchVectorEnv):
+    """Many searches; each sub-environment is a drone, for parameter sharing.
+
+    The drones of a swarm are adjacent: sub-environment i * n_drones + k is drone k of swarm i,
+    and num_envs = num_swarms * n_drones.
+
+    Actions: `Discrete(6)` for each drone, see `rules.Action`.
+
+    Observations of each drone:
+
+    - "dict": `position`, its (x, y), int32, shape (2,), and `probability_matrix` or
+      `matrix_index`, as in `SwarmVectorEnv`.
+    - "flat": its x and y, then those of the other drones, and the rest as in `SwarmVectorEnv`.
+    - "planes": the matrix, scaled to a maximum of 1; the drone itself; the other drones (1 at
+      their cells); the remaining share of the steps in every cell: float32, (4, N, N).
+    - "top-cells": the likeliest cells and the other drones, relative to the drone: float32,
+      (3 top_cells + 2 n_drones + 1,), see `layouts.top_cells`.
+    - "crops": the matrix and the other drones in windows around the drone, fine and coarse:
+      float32, (202,) for every search, see `layouts.crops`.
+
+    Rewards: the drone's own, or with `shared_reward` the mean over its swarm.
+
+    Infos: those of `SwarmVectorEnv` but `rewards`, equal for all drones of a swarm, except for
+    the drone's own `action_mask`, int8, (num_envs, 6).
+
+    Args:
+        num_swarms: the number of swarms.
+        shared_reward: reward every drone with the mean over its swarm, in place of its own reward,
+            so that drones cooperate.
+        keywords: the other arguments of `SwarmVectorEnv`.
+
+    Attributes:
+        num_envs: the number of sub-environments.
+        batch: the `SearchBatch`, which knows the whole state of all searches.
+
+    Raises:
+        TypeError: an argument is of the wrong type, or there are unknown keywords.
+        ValueError: an argument is out of its limits, or given together with a scenario.
+    """
+
+    _count_name = "num_swarms"
+    _joint = False
+
+    def __init__(
+        self, num_swarms: int = 1, *, shared_reward: bool = False, **keywords: Any
+    ) -> None:
+        self._shares_reward = checks.boolean("shared_reward", shared_reward)
+        super().__init__(num_swarms, **keywords)
+
+    def _rewards(self) -> Floats:
+        rewards = self.batch.rewards * self._scale
+        if self._shares_reward:
+            rewards = np.repeat(rewards.mean(axis=1), self._each)
+        return rewards.reshape(-1)

@@ -10,22 +10,63 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
-from DroneSwarmSearch.drift.belief import (
-    mean_over_missing,
-    means_over_missing,
-    over_hypotheses,
-    shown_persons,
-)
+from DroneSwarmSearch.drift.belief import means_over_missing, over_hypotheses, shown_persons
+from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
-from DroneSwarmSearch.vector.catalogue import Catalogue
 
-__all__ = ["BatchState"]
+__all__ = ["BatchState", "Catalogue"]
 
-_NO_ROWS: Ints = np.empty(0, np.int64)
+
+class Catalogue:
+    """The searches that episodes draw from, which differ in their persons only.
+
+    Args:
+        scenarios: the searches, all with the same number of persons.
+        kept: searches that episodes under way have, but new ones do not draw.
+        cells: the drones' start cells in each search, (searches, n_drones), if they are its own.
+        hypotheses: the least number of hypotheses about each person, see `Forecasts`.
+        complete: make the table of matrices for all steps at once.
+
+    Attributes:
+        scenarios: `scenarios` and `kept`.
+        choices: the number of searches that new episodes draw from.
+        cells: see above.
+        complete: see above.
+        forecasts: the different forecasts of their persons.
+        numbers: the number of each person's forecast in each search: int64, (persons, searches).
+        detections: each person's probability of detection: float64, (persons, searches).
+    """
+
+    def __init__(
+        self,
+        scenarios: Sequence[Scenario],
+        kept: Sequence[Scenario] = (),
+        cells: Ints | None = None,
+        hypotheses: int = 1,
+        complete: bool = False,
+    ) -> None:
+        self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
+        self.cells, self.complete = cells, complete
+        size, limit = scenarios[0].grid_size, scenarios[0].timestep_limit
+        self.forecasts, numbers = forecasts_of(
+            [model for scenario in self.scenarios for model in scenario.forecasts()],
+            last=limit,
+            hypotheses=hypotheses,
+            keeps_matrices=complete or not scenarios[0].bayesian_update,
+        )
+        self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
+        detections = np.array([scenario.detections for scenario in self.scenarios])
+        self.detections: Floats = detections.T.copy()
+        if complete:
+            what = f"the table of matrices for {self.forecasts.count} different forecasts"
+            needed = self.forecasts.step_bytes * (limit + 1)
+            checks.fits(what, needed, grid_size=size, timestep_limit=limit)
+        self.forecasts.reach(limit if complete else 0)
 
 
 class BatchState:
@@ -43,27 +84,28 @@ class BatchState:
         missing: which persons have not been found: bool, (persons, rows).
         finds: the drone that found each person, numbered throughout the batch, and in which
             cell: int64, (2, persons, rows); the values of missing persons are meaningless.
+        beliefs: or None if nothing depends on them.
     """
 
     def __init__(self, catalogue: Catalogue, rows: int, finds_last: bool) -> None:
-        scenario, persons = catalogue.scenarios[0], len(catalogue.numbers)
-        self._scenario, self._finds_last = scenario, finds_last
-        self._size, self._persons = scenario.grid_size, persons
-        self._is_rescue = scenario.mission == "rescue"
-        self._beliefs: Beliefs | None = None
-        if scenario.keeps_beliefs:
-            self._beliefs = Beliefs(self._size, persons, catalogue.forecasts.hypotheses, rows)
-        self._shown = self._beliefs if scenario.bayesian_update else None
+        self._scenario = scenario = catalogue.scenarios[0]
+        self._size, self._persons = scenario.grid_size, len(catalogue.numbers)
+        self._finds_last = finds_last
         self.catalogue = catalogue
         self.step = np.zeros(rows, np.int64)
         self.situation = np.zeros(rows, np.int64)
-        self.missing = np.ones((persons, rows), np.bool_)
-        self.finds = np.zeros((2, persons, rows), np.int64)
-        self._states = np.zeros((persons, rows), np.int64)
-        self._entries = np.zeros((persons, rows), np.int64)  # in the catalogue's forecasts
+        self.missing = np.ones((self._persons, rows), np.bool_)
+        self.finds = np.zeros((2, self._persons, rows), np.int64)
+        self.beliefs: Beliefs | None = None
+        if scenario.keeps_beliefs:
+            hypotheses = catalogue.forecasts.hypotheses
+            self.beliefs = Beliefs(self._size, self._persons, hypotheses, rows)
+        self._shown = self.beliefs if scenario.bayesian_update else None
+        self._states = np.zeros((self._persons, rows), np.int64)
+        self._entries = np.zeros((self._persons, rows), np.int64)  # in the catalogue's forecasts
         # The counters of a step's drift draws, from the key of the episode on.
-        self._places = np.arange(1, 2 * persons + 1, dtype=np.uint64)[:, None] * GOLDEN
-        self._draws = np.zeros((2 * persons, rows), np.uint64)
+        self._places = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
+        self._draws = np.zeros((2 * self._persons, rows), np.uint64)
         self._detection_keys = np.zeros(rows, np.uint64)
 
     # The start of an episode.
@@ -77,8 +119,7 @@ class BatchState:
             situation: the number of each row's search in the catalogue: int64, (n,).
         """
         forecasts, models = self.catalogue.forecasts, self.catalogue.numbers.take(situation, axis=1)
-        certain = forecasts.certain_starts
-        if certain is not None:  # saves a tenth of a step
+        if (certain := forecasts.certain_starts) is not None:  # saves a tenth of a step
             self._states[:, rows] = certain.take(models)
         else:
             places = np.arange(self._persons, dtype=np.uint64)[:, None]
@@ -89,31 +130,34 @@ class BatchState:
         self._entries[:, rows] = models
         self._draws[:, rows] = self._places + keys[0]
         self._detection_keys[rows] = keys[1]
-        if self._beliefs is not None:
-            self._beliefs.forget(rows)
+        if self.beliefs is not None:
+            self.beliefs.forget(rows)
 
-    def extended(self, scenarios: Sequence[Scenario], starting: Ints) -> Catalogue:
-        """A new catalogue, with the searches of the episodes under way at its end; see `use`.
+    def extended(
+        self, scenarios: Sequence[Scenario], starting: Ints, cells: Ints | None = None
+    ) -> Catalogue:
+        """A new catalogue, which keeps the searches of the episodes under way; see `use`.
 
         Args:
             scenarios: the new searches.
             starting: the rows that begin an episode next.
+            cells: see `Catalogue`.
         """
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
         least = self.catalogue.forecasts.hypotheses if kept else 1
-        return Catalogue([*scenarios, *kept], least, self.catalogue.complete)
+        return Catalogue(scenarios, kept, cells, least, self.catalogue.complete)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
         """Use a catalogue from `extended`."""
         going = np.delete(np.arange(len(self.step)), starting)
-        kept, place = np.unique(self.situation[going], return_inverse=True)
-        self.situation[going] = len(catalogue) - len(kept) + place
+        _, place = np.unique(self.situation[going], return_inverse=True)
+        self.situation[going] = catalogue.choices + place
         self._entries[:, going] = catalogue.numbers.take(self.situation[going], axis=1)
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
-        if self._beliefs is not None:
-            self._beliefs.pad(catalogue.forecasts.hypotheses)
+        if self.beliefs is not None:
+            self.beliefs.pad(catalogue.forecasts.hypotheses)
         self.catalogue = catalogue
 
     # A step: `observed`, then `search`, then `advance`.
@@ -127,9 +171,9 @@ class BatchState:
         """
         if not self._scenario.reward_scheme.expected_finds:
             return self.probabilities(rows, cells).astype(np.float64)
-        assert self._beliefs is not None
-        self._beliefs.begin(rows, self.catalogue.forecasts, self._entries)
-        return self._beliefs.added_success(rows, cells, self._detections_of(rows))
+        assert self.beliefs is not None
+        self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
+        return self.beliefs.added_success(rows, cells, self._detections_of(rows))
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
@@ -140,22 +184,12 @@ class BatchState:
             drones: the drone of every search, numbered throughout the batch.
 
         Returns:
-            The searches that found someone, as indices into the arguments; a search that
-            found several persons may occur several times.
+            The drones that found someone; one that found several persons occurs several times.
         """
-        finds = self._finds_of(rows, cells, drones) if self._is_rescue else _NO_ROWS
-        if self._beliefs is not None and rows.size:
-            self._beliefs.begin(rows, self.catalogue.forecasts, self._entries)
-            self._beliefs.search(rows, cells, self._detections_of(rows))
-        return finds
-
-    def _finds_of(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
-        found = [_NO_ROWS]
-        spared = None if self._finds_last else self.missing.sum(axis=0) == 1
-        for person, at in enumerate(self.person_cells):
-            right = (at.take(rows) == cells) & self.missing[person].take(rows)
-            if spared is not None:
-                right &= ~spared.take(rows)
+        found = [drones[:0]]
+        findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
+        for person, at in enumerate(self.person_cells) if self._is_rescue else ():
+            right = (at.take(rows) == cells) & (self.missing[person] & findable).take(rows)
             hits = right.nonzero()[0]
             if not hits.size:
                 continue
@@ -166,8 +200,15 @@ class BatchState:
             where = rows.take(hits)
             self.missing[person, where] = False
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
-            found.append(hits)
+            found.append(drones.take(hits))
+        if self.beliefs is not None:
+            self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
+            self.beliefs.search(rows, cells, self._detections_of(rows))
         return np.concatenate(found)
+
+    @property
+    def _is_rescue(self) -> bool:
+        return self._scenario.mission == "rescue"
 
     def _detections_of(self, rows: Ints) -> Floats:
         """Each person's probability of detection in some rows: (persons, n)."""
@@ -178,19 +219,17 @@ class BatchState:
         found: Ints = rows[~self.missing[:, rows].any(axis=0)]
         return found
 
-    def covered(self, rows: Ints) -> Ints:
-        """Those of some searched rows whose coverage mission is complete."""
-        if self._is_rescue:
-            return _NO_ROWS
-        assert self._beliefs is not None
-        covered: Ints = rows[self._beliefs.success(rows) > COVERED_AT]
-        return covered
+    def covered(self) -> Ints:
+        """The rows whose coverage mission is complete."""
+        if self._is_rescue or self.beliefs is None:
+            return np.empty(0, np.int64)
+        return (self.beliefs.success() > COVERED_AT).nonzero()[0]
 
     def advance(self) -> None:
         """Let the persons and the beliefs drift by a step."""
         forecasts = self.catalogue.forecasts
-        if self._beliefs is not None:
-            self._beliefs.drift(forecasts, self._entries)
+        if self.beliefs is not None:
+            self.beliefs.drift(forecasts, self._entries)
         draws = unit_numbers(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
         self._states = forecasts.walk(self._states, self._entries, draws)
         self._draws += self._places[-1]
@@ -211,62 +250,44 @@ class BatchState:
         entries: Ints = self._entries[0].copy()
         return entries
 
-    def success(self) -> Floats | None:
-        """The probability of success of every row, (rows,); None without beliefs."""
-        return None if self._beliefs is None else self._beliefs.success(slice(None))
-
-    def failure(self) -> Floats | None:
-        """The probability that no search finds each person, (rows, persons), or None."""
-        return None if self._beliefs is None else self._beliefs.kept.T.copy()
-
-    def hypotheses(self, row: int) -> list[tuple[float, ...]]:
-        """The probability of each hypothesis about each person, as far as the matrix shows it."""
-        numbers = self.catalogue.numbers[:, self.situation[row]].tolist()
-        models = [self.catalogue.forecasts.models[number] for number in numbers]
-        if not self.shows_belief(row):
-            return [tuple(model.weights.tolist()) for model in models]
-        assert self._shown is not None
-        pairs = zip(models, self._shown.mass(row), strict=True)
-        return [model.hypotheses(mass[: len(model.weights)]) for model, mass in pairs]
-
-    def shows_belief(self, row: int) -> bool:
-        """Whether the matrix of a row is the belief, not the forecast."""
-        return self._shown is not None and bool(self._shown.begun[row])
-
-    def prior(self, row: int) -> Singles:
-        """The forecast of a row without its searches: float32, (N, N)."""
-        joints = [self.catalogue.forecasts.joint(entry) for entry in self._entries[:, [row]]]
-        forecasts = [over_hypotheses(joint[0]) for joint in joints]
-        mean = mean_over_missing(forecasts, self.missing[:, row].nonzero()[0].tolist())
-        return mean.astype(np.float32)
+    def shown_mass(self, row: int) -> Floats | None:
+        """The beliefs about each person, if the matrix of a row shows them: (persons, M, N, N)."""
+        if self._shown is None or not self._shown.begun[row]:
+            return None
+        return self._shown.mass(np.array([row])).reshape(self._persons, -1, self._size, self._size)
 
     # The matrices.
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """The matrix entry of one cell in each of some rows: float32, (n,)."""
-        if self._persons == 1:
-            values = self.catalogue.forecasts.probabilities(self._entries[0].take(rows), cells)
-        else:
-            matrices = self._forecasts(rows).reshape(len(rows), self._size**2)
-            values = matrices[np.arange(len(rows)), cells]
-        if self._shown is not None:
-            begun = self._shown.begun[rows].nonzero()[0]
-            here = rows[begun]
-            counted = shown_persons(self.missing[:, here])
-            values[begun] = self._shown.probabilities(here, cells[begun], counted)
+        if self._shown is None:
+            return self._forecast_at(rows, cells)
+        begun, values = self._shown.begun[rows], np.empty(len(rows), np.float32)
+        here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
+        values[begun] = self._shown.probabilities(here, cells[begun], counted)
+        values[~begun] = self._forecast_at(rows[~begun], cells[~begun])
         return values
+
+    def _forecast_at(self, rows: Ints, cells: Ints) -> Singles:
+        """`probabilities` as forecasts without searches."""
+        if self._persons == 1:
+            return self.catalogue.forecasts.probabilities(self._entries[0].take(rows), cells)
+        matrices = self._forecasts(rows).reshape(-1, self._size**2)
+        return matrices[np.arange(len(rows)), cells]
 
     def matrices(self, rows: Ints) -> Singles:
         """The matrices of some rows: float32, shape (n, N, N)."""
-        out = self._forecasts(rows)
-        if self._shown is not None:
-            begun = self._shown.begun[rows]
-            here = rows[begun]
-            out[begun] = self._shown.matrices(here, shown_persons(self.missing[:, here]))
+        if self._shown is None:
+            return self._forecasts(rows)
+        begun = self._shown.begun[rows]
+        here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
+        out = np.empty((len(rows), self._size, self._size), np.float32)
+        out[begun] = self._shown.matrices(here, counted)
+        out[~begun] = self._forecasts(rows[~begun])
         return out
 
     def write_matrices(self, out: Singles) -> None:
-        """Write the matrix of every row: float32, shape (rows, N, N), C-contiguous."""
+        """Write the matrix of every row: float32, shape (rows, N, N)."""
         if self._shown is not None:
             self._shown.write_matrices(shown_persons(self.missing), out)
             others = (~self._shown.begun).nonzero()[0]
@@ -278,15 +299,14 @@ class BatchState:
 
     def _forecasts(self, rows: Ints) -> Singles:
         """The matrices of some rows as forecasts without searches: float32, (n, N, N)."""
-        entries = self._entries[:, rows]
+        forecasts, entries = self.catalogue.forecasts, self._entries[:, rows]
         if self._persons == 1:
-            return self.catalogue.forecasts.matrices(entries[0])
+            return forecasts.matrices(entries[0])
         counted = shown_persons(self.missing[:, rows])
         shown = np.take_along_axis(entries, counted.argmax(axis=0)[None], axis=0)
-        matrices = self.catalogue.forecasts.matrices(shown[0])
+        matrices = forecasts.matrices(shown[0])
         mixed = ((entries != shown) & counted).any(axis=0)  # a mean of different forecasts
-        joints = [self.catalogue.forecasts.joint(entry[mixed]) for entry in entries]
-        forecasts = [over_hypotheses(joint.swapaxes(0, 1)) for joint in joints]
-        mean = means_over_missing(forecasts, counted[:, mixed][..., None, None])
+        maps = [over_hypotheses(forecasts.joint(entry[mixed]).swapaxes(0, 1)) for entry in entries]
+        mean = means_over_missing(maps, counted[:, mixed][..., None, None])
         matrices[mixed] = mean.astype(np.float32)
         return matrices
