@@ -129,7 +129,7 @@ def block_params() -> list[object]:
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("block", block_params())
-def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_block(block, tmp_path, monkeypatch):
     """Every block runs in an empty folder and prints what the page shows."""
     for package in block.optional_packages:
         skip_without(package)
@@ -153,7 +153,7 @@ def skip_without(package: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES_WITH_LINKS, ids=path_of)
-def test_links_and_images_exist(page: Path) -> None:
+def test_links_and_images_exist(page):
     text = re.sub(r"^```(?!\{).*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
     targets = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'src(?:set)?="([^"]+)"', text)
     for target in targets:
@@ -233,7 +233,7 @@ def help_text(*start: str) -> str:
 
 
 @pytest.mark.parametrize("command", command_params(slow=True))
-def test_slow_commands_use_existing_options(command: Command) -> None:
+def test_slow_commands_use_existing_options(command):
     """Only the options are checked; other tests run the training scripts."""
     options = [argument for argument in command.arguments if argument.startswith("--")]
     known = ""
@@ -248,7 +248,7 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", command_params(slow=False))
-def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command(command, tmp_path, monkeypatch):
     """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
     arguments = list(command.arguments)
     if "--ray" in command.arguments:
@@ -281,9 +281,7 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ],
     ids=["vector_rollout", "prior_or_posterior", "bench_step"],
 )
-def test_scripts_without_a_command_on_a_page(
-    script: list[str], shown: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_scripts_without_a_command_on_a_page(script, shown, monkeypatch):
     assert shown in run_here(script, ROOT, monkeypatch)
 
 

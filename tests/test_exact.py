@@ -145,7 +145,7 @@ class Recorder:
 
 @pytest.mark.parametrize("name", sorted({*POLICIES} - {"random"}))
 @pytest.mark.parametrize("person", PERSONS)
-def test_packaged_policies_agree_with_a_dense_chain(name: str, person: str) -> None:
+def test_packaged_policies_agree_with_a_dense_chain(name, person):
     search = named(person)
     policy = Recorder(make(name, search.scenario))
     success = exact_curve(policy, search)
@@ -158,9 +158,7 @@ def test_packaged_policies_agree_with_a_dense_chain(name: str, person: str) -> N
 @pytest.mark.parametrize("bayesian_update", [False, True])
 @pytest.mark.parametrize("persons", [("known",), ("hypotheses",)])
 @pytest.mark.parametrize("view", ["swarm", "parallel"])
-def test_a_policy_sees_what_it_would_see_in_the_environment(
-    view: str, persons: tuple[str, ...], bayesian_update: bool
-) -> None:
+def test_a_policy_sees_what_it_would_see_in_the_environment(view, persons, bayesian_update):
     """Bit for bit: the history of every sampled episode begins one of the exact computation."""
     search = named(*persons, bayesian_update=bayesian_update)
     exact = Recorder(Climber(search.scenario))
@@ -179,7 +177,7 @@ def searching(shown: Any) -> Any:
     return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
 
 
-def test_a_crash_ends_the_search() -> None:
+def test_a_crash_ends_the_search():
     """Two drones search, then meet; a find in the step of the crash counts."""
 
     class Meets:
@@ -205,7 +203,7 @@ def test_a_crash_ends_the_search() -> None:
 @pytest.mark.parametrize(
     ("name", "persons"), [("greedy-posterior", ("hypotheses",)), ("planner", ("known",))]
 )
-def test_samples_agree(name: str, persons: tuple[str, ...]) -> None:
+def test_samples_agree(name, persons):
     count, search = 250, named(*persons)
     got = evaluate(name, search, episodes=count, progress=False)
     sampled = evaluate(name, search, episodes=count, deterministic=False, progress=False)
@@ -223,7 +221,7 @@ def test_samples_agree(name: str, persons: tuple[str, ...]) -> None:
 # Which evaluations are exact.
 
 
-def test_the_policy_or_the_caller_states_that_it_is_deterministic() -> None:
+def test_the_policy_or_the_caller_states_that_it_is_deterministic():
     search = named("known")
 
     def is_exact(policy: Any, **options: Any) -> bool:
@@ -244,7 +242,7 @@ def test_the_policy_or_the_caller_states_that_it_is_deterministic() -> None:
 
 @pytest.mark.parametrize("mission", ["rescue", "coverage"])
 @pytest.mark.parametrize("view", ["swarm", "parallel"])
-def test_a_policy_that_is_not_deterministic_is_refused(view: str, mission: str) -> None:
+def test_a_policy_that_is_not_deterministic_is_refused(view, mission):
     rng = np.random.default_rng(0)
 
     def drawn(shown: Any) -> Any:
@@ -258,7 +256,7 @@ def test_a_policy_that_is_not_deterministic_is_refused(view: str, mission: str) 
         evaluate(drawn, search, view=view, episodes=4, deterministic=True, progress=False)
 
 
-def test_coverage_missions_are_exact_for_any_number_of_persons() -> None:
+def test_coverage_missions_are_exact_for_any_number_of_persons():
     search = named("known", "missed", "hypotheses", mission="coverage")
     got = evaluate(Climber, search, episodes=4, progress=False)
     assert got.success.is_exact
@@ -274,7 +272,7 @@ def evaluated(policy: Any, **options: Any) -> Evaluation:
     return evaluate(policy, named("known"), episodes=30, progress=False, **options)
 
 
-def test_exact_values_have_no_interval() -> None:
+def test_exact_values_have_no_interval():
     got = evaluated(Climber)
     value = float(got.success_by_time[-1])
     assert got.success == (value, value, value)
@@ -285,7 +283,7 @@ def test_exact_values_have_no_interval() -> None:
     assert "(exact)" in repr(got) and "exact" not in repr(evaluated(searching))
 
 
-def test_differences_of_exact_values_are_exact() -> None:
+def test_differences_of_exact_values_are_exact():
     one, other = evaluated(Climber), evaluated("greedy-posterior", seed=5)
     got = compare(one, other)  # of different episodes
     assert got.success.is_exact
@@ -297,7 +295,7 @@ def test_differences_of_exact_values_are_exact() -> None:
     assert same.success == same.time == Estimate.exact(0.0)
 
 
-def test_an_exact_value_against_a_sample_has_the_interval_of_the_sample() -> None:
+def test_an_exact_value_against_a_sample_has_the_interval_of_the_sample():
     exact, sampled = evaluated(Climber), evaluated(searching)
     got = compare(exact, sampled)
     for ours, theirs, difference in (

@@ -73,7 +73,7 @@ def board_of(*rows: tuple[str, str, int, int], bound: float | None = None, **mad
     return Leaderboard(several)
 
 
-def test_searches_have_equal_weight_and_times_are_relative_to_the_limit() -> None:
+def test_searches_have_equal_weight_and_times_are_relative_to_the_limit():
     board = board_of(("planner", "pond", 80, 10), ("planner", "night", 40, 50), bound=0.9)
     success = mean_of(each.success for each in board.evaluations)
     pond, night = (SUITE[name].scenario.timestep_limit for name in ("pond", "night"))
@@ -86,7 +86,7 @@ def test_searches_have_equal_weight_and_times_are_relative_to_the_limit() -> Non
     assert bound == ["bound", "90.0", "", ""]
 
 
-def test_tables_show_the_best_first() -> None:
+def test_tables_show_the_best_first():
     board = board_of(
         *[("random", "pond", 20, 10), ("planner", "pond", 50, 10)],
         *[("random", "fog", 40, 10), ("planner", "fog", 30, 10)],
@@ -106,9 +106,7 @@ def test_tables_show_the_best_first() -> None:
     ]
 
 
-def test_a_rerun_reads_everything_from_the_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rerun_reads_everything_from_the_folder(tmp_path, monkeypatch):
     calls = dict.fromkeys(("play", "success_bound"), 0)
 
     def counted(name: str) -> Callable[..., Any]:
@@ -135,7 +133,7 @@ def test_a_rerun_reads_everything_from_the_folder(
     assert [*calls.values()] == [8, 2]
 
 
-def test_every_policy_plays_the_same_episodes_and_has_the_bound() -> None:
+def test_every_policy_plays_the_same_episodes_and_has_the_bound():
     board = leaderboard(
         ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
     )
@@ -147,7 +145,7 @@ def test_every_policy_plays_the_same_episodes_and_has_the_bound() -> None:
         assert each.bound.by_time[-1] == 0.875
 
 
-def test_an_added_policy_can_see_the_posterior() -> None:
+def test_an_added_policy_can_see_the_posterior():
     def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
         return np.full(seen["positions"].shape[:2], int(Action.SEARCH))
 
@@ -169,14 +167,12 @@ def test_an_added_policy_can_see_the_posterior() -> None:
         ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
     ],
 )
-def test_bad_input_is_refused(arguments: dict[str, Any], words: str) -> None:
+def test_bad_input_is_refused(arguments, words):
     with pytest.raises((TypeError, ValueError), match=words):
         leaderboard(**{"searches": ["pond"], "episodes": 1, **arguments}, progress=False)
 
 
-def test_it_prints_and_writes_everything(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_prints_and_writes_everything(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     out = tmp_path / "out"
     assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(out)]) == 0
@@ -197,9 +193,7 @@ def test_it_prints_and_writes_everything(
 
 
 @pytest.mark.usefixtures("_no_plots")
-def test_an_added_policy_has_a_row(
-    tmp_path: Path, idler: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_added_policy_has_a_row(tmp_path, idler, capsys):
     out = tmp_path / "out"
     arguments = ["--episodes", "5", "--searches", "pond", "--workers", "1", "--no-bound"]
     assert command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
@@ -208,11 +202,7 @@ def test_an_added_policy_has_a_row(
     assert re.search(rf"{re.escape(idler)} +0\.0 \(0\.0-43\.4\)", output)
 
 
-def test_without_matplotlib_there_are_tables_and_a_hint(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_without_matplotlib_there_are_tables_and_a_hint(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
     monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)

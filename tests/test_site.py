@@ -87,7 +87,7 @@ def is_external(address: str) -> bool:
     return bool(urllib.parse.urlsplit(address).scheme)
 
 
-def test_every_source_has_a_page(site: Path) -> None:
+def test_every_source_has_a_page(site):
     sources = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("docs/**/*.rst")]
     assert len(sources) > 20
     for source in sources:
@@ -95,7 +95,7 @@ def test_every_source_has_a_page(site: Path) -> None:
         assert page.exists(), page
 
 
-def test_internal_links_have_targets(pages: dict[Path, Any]) -> None:
+def test_internal_links_have_targets(pages):
     names = {path: {tag["id"] for tag in page.find_all(id=True)} for path, page in pages.items()}
     followed = 0
     for path, page in pages.items():
@@ -112,14 +112,14 @@ def test_internal_links_have_targets(pages: dict[Path, Any]) -> None:
     assert followed > 1000
 
 
-def test_pages_load_nothing_external(pages: dict[Path, Any]) -> None:
+def test_pages_load_nothing_external(pages):
     for path, page in pages.items():
         for tag in page.find_all(["link", "img", "script", "source", "iframe"]):
             for address in (tag.get("src"), tag.get("href")):
                 assert not address or not is_external(address), f"{path}: {address}"
 
 
-def test_images_have_alternative_texts(pages: dict[Path, Any]) -> None:
+def test_images_have_alternative_texts(pages):
     images = [
         (path, tag) for path, page in pages.items() for tag in page.select("article img[src]")
     ]
@@ -128,7 +128,7 @@ def test_images_have_alternative_texts(pages: dict[Path, Any]) -> None:
         assert len(tag.get("alt", "")) > 20, f"{path}: {tag}"
 
 
-def test_images_are_smaller_than_a_megabyte(site: Path) -> None:
+def test_images_are_smaller_than_a_megabyte(site):
     for path in site.rglob("*"):
         if path.suffix in (".png", ".gif", ".svg", ".jpg"):
             assert path.stat().st_size < 1_000_000, path
@@ -189,9 +189,7 @@ def console_messages(browser: Any) -> list[str]:
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_pages_in_a_browser(
-    browser: Any, address: str, site: Path, pages: dict[Path, Any], theme: str, width: int
-) -> None:
+def test_pages_in_a_browser(browser, address, site, pages, theme, width):
     """Pages have no errors, fit the window, and show the images of the chosen theme."""
     for page in pages:
         name = page.relative_to(site).as_posix()
@@ -206,7 +204,7 @@ def test_pages_in_a_browser(
 
 
 @pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])
-def test_search(browser: Any, address: str, site: Path, served: bool) -> None:
+def test_search(browser, address, site, served):
     """The search finds pages, both on a server and from local files."""
     from selenium.webdriver.support.wait import WebDriverWait
 
@@ -223,7 +221,7 @@ def test_search(browser: Any, address: str, site: Path, served: bool) -> None:
     assert not served or errors == []
 
 
-def test_the_theme_can_be_chosen(browser: Any, address: str) -> None:
+def test_the_theme_can_be_chosen(browser, address):
     open_page(browser, f"{address}/index.html")
     browser.execute_script("localStorage.clear()")
     themes = set()
@@ -323,7 +321,7 @@ def most_common(name: str) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])
-def test_a_search_is_played(browser: Any, address: str, site: Path, served: bool) -> None:
+def test_a_search_is_played(browser, address, site, served):
     root = address if served else site.as_uri()
     player = Player(browser, f"{root}/play.html#man-overboard/planner/0")
     assert (player.step, player.text("[data-show=success]")) == (0, "0.0%")
@@ -344,7 +342,7 @@ def test_a_search_is_played(browser: Any, address: str, site: Path, served: bool
     assert console_messages(browser) == []
 
 
-def test_steps_keys_and_the_slider(browser: Any, address: str) -> None:
+def test_steps_keys_and_the_slider(browser, address):
     from selenium.webdriver.common.keys import Keys
 
     player = Player(browser, f"{address}/play.html#gale/parallel-sweep/1")
@@ -385,7 +383,7 @@ def test_steps_keys_and_the_slider(browser: Any, address: str) -> None:
     assert console_messages(browser) == []
 
 
-def test_searches_policies_and_seeds_are_chosen(browser: Any, address: str) -> None:
+def test_searches_policies_and_seeds_are_chosen(browser, address):
     player = Player(browser, f"{address}/play.html")
     names = [option.get_attribute("value") for option in player.all(".searches option")]
     assert len(names) >= 5
@@ -407,7 +405,7 @@ def test_searches_policies_and_seeds_are_chosen(browser: Any, address: str) -> N
     assert console_messages(browser) == []
 
 
-def test_views_of_the_map(browser: Any, address: str) -> None:
+def test_views_of_the_map(browser, address):
     player = Player(browser, f"{address}/play.html#two-positions/planner/2")
     player.scrub(60)
     player.reach(60)
@@ -432,7 +430,7 @@ def test_views_of_the_map(browser: Any, address: str) -> None:
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_the_player_fits_the_page(browser: Any, address: str, theme: str, width: int) -> None:
+def test_the_player_fits_the_page(browser, address, theme, width):
     player = Player(browser, f"{address}/play.html#gale/ppo/0", theme=theme, width=width)
     other = "dark" if theme == "light" else "light"
     player.scrub(30)
@@ -451,7 +449,7 @@ def test_the_player_fits_the_page(browser: Any, address: str, theme: str, width:
     assert console_messages(browser) == []
 
 
-def test_nothing_moves_for_those_who_want_less_motion(browser: Any, address: str) -> None:
+def test_nothing_moves_for_those_who_want_less_motion(browser, address):
     from selenium.webdriver.common.keys import Keys
 
     reduce = {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
@@ -467,7 +465,7 @@ def test_nothing_moves_for_those_who_want_less_motion(browser: Any, address: str
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
-def test_the_map_does_not_move_during_an_episode(browser: Any, address: str) -> None:
+def test_the_map_does_not_move_during_an_episode(browser, address):
     player = Player(browser, f"{address}/play.html#wreck/planner/0")
     places = set()
     end = int(player.one("input[type=range]").get_attribute("max"))
@@ -479,7 +477,7 @@ def test_the_map_does_not_move_during_an_episode(browser: Any, address: str) -> 
     assert len(places) == 1
 
 
-def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Path) -> None:
+def test_a_file_of_the_export_is_played(browser, address, tmp_path):
     from DroneSwarmSearch import Scenario
     from DroneSwarmSearch.evaluation import NamedSearch, export
 
@@ -503,7 +501,7 @@ def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Pa
     assert console_messages(browser) == []
 
 
-def test_without_javascript_there_is_a_video(browser: Any, address: str) -> None:
+def test_without_javascript_there_is_a_video(browser, address):
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     try:
         open_page(browser, f"{address}/play.html")
