@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -105,8 +106,7 @@ class TestFile:
         data = export(["greedy-posterior", "random"], search, path, seeds=[1, 5])
         assert json.loads(path.read_text("utf-8")) == json.loads(json.dumps(data))
         played = [(episode["policy"], episode["seed"]) for episode in data["episodes"]]
-        names = ("greedy-posterior", "random")
-        assert played == [(name, seed) for name in names for seed in (1, 5)]
+        assert played == [*product(("greedy-posterior", "random"), (1, 5))]
         check_against_the_environment(data, search)
 
     def test_it_holds_finds(self, tmp_path):
@@ -141,16 +141,13 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("changed", "error", "words"),
         [
-            ({"policies": ["randon"]}, ValueError, "got 'randon'; did you mean random?"),
             ({"seeds": [-1]}, ValueError, "seeds must be an integer of at least 0, got -1"),
             ({"bayesian_update": 1}, TypeError, "bayesian_update must be True or False, got 1"),
         ],
     )
     def test_bad_input_is_refused(self, tmp_path, changed, error, words):
-        given = {"policies": ["random"], "search": "pond", "path": "storm.json", **changed}
-        policies, search = given.pop("policies"), given.pop("search")
         with pytest.raises(error, match=words):
-            export(policies, search, tmp_path / given.pop("path"), **given)
+            export(["random"], "pond", tmp_path / "storm.json", **changed)
         assert not list(tmp_path.iterdir())
 
     @pytest.mark.parametrize("below", ["file/a.json", "folder.json"])
@@ -187,7 +184,6 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["pnd", "--out", "a.json"], "did you mean pond?"),
             (["pond", "--out", "a.gif"], "argument --out: must end in .json, got 'a.gif'"),
             (["pond", "--policies", "random", "--out", "/dev/null/a.json"], "/dev/null/a.json: "),
         ],
@@ -219,12 +215,9 @@ class TestDocumentation:
     @pytest.mark.parametrize("name", pages.SEARCHES)
     def test_they_are_complete(self, name):
         data = self.committed(name)
-        assert (data["format"], data["version"], data["search"]["name"]) == (
-            *("DroneSwarmSearch episodes", 1),
-            name,
-        )
+        assert data["search"]["name"] == name
         played = [(episode["policy"], episode["seed"]) for episode in data["episodes"]]
-        assert played == [(policy, seed) for policy in pages.POLICIES for seed in pages.SEEDS]
+        assert played == [*product(pages.POLICIES, pages.SEEDS)]
         assert decoded(data).shape[0] == data["maps"]["count"]
 
     def test_the_command_writes_the_same_today(self, tmp_path):
@@ -233,10 +226,9 @@ class TestDocumentation:
         today = export(policies, search, tmp_path / "harbour.json", seeds=seeds)
         committed = self.committed("harbour")
         assert today["search"] == committed["search"]
+        wanted = {*product(policies, seeds)}
         chosen = [
-            episode
-            for episode in committed["episodes"]
-            if episode["policy"] in policies and episode["seed"] in seeds
+            each for each in committed["episodes"] if (each["policy"], each["seed"]) in wanted
         ]
         maps, committed_maps = decoded(today), decoded(committed)
         for one, other in zip(today["episodes"], chosen, strict=True):
@@ -251,10 +243,8 @@ class TestDocumentation:
         monkeypatch.setattr(pages, "EPISODES", tmp_path / "episodes")
         monkeypatch.setattr(pages, "POLICIES", {"parallel-sweep": "Parallel sweep"})
         pages.main(["harbour"])
-        assert {path.name for path in (tmp_path / "episodes").iterdir()} == {
-            "harbour.js",
-            "index.js",
-        }
+        written = {path.name for path in (tmp_path / "episodes").iterdir()}
+        assert written == {"harbour.js", "index.js"}
         assert "harbour.js" in capsys.readouterr().out
         with pytest.raises(SystemExit):
             pages.main(["harbor"])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,12 +15,7 @@ from helpers import bound_by_time, made_evaluation
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import (
-    SUITE,
-    View,
-    leaderboard,
-    run,
-)
+from DroneSwarmSearch.evaluation import SUITE, View, leaderboard, run
 from DroneSwarmSearch.evaluation.board import Leaderboard
 from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
 from DroneSwarmSearch.evaluation.tables import percent
@@ -107,30 +102,21 @@ def test_tables_show_the_best_first():
 
 
 def test_a_rerun_reads_everything_from_the_folder(tmp_path, monkeypatch):
-    calls = dict.fromkeys(("play", "success_bound"), 0)
-
-    def counted(name: str) -> Callable[..., Any]:
-        honest = getattr(run, name)
-
-        def call(*arguments: Any, **how: Any) -> Any:
-            calls[name] += 1
-            return honest(*arguments, **how)
-
-        return call
-
-    for name in calls:
-        monkeypatch.setattr(run, name, counted(name))
+    calls = {}
+    for name in ("play", "success_bound"):
+        calls[name] = Mock(wraps=getattr(run, name))
+        monkeypatch.setattr(run, name, calls[name])
 
     def board(*policies: str) -> Leaderboard:
         where = ["pond", "fog"]
         return leaderboard(policies, where, episodes=20, out=tmp_path, progress=False)
 
     first, again = board("random"), board("random")
-    assert [*calls.values()] == [2, 2]
+    assert [each.call_count for each in calls.values()] == [2, 2]
     for one, other in zip(first.evaluations, again.evaluations, strict=True):
         assert one.summary == other.summary
     board("random", "sector-search")
-    assert [*calls.values()] == [8, 2]
+    assert [each.call_count for each in calls.values()] == [8, 2]
 
 
 def test_every_policy_plays_the_same_episodes_and_has_the_bound():
@@ -163,7 +149,6 @@ def test_an_added_policy_can_see_the_posterior():
         ({"policies": []}, "policies must be at least one"),
         ({"policies": ["random", "random"]}, "different names, got random, random"),
         ({"searches": ["pond", "fog", "pond"]}, "different names, got pond, fog, pond"),
-        ({"policies": ["randm"]}, "did you mean random"),
         ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
     ],
 )

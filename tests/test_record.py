@@ -34,15 +34,9 @@ from DroneSwarmSearch.rendering.painter import HEAD, Painter  # noqa: E402 (need
 
 def small(**changed: Any) -> NamedSearch:
     """A short search."""
-    parameters: dict[str, Any] = {
-        "grid_size": 5,
-        "n_drones": 2,
-        "vector": (0.3, 0.0),
-        "person_initial_position": (1, 2),
-        "disperse_constant": 3,
-        "timestep_limit": 8,
-    }
-    return NamedSearch("puddle", "For tests.", Scenario(**{**parameters, **changed}))
+    place = {"vector": (0.3, 0.0), "person_initial_position": (1, 2), "disperse_constant": 3}
+    scenario = Scenario(5, n_drones=2, **{"timestep_limit": 8, **place, **changed})
+    return NamedSearch("puddle", "For tests.", scenario)
 
 
 class Watcher:
@@ -79,9 +73,8 @@ class TestFrames:
     @pytest.mark.parametrize("updates", [False, True])
     def test_the_policy_sees_the_prior_or_the_posterior(self, updates):
         watcher = Watcher()
-        for shown, frame in zip(
-            watcher.shown, frames(watcher, small(bayesian_update=updates), seed=3), strict=False
-        ):
+        played = frames(watcher, small(bayesian_update=updates), seed=3)
+        for shown, frame in zip(watcher.shown, played, strict=False):
             assert np.array_equal(shown, frame.matrix if updates else frame.prior)
         assert watcher.seeds == [3]
 
@@ -153,13 +146,12 @@ class TestWriting:
     def write(path: Path, pictures: Any, fps: float = 5, hold: float = 1) -> None:
         write_pictures(path, pictures, fps=fps, hold=hold, gif_width=600)
 
-    @pytest.mark.parametrize(("error", "place"), [(KeyboardInterrupt, 0), (RuntimeError, 29)])
-    def test_an_error_keeps_the_existing_video(self, path, error, place):
+    def test_an_interrupt_keeps_the_existing_video(self, path):
         def failing() -> Iterator[NDArray[np.uint8]]:
-            yield from self.pictures(place, 200, 300)
-            raise error
+            yield from self.pictures(29, 200, 300)
+            raise KeyboardInterrupt
 
-        with pytest.raises(error):
+        with pytest.raises(KeyboardInterrupt):
             self.write(path, failing())
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
@@ -215,10 +207,9 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["pnd", "--out", "a.gif"], "got 'pnd'; did you mean pond?"),
+            (["all", "--out", "a.gif"], "search must be one of pond"),
             (["pond", "--out", "a.png"], "must end in .gif or .mp4, got 'a.png'"),
             (["pond", "--fps", "99", "--out", "a.gif"], "fps must be a finite number of at least"),
-            (["pond", "--seed", "-1", "--out", "a.gif"], "seed must be an integer of at least 0"),
         ],
     )
     def test_wrong_arguments_are_refused(self, arguments, words, tmp_path, monkeypatch, capsys):
