@@ -46,12 +46,7 @@ class Drones:
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
     ) -> tuple[list[float], Ending | None]:
-        """Resolve the actions of a step: let the drones search, reward and move them.
-
-        Args:
-            chosen: each drone's action.
-            targets: each drone's target cell, or OFF_GRID.
-            world: the world state, which resolves the searches.
+        """Let the drones search and move, given each one's action and target cell or OFF_GRID.
 
         Returns:
             Each drone's reward, and the ending, or None.

@@ -57,10 +57,6 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
 
     Attributes:
         search: the `DroneSwarmSearch`, which has `scenario`, `frame` and `state`.
-
-    Raises:
-        TypeError: an argument is of the wrong type, or there are unknown keywords.
-        ValueError: an argument is out of its limits, or there is more than one drone.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc] # an instance variable there
@@ -149,25 +145,14 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         }
 
 
-def make_drones(
-    num_envs: int = 1,
-    *,
-    observation: str = "flat",
-    action_mask: str | None = "info",
-    separate_flags: bool = True,
-    **keywords: Any,
-) -> DroneVectorEnv:
+def make_drones(num_envs: int = 1, **keywords: Any) -> DroneVectorEnv:
     """The batch that ``gymnasium.make_vec("DroneSwarmSearch-v0")`` makes.
 
     Args:
         num_envs: the number of sub-environments, which are drones; a multiple of `n_drones`.
-        observation: as for `SingleDroneEnv`, like the next two.
-        action_mask: see above.
-        separate_flags: see above.
-        keywords: the other arguments of `DroneVectorEnv`.
+        keywords: the other arguments of `DroneVectorEnv`, with the defaults of `SingleDroneEnv`.
     """
-    scenario = keywords.get("scenario")
-    drones = keywords.get("n_drones", Scenario.n_drones)
+    scenario, drones = keywords.get("scenario"), keywords.get("n_drones", Scenario.n_drones)
     if isinstance(scenario, Scenario):
         drones = scenario.n_drones
     drones = checks.integer("n_drones", drones, 1)
@@ -177,10 +162,5 @@ def make_drones(
             f"num_envs must be a multiple of n_drones, {drones}, because each sub-environment is "
             f"a drone, got {num_envs}"
         )
-    return DroneVectorEnv(
-        swarms,
-        observation=observation,
-        action_mask=action_mask,
-        separate_flags=separate_flags,
-        **keywords,
-    )
+    usual = {"observation": "flat", "action_mask": "info", "separate_flags": True}
+    return DroneVectorEnv(swarms, **{**usual, **keywords})

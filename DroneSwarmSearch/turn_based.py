@@ -49,9 +49,7 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
 
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
-            TypeError: the action is not an integer.
-            ValueError: the action is out of range, or not None though the drone's episode
-                has ended. The turn does not change.
+            TypeError, ValueError: the action is invalid; the turn does not change.
         """
         if not self._is_ready:
             raise ResetNeeded(

@@ -16,10 +16,6 @@ from helpers import careful_actions, observed, overwrite, plain, play, play_on
 from DroneSwarmSearch import DroneSwarmSearch
 
 PARAMETERS: dict[str, dict[str, Any]] = {
-    "defaults": {},
-    "swarm": {"grid_size": 12, "n_drones": 9, "vector": (0.4, 0.7)},
-    "unreliable": {"n_drones": 3, "probability_of_detection": 0.3},
-    "posterior": {"n_drones": 3, "bayesian_update": True, "probability_of_detection": 0.4},
     "persons": {
         "n_drones": 2,
         "person_initial_position": [(2, 2), (6, 1), (2, 2)],
@@ -34,7 +30,6 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "disperse_constant": 30,
         "vector": (0.3, 0.2),
     },
-    "long": {"grid_size": 15, "timestep_limit": 300, "vector": (0, 0), "disperse_constant": 1},
 }
 
 each_parameters = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
@@ -54,8 +49,9 @@ EVERYTHING = PARAMETERS["everything"]
 def test_same_seed_same_episode(parameters):
     env, other = make_env(parameters), make_env(parameters)
     play(other, 5, seed=99)  # episodes before the seed have no effect
-    for seed in range(3):
+    for seed in range(2):
         assert play(env, seed, seed=seed) == play(other, seed, seed=seed)
+        assert play(env, seed) == play(other, seed)
 
 
 @each_parameters
@@ -96,16 +92,6 @@ def test_global_random_states_are_neither_read_nor_changed(parameters):
     assert plain(np.random.get_state()) == numpy
 
 
-def test_episodes_do_not_depend_on_global_seeds():
-    paths = []
-    for _ in range(2):
-        random.seed(1)
-        np.random.seed(1)
-        env = make_env({})
-        paths.append([path(env) for _ in range(3)])
-    assert paths[0] != paths[1]
-
-
 # Different seeds and successive episodes.
 
 
@@ -119,16 +105,14 @@ def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...
     return tuple(cells)
 
 
-@each_parameters
-def test_different_seeds_differ(parameters):
-    env = make_env(parameters)
+def test_different_seeds_differ():
+    env = make_env(EVERYTHING)
     paths = {path(env, seed=seed) for seed in range(20)}
     assert len(paths) >= 18
 
 
-@each_parameters
-def test_episodes_without_a_seed_differ_and_can_be_repeated(parameters):
-    env, twin = make_env(parameters), make_env(parameters)
+def test_episodes_without_a_seed_differ_and_can_be_repeated():
+    env, twin = make_env(EVERYTHING), make_env(EVERYTHING)
     paths = [path(env, seed=7), *(path(env) for _ in range(24))]
     assert len(set(paths)) >= 22
     assert [path(twin, seed=7), *(path(twin) for _ in range(24))] == paths
@@ -137,14 +121,6 @@ def test_episodes_without_a_seed_differ_and_can_be_repeated(parameters):
 def test_unseeded_environments_differ():
     env, other = make_env({}), make_env({})
     assert [path(env) for _ in range(3)] != [path(other) for _ in range(3)]
-
-
-@each_parameters
-def test_two_environments_stay_equal_over_many_episodes(parameters):
-    env, twin = make_env(parameters), make_env(parameters)
-    assert play(env, seed=11) == play(twin, seed=11)
-    for episode in range(4):
-        assert play(env, episode) == play(twin, episode)
 
 
 def test_streams_of_different_seeds_do_not_overlap():
@@ -169,10 +145,6 @@ def careful(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
     return careful_actions(rng, observed(env), env.grid_size)
 
 
-def search(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
-    return dict.fromkeys(env.agents, 4)
-
-
 def careless(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
     return {agent: rng.randrange(6) for agent in env.agents}
 
@@ -188,7 +160,7 @@ def hunt(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
     return {**dict.fromkeys(env.agents, 5), "drone0": action}
 
 
-POLICIES: list[Callable[..., dict[str, int]]] = [idle, careful, search, careless, hunt]
+POLICIES: list[Callable[..., dict[str, int]]] = [idle, careless, hunt]
 
 
 def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[Any]]:
@@ -211,29 +183,26 @@ def paths_under(env: DroneSwarmSearch, policy: Any, episodes: int) -> list[list[
     return paths
 
 
-@pytest.mark.parametrize(
-    "name", ["defaults", "unreliable", "posterior", "persons", "everything", "swarm"]
-)
-def test_drift_does_not_depend_on_actions(name):
-    env = make_env(PARAMETERS[name])
-    longest = paths_under(env, idle, episodes=8)
+@each_parameters
+def test_drift_does_not_depend_on_actions(parameters):
+    env = make_env(parameters)
+    longest = paths_under(env, idle, episodes=5)
     assert all(len(cells) == 61 for cells in longest)
     shorter = 0
     for policy in POLICIES[1:]:
-        for cells, expected in zip(paths_under(env, policy, episodes=8), longest, strict=True):
+        for cells, expected in zip(paths_under(env, policy, episodes=5), longest, strict=True):
             for here, there in zip(cells, expected, strict=False):
                 assert all(a in (None, b) for a, b in zip(here, there, strict=True))
             shorter += len(cells) < len(expected)
-    assert shorter > 8  # drones crashed or found a person early
+    assert shorter > 5  # drones crashed or found a person early
 
 
-@each_parameters
-@pytest.mark.parametrize("watched_every", [1, 2, 11])
-def test_reading_the_persons_cells_does_not_change_the_drift(parameters, watched_every):
+@pytest.mark.parametrize("watched_every", [1, 11])
+def test_reading_the_persons_cells_does_not_change_the_drift(watched_every):
     """The persons' cells may be read in every step, in some, or only at the end."""
 
     def episodes(watched_every: int) -> list[Any]:
-        env = make_env(parameters)
+        env = make_env(EVERYTHING)
         log = []
         for episode in range(3):
             rng = random.Random(episode)
@@ -274,26 +243,6 @@ def test_detections_do_not_depend_on_earlier_searches():
     assert begins_mattered > 30
 
 
-def test_detections_do_not_depend_on_earlier_episodes():
-    fixed = {"disperse_constant": 0, "vector": (0, 0), "probability_of_detection": 0.2}
-
-    def steps_of_find(actions: tuple[int, ...]) -> list[int]:
-        """Return the steps of finds in episodes that alternate with episodes of other `actions`."""
-        env = make_env(fixed, timestep_limit=40)
-        env.reset(seed=1)
-        steps = []
-        for episode in range(60):
-            env.reset()
-            while env.agents:
-                env.step({"drone0": 4 if episode % 2 else actions[episode % len(actions)]})
-            steps.append(env.frame().step)
-        return steps[1::2]
-
-    expected = steps_of_find((5,))
-    assert steps_of_find((4,)) == steps_of_find((0,)) == steps_of_find((4, 5, 0, 5)) == expected
-    assert len(set(expected)) > 5
-
-
 # Copies and pickles.
 
 
@@ -302,10 +251,9 @@ def reloaded(env: DroneSwarmSearch) -> DroneSwarmSearch:
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
-@pytest.mark.parametrize("steps", [0, 8, 33])
-@pytest.mark.parametrize("name", ["defaults", "unreliable", "posterior", "everything", "long"])
-def test_copies_during_an_episode_continue_identically(name, steps, copied):
-    env = make_env(PARAMETERS[name])
+@pytest.mark.parametrize("steps", [0, 8])
+def test_copies_during_an_episode_continue_identically(steps, copied):
+    env = make_env(EVERYTHING)
     rng = random.Random(1)
     unwatched = env.reset(seed=6, options={"vector": (0.2, -0.1)})[0]
     for _ in range(steps):
@@ -348,9 +296,8 @@ def test_matrices_of_copies_are_read_only(copied):
 # Returned arrays and mappings.
 
 
-@each_parameters
-def test_returned_matrices_never_change_and_are_read_only(parameters):
-    env = make_env(parameters)
+def test_returned_matrices_never_change_and_are_read_only():
+    env = make_env(EVERYTHING)
     kept = []
     rng = random.Random(3)
     for _ in range(3):
@@ -370,13 +317,12 @@ def test_returned_matrices_never_change_and_are_read_only(parameters):
             matrix.view().flags.writeable = True
 
 
-@each_parameters
-def test_changing_returned_arrays_does_not_change_the_episode(parameters):
+def test_changing_returned_arrays_does_not_change_the_episode():
     """Neither this episode, nor a later one, nor one of a new environment."""
 
     def episodes(env, touch):
         log, rng = [], random.Random(4)
-        for episode in range(3):
+        for episode in range(2):
             observations, _ = env.reset(seed=5 if episode == 0 else None)
             while env.agents:
                 actions = careful_actions(rng, observations, env.grid_size)
@@ -396,9 +342,9 @@ def test_changing_returned_arrays_does_not_change_the_episode(parameters):
                 log.append(results)
         return log
 
-    expected = episodes(make_env(parameters), lambda array: None)
-    assert episodes(make_env(parameters), overwrite) == expected
-    assert episodes(make_env(parameters), lambda array: None) == expected
+    expected = episodes(make_env(EVERYTHING), lambda array: None)
+    assert episodes(make_env(EVERYTHING), overwrite) == expected
+    assert episodes(make_env(EVERYTHING), lambda array: None) == expected
 
 
 def test_results_of_step_can_be_changed_by_the_caller():
@@ -421,29 +367,6 @@ def test_results_of_step_can_be_changed_by_the_caller():
             results = one.step(actions)
             actions.clear()
     assert log == expected
-
-
-def test_infos_are_fresh_and_mutable_for_every_drone():
-    env = make_env({"n_drones": 3})
-    _, before = env.reset(seed=1)
-    infos = env.step(dict.fromkeys(env.agents, 5))[4]
-    dicts = [*before.values(), *infos.values()]
-    assert all(one is not other for one, other in itertools.combinations(dicts, 2))
-    infos["drone0"]["note"] = 1
-    infos["drone1"]["Found"] = True
-    untouched = {"Found": False, "is_success": False}
-    assert infos["drone2"] == untouched
-    infos = env.step(dict.fromkeys(env.agents, 5))[4]
-    assert infos == dict.fromkeys(env.agents, untouched)
-
-
-def test_terminations_and_truncations_are_separate_dicts():
-    env = make_env({})
-    env.reset(seed=1)
-    _, _, terminations, truncations, _ = env.step({"drone0": 5})
-    assert terminations is not truncations
-    terminations["drone0"] = truncations["drone0"] = True
-    assert env.step({"drone0": 5})[2:4] == ({"drone0": False}, {"drone0": False})
 
 
 def test_changing_arguments_afterwards_has_no_effect():
@@ -481,13 +404,6 @@ def test_a_vector_is_kept_until_the_next_one():
     assert drift() == drift(options={}) == (-1, 1)
 
 
-def test_a_vector_given_to_reset_equals_one_given_to_the_constructor():
-    made = make_env(EVERYTHING, vector=(-0.5, 0.25))
-    given = make_env(EVERYTHING)
-    given.reset(vector=(-0.5, 0.25))
-    assert play(given, seed=3) == play(made, seed=3)
-
-
 def test_start_cells_apply_to_one_episode():
     env = make_env({"n_drones": 3, "person_initial_position": (4, 4)})
     rows = ((0, 0), (1, 0), (2, 0))
@@ -517,12 +433,6 @@ def test_the_number_of_persons_may_differ_for_one_episode():
     assert not env.agents and env.frame().found == (True,)
 
 
-def test_default_start_cells_fill_the_rows():
-    env = DroneSwarmSearch(grid_size=3, n_drones=7)
-    env.reset()
-    assert env.frame().drones == ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2))
-
-
 def test_keywords_override_options():
     env = make_env({"n_drones": 1})
     options = {"drones_positions": [(1, 1)], "vector": (1, 1), "person_initial_position": (5, 5)}
@@ -546,14 +456,11 @@ def test_unknown_options_are_warned_about_and_ignored():
 # Rendering.
 
 
-@pytest.mark.parametrize("name", ["unreliable", "everything"])
-@pytest.mark.parametrize("mode", ["ansi", "rgb_array", "human"])
-def test_rendering_never_changes_the_episode(mode, name, monkeypatch):
-    if mode != "ansi":
-        pytest.importorskip("pygame")
+@pytest.mark.parametrize("mode", ["rgb_array", "human"])
+def test_rendering_never_changes_the_episode(mode, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setitem(DroneSwarmSearch.metadata, "render_fps", 1000)
-    parameters = {**PARAMETERS[name], "timestep_limit": 12}
+    parameters = {**EVERYTHING, "timestep_limit": 6}
     unseen, seen = make_env(parameters, render_mode=None), make_env(parameters, render_mode=mode)
     rng, rng_of_seen = random.Random(1), random.Random(1)
     for arguments in ({"seed": 4}, {}):
@@ -565,19 +472,3 @@ def test_rendering_never_changes_the_episode(mode, name, monkeypatch):
             seen.render()
             assert plain(seen.state()) == plain(unseen.state())
     seen.close()
-
-
-def test_every_render_mode_returns_its_form(monkeypatch):
-    pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = DroneSwarmSearch(render_mode="rgb_array")
-    env.reset(seed=1)
-    first = env.render()
-    assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
-    env.step({"drone0": 3})
-    second = env.render()
-    assert second.shape == first.shape and (second != first).any()
-    window = DroneSwarmSearch(render_mode="human")
-    window.reset(seed=1)
-    assert window.render() is None
-    window.close()

@@ -37,7 +37,7 @@ def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
         return {**everything_sampled(rng), "probability_of_detection": 0.4}
 
     del shared["probability_of_detection"]
-    rows = 30
+    rows = 20
     batch = SearchBatch(rows, sampler=sampler, **shared)
     batch.reset(range(rows))
     drawn, different = calls[0], set()
@@ -45,7 +45,7 @@ def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
     rng = np.random.default_rng(2)
     ended = np.ones(rows, bool)
     checked = range(0, rows, 10)
-    for turn in range(550):
+    for turn in range(500):
         for row in checked:
             if ended[row]:
                 envs[row] = env = DroneSwarmSearch(scenario=batch.scenario_of(row))

@@ -6,7 +6,6 @@ import copy
 import pickle
 import random
 import tracemalloc
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +24,6 @@ from batches import (
     seen,
 )
 from helpers import (
-    EVENTS,
     INTENTS,
     SCHEMES,
     inside,
@@ -170,62 +168,6 @@ def random_actions(rng: random.Random, twins: Twins) -> list[list[int]]:
     return chosen
 
 
-# What has happened in a step.
-
-
-def events_of(before: Frame, actions: list[int], after: Frame, successful: set[int]) -> set[str]:
-    """The EVENTS of a step; adds the drones that find a person to `successful`."""
-    drones, size, n = before.drones, before.grid_size, len(before.drones)
-    targets = [target_of(cell, action) for cell, action in zip(drones, actions, strict=True)]
-    left = [not inside(target, size) for target in targets]
-    crowd = [0 if gone else targets.count(t) for t, gone in zip(targets, left, strict=True)]
-    searches = [i for i, action in enumerate(actions) if action == Action.SEARCH]
-    persons = range(len(before.persons))
-    missing = {k for k in persons if not before.found[k]}
-    found = {k for k in missing if after.found[k]}
-    in_reach = {k for k in missing if before.persons[k] in {drones[i] for i in searches}}
-    where_found = {before.persons[k] for k in persons if k not in missing}
-    finders = {i for i in searches if drones[i] in {before.persons[k] for k in found}}
-    last, several = after.step == after.timestep_limit, len(persons) > 1
-    collided, crashed = max(crowd) > 1, max(crowd) > 1 or any(left)
-    unsuccessful = [
-        before.matrix[drones[i][::-1]]
-        for i in searches
-        if crowd[i] == 1 and i not in finders and (not last or i in successful)
-    ]
-    happened = {
-        "collision": collided,
-        "collision of three": max(crowd) > 2,
-        "left the grid": any(left),
-        "left and collided in one step": any(left) and collided,
-        "a drone entered the cell of one that left": any(
-            left[i] and drones[i] in targets for i in range(n)
-        ),
-        "a drone left in the step of a find": any(left) and bool(found),
-        "exchange of cells": any(
-            targets[i] == drones[j] and targets[j] == drones[i] for i in range(n) for j in range(i)
-        ),
-        "time limit": last and not crashed and not finders,
-        "time limit after a find": last and not crashed and bool(successful),
-        "find in the last step": last and bool(finders),
-        "find": bool(finders),
-        "two persons found by one search": len(found) > len({before.persons[k] for k in found}),
-        "two drones found in one step": len(finders) > 1,
-        "one of several found": several and bool(found) and found < missing,
-        "all of several found": several and bool(found) and found == missing,
-        "find in the step of a collision": bool(found) and collided,
-        "missed in the right cell": bool(in_reach - found),
-        "search of a likely cell": any(chance > 0.01 for chance in unsuccessful),
-        "search of an unlikely cell": any(chance <= 0.01 for chance in unsuccessful),
-        "search of a found person's cell": any(
-            drones[i] in where_found and i not in finders for i in searches
-        ),
-    }
-    assert tuple(happened) == EVENTS
-    successful |= finders
-    return {event for event, did in happened.items() if did}
-
-
 # Batches to try.
 
 
@@ -291,45 +233,6 @@ def use_tiles(patch: pytest.MonkeyPatch, case: Case) -> None:
     """Divide the beliefs into the tiles of a case, however small."""
     patch.setattr(beliefs, "_LEAST_ROWS", 1)
     patch.setattr(beliefs, "_MOST_ROWS", case.tile_rows)
-
-
-def check_case(case: Case) -> Counter[str]:
-    """Compare a batch with its environments; returns how often each event happened."""
-    rng, events = random.Random(case.seed), Counter[str]()
-    with pytest.MonkeyPatch.context() as patch:
-        use_tiles(patch, case)
-        twins = Twins(case.rows, case.parameters)
-        twins.reset([rng.randrange(2**20) for _ in range(case.rows)])
-        successful: list[set[int]] = [set() for _ in range(case.rows)]
-        for turn in range(case.steps):
-            before, ended = twins.frames, twins.batch.ended.tolist()
-            actions = [
-                planned(case.plans, frame, turn + row, rng) for row, frame in enumerate(before)
-            ]
-            twins.step(np.array(actions))
-            for row, after in enumerate(twins.frames):
-                if ended[row]:
-                    successful[row] = set()
-                else:
-                    events.update(events_of(before[row], actions[row], after, successful[row]))
-            if rng.random() < case.resets:
-                rows = sorted(rng.sample(range(case.rows), rng.randint(1, case.rows)))
-                sizes = case.parameters["grid_size"], case.parameters["n_drones"]
-                given = (
-                    {DRONES: random_drones(rng, case.rows, *sizes)} if rng.random() < 0.4 else {}
-                )
-                twins.reset([rng.choice([None, rng.randrange(99)]) for _ in rows], rows, given)
-                for row in rows:
-                    successful[row] = set()
-    return events
-
-
-def test_every_row_is_the_single_environment() -> None:
-    """In random cases, in which every event occurs."""
-    events: Counter[str] = Counter()
-    for number in range(40):
-        events += check_case(random_case(random.Random(number)))
-    assert [event for event in EVENTS if not events[event]] == []
 
 
 # Tiles of beliefs, long episodes.

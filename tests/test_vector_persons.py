@@ -118,7 +118,7 @@ def check_search(case: Case) -> Counter[Ending]:
 
 def test_every_row_is_the_single_environment() -> None:
     endings: Counter[Ending] = Counter()
-    for number in range(60, 95):
+    for number in range(60, 100):
         endings += check_search(random_search(random.Random(number)))
     assert {ending: endings[ending] for ending in Ending if not endings[ending]} == {}
 

@@ -226,12 +226,7 @@ class SearchBatch:
         self._changing = False
 
     def _sampled(self, starting: Ints, rng: np.random.Generator) -> Catalogue | None:
-        """New searches from the sampler, if there is one.
-
-        Raises:
-            TypeError: the sampler returns something of the wrong type.
-            ValueError: it returns values out of their limits.
-        """
+        """New searches from the sampler, if there is one; an error if they are invalid."""
         if self._sampler is None:
             return None
         scenarios, cells = [], []
@@ -551,13 +546,7 @@ class SearchBatch:
 def _scenarios_of(
     scenario: Scenario, situations: object, persons: int | None = None
 ) -> list[Scenario]:
-    """The searches of some situations.
-
-    Args:
-        scenario: what they share.
-        situations: a sequence, each a `Person` or a sequence of them.
-        persons: the number of persons in each, if it is known.
-    """
+    """The searches of some situations; `persons` is the number in each, if it is known."""
     what = "a sequence of situations, each a sequence of Person"
     given = checks.items("situations", situations, what)
     if not given:

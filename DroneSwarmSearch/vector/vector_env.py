@@ -42,13 +42,7 @@ _OPTIONS = ("situations", "situation", "drones_positions")
 
 @shows_keywords_of(SearchBatch, "num_rows", "wants_table", "finds_last")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
-    """What both vector environments share; `SwarmVectorEnv` describes the arguments.
-
-    Attributes:
-        num_envs: the number of sub-environments.
-        batch: the `SearchBatch`, which knows the whole state of all searches.
-        right_of_way: whether the masks have right of way.
-    """
+    """What both vector environments share; `SwarmVectorEnv` describes it."""
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (as in the base class)
         "name": "drone_swarm_search_v0",
@@ -411,6 +405,7 @@ class SwarmVectorEnv(SearchVectorEnv):
     Attributes:
         num_envs: the number of sub-environments.
         batch: the `SearchBatch`, which knows the whole state of all searches.
+        right_of_way: whether the masks have right of way.
 
     Raises:
         TypeError: an argument is of the wrong type, or there are unknown keywords.
@@ -463,14 +458,6 @@ class DroneVectorEnv(SearchVectorEnv):
         shared_reward: reward every drone with the mean over its swarm, in place of its own reward,
             so that drones cooperate.
         keywords: the other arguments of `SwarmVectorEnv`.
-
-    Attributes:
-        num_envs: the number of sub-environments.
-        batch: the `SearchBatch`, which knows the whole state of all searches.
-
-    Raises:
-        TypeError: an argument is of the wrong type, or there are unknown keywords.
-        ValueError: an argument is out of its limits, or given together with a scenario.
     """
 
     _count_name = "num_swarms"

@@ -33,10 +33,8 @@ class Catalogue:
         complete: make the table of matrices for all steps at once.
 
     Attributes:
-        scenarios: `scenarios` and `kept`.
+        scenarios: `scenarios` and `kept`; `cells` and `complete` are as given.
         choices: the number of searches that new episodes draw from.
-        cells: see above.
-        complete: see above.
         forecasts: the different forecasts of their persons.
         numbers: the number of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
@@ -90,7 +88,7 @@ class BatchState:
     def __init__(self, catalogue: Catalogue, rows: int, finds_last: bool) -> None:
         self._scenario = scenario = catalogue.scenarios[0]
         self._size, self._persons = scenario.grid_size, len(catalogue.numbers)
-        self._finds_last = finds_last
+        self._is_rescue, self._finds_last = scenario.mission == "rescue", finds_last
         self.catalogue = catalogue
         self.step = np.zeros(rows, np.int64)
         self.situation = np.zeros(rows, np.int64)
@@ -136,12 +134,9 @@ class BatchState:
     def extended(
         self, scenarios: Sequence[Scenario], starting: Ints, cells: Ints | None = None
     ) -> Catalogue:
-        """A new catalogue, which keeps the searches of the episodes under way; see `use`.
+        """A new catalogue, for `use`, which keeps the searches of the episodes under way.
 
-        Args:
-            scenarios: the new searches.
-            starting: the rows that begin an episode next.
-            cells: see `Catalogue`.
+        These are all but the episodes of the rows that start one next.
         """
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
@@ -205,10 +200,6 @@ class BatchState:
             self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
             self.beliefs.search(rows, cells, self._detections_of(rows))
         return np.concatenate(found)
-
-    @property
-    def _is_rescue(self) -> bool:
-        return self._scenario.mission == "rescue"
 
     def _detections_of(self, rows: Ints) -> Floats:
         """Each person's probability of detection in some rows: (persons, n)."""
