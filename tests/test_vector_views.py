@@ -287,18 +287,6 @@ def test_layouts_follow_from_the_dict(view: type[SearchVectorEnv], layout: str) 
     assert ended > 5
 
 
-@both_views
-def test_as_many_cells_are_shown_as_asked_for(view: type[SearchVectorEnv]) -> None:
-    for cells in (1, 16):
-        env = view(2, observation="top-cells", top_cells=cells, **SMALL)
-        assert env.single_observation_space.shape[-1] == 3 * cells + 2 * 3 + 1
-        assert env.reset(seed=0)[0] in env.observation_space
-    for wrong, error in ((0, ValueError), (17, ValueError), (2.0, TypeError)):
-        words = f"top_cells must be an integer from 1 to 16, got {wrong}"
-        with pytest.raises(error, match=words):
-            view(2, observation="top-cells", top_cells=wrong, **SMALL)
-
-
 # Rewards and masks.
 
 
