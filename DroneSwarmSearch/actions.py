@@ -20,11 +20,7 @@ _STAYING = bytes((Action.SEARCH, Action.IDLE))
 
 
 class Reader:
-    """Reads the actions of a step.
-
-    Args:
-        names: the drones' names.
-    """
+    """Reads the actions of a step for drones of these names."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self._names = names
@@ -32,12 +28,7 @@ class Reader:
     def __call__(
         self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
     ) -> tuple[bytes, list[int]]:
-        """Each drone's action and target cell.
-
-        Args:
-            actions: the actions by drone.
-            neighbours: the neighbours of the grid's cells.
-            cells: the drones' cells, which are returned if no drone moves.
+        """Each drone's action and target cell; `cells` themselves if no drone moves.
 
         Raises:
             TypeError: `actions` is not a mapping, or an action is not an integer.
@@ -101,16 +92,13 @@ def checked_actions(actions: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
         raise TypeError(f"actions must be integers from 0 to 5, got {got[:200]}")
     if given.shape != shape:
         raise ValueError(f"{what}, got {given.shape}")
-    # As unsigned integers, negative numbers are large.
-    whole = np.ascontiguousarray(given, np.int64)
-    unsigned = whole.reshape(-1).view(np.uint64)
-    if np.maximum.reduce(unsigned) >= _ACTIONS:
-        place = int((unsigned >= _ACTIONS).argmax())
-        row, drone = divmod(place, shape[-1])
-        where = f"drone {drone} of search {row}" if len(shape) > 1 else f"sub-environment {place}"
-        wrong = given.reshape(-1)[place]
-        raise ValueError(f"actions must be integers from 0 to 5, got {wrong} for {where}")
-    return whole.astype(dtype)
+    if given.min() < 0 or given.max() >= _ACTIONS:
+        place = tuple(np.argwhere((given < 0) | (given >= _ACTIONS))[0].tolist())
+        where = f"sub-environment {place[0]}"
+        if len(place) > 1:
+            where = f"drone {place[1]} of search {place[0]}"
+        raise ValueError(f"actions must be integers from 0 to 5, got {given[place]} for {where}")
+    return given.astype(dtype)
 
 
 def _range(names: Sequence[str]) -> str:

@@ -1,10 +1,4 @@
-"""The environment; a step has four phases.
-
-1. all drones move or search at once, given what they observed;
-2. `rules` determines outcomes, rewards and the ending;
-3. the clock advances, and the persons and the matrix drift;
-4. the drones observe the new state.
-"""
+"""The environment in PettingZoo's parallel form."""
 
 from __future__ import annotations
 
@@ -161,6 +155,7 @@ class DroneSwarmSearch(SearchSpaces):
         self._names = tuple(self.possible_agents)
         self._read = Reader(self._names)
         self._neighbours, self._positions = grid_of(self.grid_size)
+        self._flags = [dict.fromkeys(self._names, value) for value in (False, True)]
         self._streams: Streams | None = None
         self._episode = 0  # episodes since the seed
 
@@ -172,24 +167,17 @@ class DroneSwarmSearch(SearchSpaces):
 
     @classmethod
     def example(cls, **changes: Any) -> DroneSwarmSearch:
-        """A small search for first experiments.
+        """A small search for first experiments: 15 x 15 cells, three drones, 60 steps.
 
-        Three drones search 15 x 15 cells for 60 steps. No drone starts in the person's cell,
-        and drones that act at random hardly ever find the person. `GreedyPolicy` finds the
-        person in 89% of the episodes, and in 95% with `bayesian_update=True`.
+        Drones that act at random hardly ever find the person. `GreedyPolicy` does in 89% of the
+        episodes, and in 95% with `bayesian_update=True`.
 
         Args:
             changes: constructor arguments that replace those of the example.
         """
-        example: dict[str, Any] = {
-            "grid_size": 15,
-            "n_drones": 3,
-            "vector": (0.08, 0.05),
-            "person_initial_position": (5, 5),
-            "disperse_constant": 0.6,
-            "timestep_limit": 60,
-        }
-        return cls(**{**example, **changes})
+        example = {"grid_size": 15, "n_drones": 3, "timestep_limit": 60, "vector": (0.08, 0.05)}
+        start = {"person_initial_position": (5, 5), "disperse_constant": 0.6}
+        return cls(**{**example, **start, **changes})
 
     def reset(
         self,
@@ -223,27 +211,21 @@ class DroneSwarmSearch(SearchSpaces):
             RuntimeError: render_mode is "human", and no window can be opened. Errors leave
                 the environment unchanged.
         """
-        scenario = search = self._scenario
-        cells = list(range(self.n_drones))
         if seed is not None:
             seed = checks.integer("seed", seed, 0)
-        changes: dict[str, Any] = {}  # for this episode only
-        if options is not None:
-            options = checks.known_options(options, _OPTIONS, stacklevel=2)
-            names = ("person_initial_position", "persons")
-            changes = {name: options[name] for name in names if options.get(name) is not None}
-            if drones_positions is None:
-                drones_positions = options.get("drones_positions")
-            if vector is None:
-                vector = options.get("vector")
-        if vector is not None:
-            scenario = search = scenario.replace(vector=vector)
-            if changes:
-                changes["vector"] = vector  # an error together with persons
-        if changes:
-            search = search.replace(**changes)
-        if drones_positions is not None:
-            cells = scenario.drone_cells(drones_positions)
+        given = {} if options is None else checks.known_options(options, _OPTIONS, stacklevel=2)
+        for name, value in (("drones_positions", drones_positions), ("vector", vector)):
+            if value is not None:
+                given[name] = value
+        cells, positions = list(range(self.n_drones)), given.pop("drones_positions", None)
+        scenario = self._scenario
+        if "vector" in given:
+            scenario = scenario.replace(vector=given["vector"])
+        search = scenario  # with other persons for this episode only
+        if given.keys() - {"vector"}:
+            search = scenario.replace(**given)
+        if positions is not None:
+            cells = scenario.drone_cells(positions)
         if self.render_mode == "human":
             self._display.open()
 
@@ -302,7 +284,7 @@ class DroneSwarmSearch(SearchSpaces):
         self._ending = ending
         if ending is None:
             self.agents = agents
-        flags = dict.fromkeys(self._names, ending is not None)
+        flags = self._flags[ending is not None]
         # 4. The drones observe the new state.
         if self.render_mode == "human":
             self._display.show(self.frame())
@@ -310,13 +292,8 @@ class DroneSwarmSearch(SearchSpaces):
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
-        return (
-            observations,
-            Rewards(zip(self._names, rewards, strict=True)),
-            flags,
-            flags.copy(),
-            infos,
-        )
+        paid = Rewards(zip(self._names, rewards, strict=True))
+        return observations, paid, flags.copy(), flags.copy(), infos
 
     # The rest of PettingZoo's API.
 

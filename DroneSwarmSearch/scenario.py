@@ -219,10 +219,6 @@ class Scenario:
         Returns:
             The share of the untruncated forecast beyond the grid; of several persons, the
             largest.
-
-        Raises:
-            TypeError: the step is not an integer.
-            ValueError: the step is negative.
         """
         return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
 

@@ -18,18 +18,17 @@ from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.rules import OFF_GRID, neighbours_of_all
 
 
-def best_success(of: NamedSearch, known: float = 0.0) -> float:
+def best_success(of: NamedSearch) -> float:
     """The largest probability of success that any policy can reach by the time limit.
 
     Args:
         of: a search for one person: about ten steps with one drone, or six with two.
-        known: a probability that some plan is known to reach, which saves work.
     """
     scenario = of.scenario
     (forecast,), (detection,) = scenario.forecasts(), scenario.detections
     limit = scenario.timestep_limit
     targets = neighbours_of_all(scenario.grid_size)
-    visited, best = set(), known
+    visited, best = set(), 0.0
 
     def branch(step: int, cells: list[int], mass: np.ndarray, found: float) -> None:
         nonlocal best

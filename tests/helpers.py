@@ -108,6 +108,37 @@ def without_history(frame: Frame) -> dict[str, Any]:
     return data
 
 
+def make_frame(
+    grid_size: int = 7,
+    *,
+    drones: tuple[tuple[int, int], ...] = ((0, 0),),
+    searching: tuple[int, ...] = (),
+    persons: tuple[tuple[int, int], ...] = ((1, 1),),
+    found: tuple[int, ...] = (),
+    matrix: object = None,
+    ending: Ending | None = None,
+    step: int = 3,
+) -> Frame:
+    """A frame; `searching` and `found` are indices, and drone 0 finds all persons.
+
+    Without a matrix, cell (1, 1) has all the probability.
+    """
+    if matrix is None:
+        matrix = np.zeros((grid_size, grid_size))
+        matrix[1, 1] = 1.0
+    return Frame(
+        matrix=np.asarray(matrix, dtype=np.float32),
+        drones=drones,
+        searching=tuple(i in searching for i in range(len(drones))),
+        persons=persons,
+        found_by=tuple(0 if i in found else None for i in range(len(persons))),
+        step=step,
+        timestep_limit=10,
+        vector=(0.5, -0.25),
+        ending=ending,
+    )
+
+
 def overwrite(array: Any) -> None:
     """Overwrite an array even if it is read-only, as a tensor with shared memory can."""
     ctypes.memset(array.ctypes.data, 0x40, array.nbytes)

@@ -52,20 +52,6 @@ def search_file(folder: Path, **changes: object) -> str:
     return str(path)
 
 
-def run(*command: str, display: str) -> subprocess.CompletedProcess[str]:
-    """Python with some arguments and one video driver for SDL."""
-    environment = {**os.environ, "SDL_VIDEODRIVER": display, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(
-        [sys.executable, "-W", "error", *command],
-        env=environment,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-
-
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """The last line of the demo's error message on invalid arguments."""
     with pytest.raises(SystemExit) as stop:
@@ -154,7 +140,14 @@ def keys(*names: str) -> Script:
 
 class TestText:
     def test_without_a_display_it_plays_in_the_terminal(self) -> None:
-        done = run("basic_env.py", display="none_such")
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "basic_env.py"],
+            env={**os.environ, "SDL_VIDEODRIVER": "none_such", "PYTHONPATH": str(ROOT)},
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert done.returncode == 0
         assert re.fullmatch(
             r"no window can be opened \(.*none_such.*\): showing text\n", done.stderr

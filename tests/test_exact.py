@@ -278,14 +278,11 @@ def test_exact_values_have_no_interval() -> None:
     got = evaluated(Climber)
     value = float(got.success_by_time[-1])
     assert got.success == (value, value, value)
-    assert got.success.is_exact
-    assert got.success.scaled(100.0).is_exact
-    assert got.time.is_exact
+    assert got.success.scaled(100.0).is_exact and got.time.is_exact
     assert got.time.value == pytest.approx((1 - got.success_by_time[:-1]).sum())
     assert figure(got.time) == f"{got.time.value:.1f}"
     assert percent(got.success) == f"{100 * value:.1f}"
-    assert "(exact)" in repr(got)
-    assert "exact" not in repr(evaluated(searching))
+    assert "(exact)" in repr(got) and "exact" not in repr(evaluated(searching))
 
 
 def test_differences_of_exact_values_are_exact() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import target_of
-from small_searches import Cell, observations, paths_of, search, success_of
+from small_searches import observations, paths_of, search, success_of
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.drift import Drift, Person
@@ -154,14 +154,6 @@ def test_posterior_greedy_ignores_unlikely_cells() -> None:
 class TestForecastGreedy:
     """Greedy on the posterior at the time of arrival."""
 
-    @staticmethod
-    def success(
-        kind: type[PosteriorGreedyPolicy], drones: list[Cell], **parameters: Any
-    ) -> list[float]:
-        """The probability that a policy finds each person; exact for one person."""
-        of = search(drones, **parameters)
-        return success_of(of, paths_of(kind(of.scenario), of))
-
     def test_meets_a_person_whose_drift_is_certain(self) -> None:
         # From (2, 5), one cell to the right in each step: in (7, 5) after five steps.
         person = {"person_initial_position": (2, 5), "vector": (1, 0), "disperse_constant": 0}
@@ -171,29 +163,6 @@ class TestForecastGreedy:
         assert path.searches[:6].tolist() == [False] * 5 + [True]
         assert success_of(of, [path]) == [1.0]
         assert success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of)) == [0.0]
-
-    @pytest.mark.parametrize("drones", [[(0, 29)], [(29, 0), (0, 29), (29, 29)]])
-    def test_finds_more_fast_drifters_than_greedy_on_the_present_posterior(
-        self, drones: list[Cell]
-    ) -> None:
-        parameters = {
-            "grid_size": 30,
-            "timestep_limit": 40,
-            "persons": Person(Drift((4, 4), start_sd=1, vector=(0.75, 0.6), diffusion=0.1), 0.8),
-        }
-        (ahead,) = self.success(ForecastGreedyPolicy, drones, **parameters)
-        (behind,) = self.success(PosteriorGreedyPolicy, drones, **parameters)
-        assert ahead > behind + 0.05
-
-    def test_ignores_cells_out_of_reach_before_the_time_limit(self) -> None:
-        prior = np.zeros((15, 15))
-        prior[0, 3], prior[0, 14] = 0.05, 0.95
-        person = Person(Drift(prior, diffusion=0))
-        for steps, found in ((14, 0.05), (15, 0.95)):  # 14 to fly, one to search
-            (success,) = self.success(
-                ForecastGreedyPolicy, [(0, 0)], grid_size=15, timestep_limit=steps, persons=person
-            )
-            assert success == pytest.approx(found)
 
     def test_targets_have_the_best_discounted_success_on_arrival(self) -> None:
         persons = [
@@ -221,27 +190,3 @@ class TestForecastGreedy:
             else:
                 assert near[target] - 1 == sum(abs(np.subtract(target, ahead_cell)))
             cell = ahead_cell
-
-
-def test_does_not_hover() -> None:
-    """One drone searches a wide area; nobody is found."""
-    env = make_env(
-        drones=1,
-        mission="coverage",
-        bayesian_update=False,
-        probability_of_detection=1.0,
-        person_initial_position=(10, 10),
-        vector=(0, 0),
-        disperse_constant=50,
-        timestep_limit=200,
-    )
-    policy = GreedyPolicy(env.scenario)
-    observations, _ = env.reset(0)
-    searched: list[tuple[int, int]] = []
-    while env.agents:
-        actions = policy(observations)
-        if actions["drone0"] == Action.SEARCH:
-            searched.append(observations["drone0"]["observation"][0])
-        observations, *_ = env.step(actions)
-    assert len(searched) > 20
-    assert len(set(searched)) > len(searched) / 4

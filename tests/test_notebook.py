@@ -71,12 +71,6 @@ def test_the_cells_run_in_order(
     assert video.path.read_bytes().startswith(b"GIF89a")
 
 
-def test_the_notebook_has_no_links_to_other_places_without_an_address(
-    notebook: dict[str, Any],
-) -> None:
-    assert "colab.research" not in json.dumps(notebook)
-
-
 def test_a_public_address_adds_links() -> None:
     page = make_notebook.PAGE.read_text("utf-8")
     first, install, *_ = make_notebook.cells(page, "https://github.com/me/it")

@@ -176,15 +176,6 @@ class TestDatum:
         # The law of total variance along x.
         assert datum.deviation == pytest.approx((math.sqrt(4 + 2**2 * 3 / 4), 2.0), rel=0.05)
 
-    def test_hypotheses_apart_have_a_datum_each_the_likeliest_first(self) -> None:
-        """Two last known positions: the mean lies in empty water."""
-        positions = {(5, 6): 1.0, (30, 30): 2.0, (33, 30): 1.0}
-        drifts = [Drift(cell, diffusion=0.1, weight=weight) for cell, weight in positions.items()]
-        both, one = datums_of(ProbabilityMatrix(40, Person(drifts)), 10)
-        assert (both.weight, one.weight) == (0.75, 0.25)
-        assert both.mean == pytest.approx((31, 30), abs=0.05)
-        assert one.mean == pytest.approx((5, 6), abs=0.05)
-
     def test_hypotheses_are_joined_by_others_between_them(self) -> None:
         cells = [(5, 20), (33, 20), (12, 20), (26, 20), (19, 20)]
         drifts = [Drift(cell, diffusion=0.5) for cell in cells]
@@ -322,7 +313,7 @@ def count_layouts(kind: type[PatternPolicy], starts: list[Cell], **changes: Any)
     return len(laid_out)
 
 
-@settings(deadline=None, max_examples=12, derandomize=True)
+@settings(deadline=None, max_examples=6, derandomize=True)
 @given(st.data(), st.sampled_from(PATTERNS))
 def test_drones_never_block_each_other_permanently(
     data: st.DataObject, kind: type[PatternPolicy]

@@ -13,7 +13,6 @@ from small_searches import (
     found_in_each_step,
     schedule_of,
     search,
-    success_of,
     targets_of,
     uncertain_persons,
 )
@@ -22,7 +21,6 @@ from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, idle_paths
-from DroneSwarmSearch.vector.engine import SearchBatch
 
 
 def starts_of(of: NamedSearch) -> list[int]:
@@ -86,42 +84,6 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     assert plan.value() == pytest.approx(value, abs=1e-12)
 
 
-def test_simulated_plans_find_as_often_as_computed() -> None:
-    of = search(
-        [(0, 0), (7, 7), (3, 0)], grid_size=8, person_initial_position=[(3, 4), (5, 2)],
-        vector=(0.1, -0.05), disperse_constant=6, timestep_limit=25,
-        probability_of_detection=(0.8, 0.35),
-    )  # fmt: skip
-    plan = Plan(targets_of(of), 0, idle_paths(starts_of(of), 25))
-    plan.improve(min_length=5, min_gain=1e-3, max_rounds=3)
-    rows = 4000
-    batch = SearchBatch(rows, **of.parameters)
-    batch.reset(seeds=range(rows))
-    found = np.zeros((rows, 2), bool)
-    running = np.ones(rows, bool)
-    actions = np.array([actions_of(path, 8) for path in plan.paths])
-    for step in range(25):
-        missing = batch.missing
-        batch.step(np.broadcast_to(actions[:, step], (rows, 3)))
-        found |= missing & ~batch.missing & running[:, None]
-        running &= batch.endings == 0
-    expected = np.array(plan.success_probabilities())
-    assert (expected > 0.2).all()
-    assert (expected < 0.95).all()
-    deviation = np.sqrt(expected * (1 - expected) / rows)
-    assert (abs(found.mean(axis=0) - expected) < 4 * deviation).all()
-    # Given the plan, the finds of the persons are independent.
-    both = float(expected.prod())
-    assert abs(found.all(axis=1).mean() - both) < 4 * np.sqrt(both * (1 - both) / rows)
-
-
-def actions_of(path: Path, size: int) -> list[int]:
-    """The actions of a drone along its path."""
-    moves = {-1: Action.LEFT, 1: Action.RIGHT, -size: Action.UP, size: Action.DOWN}
-    stay = np.where(path.searches, Action.SEARCH, Action.IDLE)
-    return [int(moves.get(move, stay[i])) for i, move in enumerate(np.diff(path.cells).tolist())]
-
-
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(plans(most_steps=9), st.data())
 def test_the_gain_of_any_other_segment_is_exact(
@@ -148,23 +110,6 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
     assert plan.improve_segment(0, 0, 5) == pytest.approx(0.6 * 1.25)
     assert plan.paths[0].cells[3] == 3  # (3, 0), in step 3 as the person
     assert plan.paths[0].searches.tolist() == [False, False, False, True, False]
-
-
-def test_each_kind_of_improvement_adds_value() -> None:
-    of = search(
-        [(0, 0), (9, 9)], grid_size=10, person_initial_position=(5, 5), vector=(0.1, 0),
-        disperse_constant=5, timestep_limit=40,
-    )  # fmt: skip
-    plan = Plan(targets_of(of), 0, idle_paths(starts_of(of), 40))
-    assert plan.value() == 0.0
-    plan.improve_segment(0, 0, 40)
-    alone = plan.value()
-    assert alone > 0.0
-    plan.improve(min_length=40, min_gain=0.0, max_rounds=1)
-    whole = plan.value()
-    plan.improve(min_length=5, min_gain=0.0, max_rounds=3)
-    assert alone < whole < plan.value()
-    assert plan.value() == pytest.approx(success_of(of, plan.paths)[0], rel=1e-12)
 
 
 @settings(deadline=None, max_examples=20, derandomize=True)

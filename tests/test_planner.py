@@ -25,13 +25,11 @@ from small_searches import (
     uncertain_persons,
 )
 
-from DroneSwarmSearch import Action
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch
+from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
 from DroneSwarmSearch.policies.planner import PlannerPolicy
-from DroneSwarmSearch.vector.engine import SearchBatch
 
 
 def planner(of: NamedSearch) -> PlannerPolicy:
@@ -88,35 +86,11 @@ class TestQuality:
         assert most > 0.05
         assert 0.97 * most <= planner_success(SMALL[index]) <= most + 1e-12
 
-    @pytest.mark.parametrize(
-        ("name", "steps"),
-        [
-            ("pond", 20),
-            pytest.param("two-positions", None, marks=pytest.mark.slow),
-            pytest.param("fog", None, marks=pytest.mark.slow),
-        ],
-    )
-    def test_is_at_least_as_good_as_greedy(self, name: str, steps: int | None) -> None:
-        of = shortened(SUITE[name], steps)
-        greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))[0]
-        assert 0.0 < greedy <= planner_success(of) + 1e-12
-
-    @pytest.mark.slow
-    def test_searches_for_all_persons(self) -> None:
-        of = search(
-            [(6, 0), (0, 6)], grid_size=13, person_initial_position=[(3, 3), (9, 8)],
-            vector=(0.1, 0.05), disperse_constant=4, timestep_limit=50,
-        )  # fmt: skip
-        mine = success_of(of, paths_of(planner(of), of))
-        greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))
-        assert min(mine) > 0.25  # neither person is neglected
-        assert np.prod(mine) >= np.prod(greedy)
-
 
 class TestNeverBelowGreedy:
     """Holds for plans made with little work, too."""
 
-    @settings(deadline=None, max_examples=6, derandomize=True)
+    @settings(deadline=None, max_examples=4, derandomize=True)
     @given(small_searches())
     def test_is_never_below_greedy_with_one_person(self, of: NamedSearch) -> None:
         greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))[0]
@@ -136,21 +110,6 @@ class TestFollowingPlans:
         assert_legal(paths, [0, 63], 8)
         assert plans_made == [0]
         assert min(success_of(A_SEARCH, paths)) > 0.2
-
-    def test_a_batch_needs_no_more_plans_than_one_search(self, plans_made: list[int]) -> None:
-        of = shortened(SMALL[6], 6)
-        batch, policy = SearchBatch(200, **of.parameters), planner(of)
-        batch.reset(seeds=range(200))
-        found = 0
-        rows = np.arange(200)
-        while rows.size:
-            actions = np.full((200, 2), int(Action.IDLE))
-            actions[rows] = policy(shown(batch, rows))
-            batch.step(actions)
-            found += int((~batch.missing[rows]).sum())
-            rows = rows[batch.endings[rows] == 0]
-        assert plans_made == [0]
-        assert 0 < found < 200
 
     def test_copies_include_a_prepared_plan(self, plans_made: list[int]) -> None:
         policy = planner(A_SEARCH)
@@ -251,11 +210,3 @@ class TestProgress:
         assert 0.0 <= fractions[0] < 0.5 <= fractions[-1] < 1.0
         policy.prepare([(3, 3), (4, 4)])
         assert terminal.getvalue() == ""
-
-
-def shown(batch: SearchBatch, rows: np.ndarray) -> dict[str, np.ndarray]:
-    return {
-        "positions": batch.positions[rows],
-        "probability_matrix": batch.matrices_of(rows),
-        "row": rows,
-    }

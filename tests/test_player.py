@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
-import numpy as np
 import pytest
+from helpers import make_frame
 
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.player import Player, Recording
@@ -21,18 +22,8 @@ FPS = 5.0
 
 def frame(step: int = 0, drones: tuple[tuple[int, int], ...] = ((2, 2), (0, 1))) -> Frame:
     """A frame of a search with 3 x 3 cells, which ends with step `LAST`."""
-    return Frame(
-        matrix=np.full((3, 3), 1 / 9, np.float32),
-        drones=drones,
-        searching=(False,) * len(drones),
-        persons=((1, 1),),
-        found_by=(None,),
-        step=step,
-        timestep_limit=LAST,
-        vector=(0.0, 0.0),
-        ending=Ending.TIME_LIMIT if step == LAST else None,
-        hide_persons=True,
-    )
+    ending = Ending.TIME_LIMIT if step == LAST else None
+    return replace(make_frame(3, drones=drones, step=step, ending=ending), hide_persons=True)
 
 
 class Whole(Recording):

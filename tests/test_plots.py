@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers import made_evaluation
 
-from DroneSwarmSearch.evaluation import SUITE, Evaluation, StorageError, evaluate
+from DroneSwarmSearch.evaluation import SUITE, Evaluation, evaluate
 from DroneSwarmSearch.policies import POLICIES
 
 pytest.importorskip("matplotlib")
@@ -120,12 +120,6 @@ def test_equal_plots_make_equal_files_in_both_themes(tmp_path: Path) -> None:
         assert "<text" not in text  # glyphs are paths, independent of fonts
         (width,) = re.findall(r'<svg [^>]*width="([\d.]+)pt"', text)
         assert 9.5 * 358 / float(width) > 9.0  # legible on a phone of 390 pixels
-
-
-def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match=r"curves-light\.svg"):
-        plots.save(plots.success_by_search, TWO, tmp_path / "file" / "curves")
 
 
 def test_labels_name_the_measure_of_the_mission() -> None:

@@ -40,17 +40,6 @@ def test_the_untrained_agent_is_greedy(example: ModuleType) -> None:
     assert set(best[:, 2]) <= {Action.LEFT, Action.DOWN}
 
 
-def test_rewards_are_probabilities_of_success(example: ModuleType) -> None:
-    torch.manual_seed(0)
-    agent, batch, rng = example.Agent(), searches_of(), np.random.default_rng(0)
-    total = 0.0
-    while batch.step < batch.timestep_limit:
-        data = example.step(agent, batch, rng)
-        assert (data["rewards"][data["actions"] != Action.SEARCH] == 0).all()
-        total += data["rewards"].sum()
-    assert total == pytest.approx(batch.found.sum()) and 0.2 < total / 6 < 1
-
-
 def test_advantages_are_sums_of_rewards_without_a_critic_and_a_discount(
     example: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import make_frame
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import cli as command
@@ -88,7 +89,7 @@ class TestFrames:
 class TestPicture:
     def test_a_long_title_fits(self) -> None:
         title = "a_package_with_a_name.and_a_module_with_another:AndAPolicyThatIsNamedToo"
-        ended = replace(frame(6), ending=Ending.COLLISION)
+        ended = make_frame(6, ending=Ending.COLLISION)
         painter = Painter(6, view="both")
         picture = painter.pixels(replace(ended, policy=f"{title} searching wreck, seed 123456"))
         changed = (picture != painter.pixels(replace(ended, policy="short")))[:HEAD]
@@ -109,11 +110,14 @@ class TestVideo:
             assert video.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
 
-    def test_a_video_holds_the_last_picture(self, tmp_path: Path) -> None:
+    def test_a_video_holds_the_last_picture(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(recording, "HOLD", 1.0)
         path = tmp_path / "video.mp4"
         record(Watcher(), small(timestep_limit=3), path, fps=5.0)
         count, seconds = ffmpeg.count_frames_and_secs(str(path))
-        assert seconds == pytest.approx(3 / 5 + recording.HOLD, abs=0.1)
+        assert seconds == pytest.approx(3 / 5 + 1, abs=0.1)
         assert 20 <= count / seconds <= 30
 
     @pytest.mark.parametrize(
@@ -124,7 +128,7 @@ class TestVideo:
     ) -> None:
         path = tmp_path / name
         path.write_bytes(b"the video")
-        html = Video(path, frame(5))._repr_html_()
+        html = Video(path, make_frame(5))._repr_html_()
         assert html.startswith(f"<{tag} ")
         assert f'src="data:{kind};base64,{base64.b64encode(b"the video").decode()}"' in html
 
@@ -252,18 +256,3 @@ class TestCommand:
         assert command.main(["record", "pond", "--policy", "random", "--out", out]) == 1
         assert 'needs the package imageio_ffmpeg: pip install "Dr' in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
-
-
-def frame(grid_size: int) -> Frame:
-    """A frame of a flat matrix."""
-    return Frame(
-        matrix=np.full((grid_size, grid_size), grid_size**-2.0, np.float32),
-        drones=((0, 0),),
-        searching=(True,),
-        persons=((1, 1),),
-        found_by=(None,),
-        step=3,
-        timestep_limit=10,
-        vector=(0.5, -0.25),
-        ending=None,
-    )

@@ -9,10 +9,9 @@ from types import ModuleType
 import pytest
 from golden.regenerate import SCENARIOS, released
 from helpers import module_at
-from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import DroneSwarmSearch, drone_swarm_search_v0
+from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
 ROOT = Path(__file__).parents[1]
@@ -58,24 +57,6 @@ def test_the_id_is_the_same_everywhere():
         assert environment.metadata["name"] == ID
     folder = Path(package.__file__).parent
     assert [path.stem for path in folder.glob("drone_swarm_search_v*.py")] == [ID]
-
-
-def test_the_module_of_the_id_makes_environments():
-    parameters = {"grid_size": 5, "n_drones": 2}
-    parallel = drone_swarm_search_v0.parallel_env(**parameters)
-    assert type(parallel) is DroneSwarmSearch
-    aec, raw = (
-        make(**parameters) for make in (drone_swarm_search_v0.env, drone_swarm_search_v0.raw_env)
-    )
-    assert isinstance(aec, OrderEnforcingWrapper)
-    assert not isinstance(raw, OrderEnforcingWrapper)
-    for env in (parallel, aec, raw):
-        assert type(env.unwrapped) is DroneSwarmSearch
-        assert env.metadata["name"] == ID
-    for env in (aec, raw):
-        env.reset(seed=1)
-        env.step(4)
-        assert env.agent_selection == "drone1"
 
 
 # The release workflow.

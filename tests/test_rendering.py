@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import plain, whole_state
+from helpers import make_frame, plain, whole_state
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
@@ -28,36 +28,6 @@ from DroneSwarmSearch.rendering.painter import GAP, HEAD, Painter  # noqa: E402 
 from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap  # noqa: E402
 
 SIZES = (2, 20, 48)
-
-
-def make_frame(
-    grid_size: int = 7,
-    *,
-    drones: tuple[tuple[int, int], ...] = ((0, 0),),
-    searching: tuple[int, ...] = (),
-    persons: tuple[tuple[int, int], ...] = ((1, 1),),
-    found: tuple[int, ...] = (),
-    matrix: object = None,
-    ending: Ending | None = None,
-) -> Frame:
-    """A frame; `searching` and `found` are indices, and drone 0 finds all persons.
-
-    Without a matrix, cell (1, 1) has all the probability.
-    """
-    if matrix is None:
-        matrix = np.zeros((grid_size, grid_size))
-        matrix[1, 1] = 1.0
-    return Frame(
-        matrix=np.asarray(matrix, dtype=np.float32),
-        drones=drones,
-        searching=tuple(i in searching for i in range(len(drones))),
-        persons=persons,
-        found_by=tuple(0 if i in found else None for i in range(len(persons))),
-        step=3,
-        timestep_limit=10,
-        vector=(0.5, -0.25),
-        ending=ending,
-    )
 
 
 class Picture:

@@ -153,13 +153,11 @@ def test_success_is_logged_for_drones_and_for_swarms(rllib: Any) -> None:
 
     logger = Logger()
     for infos in (
-        {"is_success": np.True_},
         {"is_success": np.False_, "probability_of_success": np.float64(0.5)},
         {"drone0": {"is_success": True}, "drone1": {"is_success": True}},
     ):
         rllib.log_success(episode=Episode(infos), metrics_logger=logger, env=None)
     assert logger.values == [
-        ("success_rate", 1.0, "mean"),
         ("success_rate", 0.0, "mean"),
         ("probability_of_success", 0.5, "mean"),
         ("success_rate", 1.0, "mean"),

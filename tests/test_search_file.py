@@ -52,7 +52,7 @@ def test_a_file_may_hold_a_named_search(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("{", "Expecting property name"),
-        ("[1]", "the file must hold the parameters of a scenario"),
+        ("[1]", "'list' object is not a mapping"),
         ('{"grid": 3}', "a scenario has the parameters grid_size, .* got 'grid'"),
         ('{"drones_positions": 3}', "drones_positions must be a list of cells, got 3"),
         ('{"drones_positions": [[1, 1], [1, 1]]}', "drones_positions must hold different cells"),

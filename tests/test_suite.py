@@ -81,14 +81,6 @@ def test_an_unknown_name_suggests_similar_names():
         search("xyzzy")
 
 
-def test_with_posterior_only_changes_what_drones_see():
-    each = search("fog").with_posterior(True)
-    assert each.scenario.bayesian_update
-    assert each.with_posterior(False) == search("fog")
-    with pytest.raises(TypeError, match="bayesian_update must be True or False, got 1"):
-        search("fog").with_posterior(1)
-
-
 def test_a_scenario_becomes_a_named_search():
     named = as_named(TWO_DRONES)
     assert named.drones == ((0, 0), (1, 0))

@@ -145,12 +145,10 @@ def test_other_environments_are_rejected() -> None:
         DroneVenv(DroneVectorEnv(2, **TWO_DRONES))
 
 
-def test_attributes_and_closing() -> None:
+def test_attributes() -> None:
     envs = DroneVenv(vector_env())
     assert envs.action_space == [envs.env.single_action_space] * 8
     assert envs.get_env_attr("num_envs", [0, 1]) == [8, 8]
-    envs.close()
-    assert envs.env.closed
 
 
 def test_observations_without_masks() -> None:

@@ -4,29 +4,18 @@ from __future__ import annotations
 
 import csv
 import math
-import pickle
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, training
+from DroneSwarmSearch import Action, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training.curve import read_columns
 
 ROOT = Path(__file__).parents[1]
-
-
-def test_the_task_can_be_pickled_and_played() -> None:
-    task = pickle.loads(pickle.dumps(training.TRAINING_TASK))
-    assert task == training.TRAINING_TASK
-    env = DroneSwarmSearch(**task)
-    env.reset(seed=0)
-    assert (env.grid_size, len(env.agents), env.timestep_limit) == (10, 2, 50)
-    assert env.scenario.bayesian_update
 
 
 def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,10 +74,6 @@ def search_column_two(observations: np.ndarray) -> np.ndarray:
     """Fly to the right, and search in column 2; the first value is the drone's column."""
     column = np.rint(observations[:, 0] * 4).astype(int)
     return np.where(column == 2, Action.SEARCH, Action.RIGHT)
-
-
-def always(action: Action) -> Callable[[np.ndarray], np.ndarray]:
-    return lambda observations: np.full(len(observations), action)
 
 
 def test_the_comparison_is_printed_and_saved(

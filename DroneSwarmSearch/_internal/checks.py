@@ -65,7 +65,7 @@ def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | Non
 
 
 def known_options(options: object, known: Sequence[str], stacklevel: int) -> dict[str, Any]:
-    """The options of a `reset` as a dict, with a warning about unknown ones at this stack level."""
+    """The known options of a `reset` but None; a warning about others, at this stack level."""
     if not isinstance(options, Mapping):
         raise TypeError(f"options must be a mapping, got {options!r:.100}")
     unknown = [key for key in options if key not in known]
@@ -74,7 +74,7 @@ def known_options(options: object, known: Sequence[str], stacklevel: int) -> dic
             f"options may hold {', '.join(known)}; ignored: {', '.join(map(repr, unknown))}",
             stacklevel=stacklevel + 1,
         )
-    return dict(options)
+    return {name: options[name] for name in known if options.get(name) is not None}
 
 
 def integer(name: str, value: object, low: int, high: int | None = None) -> int:

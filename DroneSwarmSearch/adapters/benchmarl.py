@@ -1,12 +1,4 @@
-"""BenchMARL (extra ``benchmarl``): a task on `torchrl.SearchEnv`.
-
-For example::
-
-    task = SearchTask.SEARCH.get_task({**TRAINING_TASK, "right_of_way": True})
-    experiment = Experiment(task=task, algorithm_config=MappoConfig.get_from_yaml(), ...)
-    experiment.run()
-    policy = TrainedPolicy(torchrl.logits(experiment.policy, n_drones=2))  # for `evaluate`
-"""
+"""BenchMARL (extra ``benchmarl``): a task on `SearchEnv`; see examples/train_benchmarl.py."""
 
 from __future__ import annotations
 
@@ -45,11 +37,7 @@ class SearchClass(TaskClass):
     """
 
     def get_env_fun(
-        self,
-        num_envs: int,
-        continuous_actions: bool,
-        seed: int | None,
-        device: torch.device | str,
+        self, num_envs: int, continuous_actions: bool, seed: int | None, device: torch.device | str
     ) -> Callable[[], EnvBase]:
         config = {"state": True, **self.config}
         return partial(SearchEnv, num_envs, seed=seed, device=device, **config)
@@ -64,12 +52,10 @@ class SearchClass(TaskClass):
         return False
 
     def max_steps(self, env: EnvBase) -> int:
-        limit: int = env.vector_env.batch.scenario_of(0).timestep_limit
-        return limit
+        return int(env.vector_env.batch.scenario_of(0).timestep_limit)
 
     def group_map(self, env: EnvBase) -> dict[str, list[str]]:
-        groups: dict[str, list[str]] = env.group_map
-        return groups
+        return dict(env.group_map)
 
     def action_spec(self, env: EnvBase) -> Composite:
         return env.full_action_spec_unbatched

@@ -1,14 +1,7 @@
 """Ray RLlib (extra ``rllib``): a batch of drones, a masked network, and the success rate.
 
-`DroneBatch` steps thousands of drones that share one policy, on RLlib's single-agent path::
-
-    config = (
-        PPOConfig()
-        .environment(DroneBatch, env_config={"observation": "flat", "grid_size": 10})
-        .env_runners(num_envs_per_env_runner=128, gym_env_vectorize_mode="vector_entry_point")
-        .rl_module(rl_module_spec=RLModuleSpec(MaskedPPOModule))
-        .callbacks(on_episode_end=log_success)
-    )
+`DroneBatch` steps thousands of drones that share one policy, on RLlib's single-agent path; see
+examples/train_rllib.py.
 """
 
 from __future__ import annotations

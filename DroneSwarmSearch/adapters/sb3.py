@@ -1,15 +1,6 @@
 """Stable-Baselines3 and sb3-contrib (extra ``sb3``): a vector environment, and evaluation.
 
-Every drone is a sub-environment, and all drones share one policy::
-
-    masks = {"right_of_way": True}
-    drones = DroneVectorEnv(
-        64, observation="flat", autoreset_mode="SameStep", **masks, **TRAINING_TASK
-    )
-    model = MaskablePPO("MlpPolicy", VecMonitor(SB3VecEnv(drones)))
-    model.learn(200_000, LogSuccess())
-    view = View("drone", "flat", action_mask=True, **masks)
-    evaluate(TrainedPolicy(logits(model)), search, view=view)
+Every drone is a sub-environment, and all drones share one policy; see examples/train_sb3.py.
 """
 
 from __future__ import annotations
@@ -110,14 +101,11 @@ class SB3VecEnv(VecEnv):
     ) -> list[Any]:
         """Call a method of the environment once; returns its result for each sub-environment.
 
-        The result of "action_masks" is split: each sub-environment gets its own row.
+        Of the result of "action_masks", each sub-environment gets its own row.
         """
-        chosen = self._get_indices(indices)
-        if method_name == "action_masks":
-            masks = self.env.action_masks(*args, **kwargs)
-            return [masks[index] for index in chosen]
         result = getattr(self.env, method_name)(*args, **kwargs)
-        return [result for _ in chosen]
+        is_split = method_name == "action_masks"
+        return [result[index] if is_split else result for index in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Whether sub-environments are wrapped: False for each."""

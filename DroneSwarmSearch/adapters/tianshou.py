@@ -1,21 +1,9 @@
 """Tianshou (extra ``tianshou``): a batch of drones, masked networks, and the success rate.
 
 Every drone is a sub-environment, so that any algorithm for a single agent with discrete actions
-trains one policy that all drones share::
-
-    drones = DroneVectorEnv(
-        64, observation="flat", action_mask="observation", autoreset_mode="Disabled"
-    )
-    envs = DroneVenv(drones)
-    collector = Collector(
-        policy,
-        envs,
-        VectorReplayBuffer(200_000, len(envs)),
-        collect_stats_class=SuccessStats,
-    )
-
-Tianshou's Q-learning policies take the masks from the observations. For actor-critic algorithms,
-`MaskedActor` and `MaskedCritic` do.
+trains one policy that all drones share; see examples/train_tianshou.py. Tianshou's Q-learning
+policies take the masks from the observations. For actor-critic algorithms, `MaskedActor` and
+`MaskedCritic` do.
 """
 
 from __future__ import annotations

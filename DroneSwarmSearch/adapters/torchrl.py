@@ -1,17 +1,7 @@
 """TorchRL (extra ``torchrl``): many searches as one batched environment, and masked policies.
 
 The drones form the group "drones", with the names and shapes of TorchRL's multi-agent
-environments::
-
-    env = SearchEnv(64, right_of_way=True, reward_scale=2.0**-17, **TRAINING_TASK)
-    env = TransformedEnv(env, RewardSum())
-    network = MLP(env.observation_spec[OBSERVATION].shape[-1], len(Action))
-    policy = masked_policy(TensorDictModule(network, [OBSERVATION], [LOGITS]))
-    for batch in Collector(env, policy, frames_per_batch=4096, total_frames=200_000):
-        ...
-        print(episode_metrics(batch))
-    trained = TrainedPolicy(logits(policy, n_drones=2))
-    evaluate(trained, search, view=View("drone", "flat", action_mask=True, right_of_way=True))
+environments; see examples/train_torchrl.py.
 """
 
 from __future__ import annotations
@@ -59,18 +49,16 @@ Key = str | tuple[str, ...]
 GROUP = "drones"
 """The group of all drones."""
 
-OBSERVATION: Key = (GROUP, "observation")
-ACTION_MASK: Key = (GROUP, "action_mask")
-ACTION: Key = (GROUP, "action")
-REWARD: Key = (GROUP, "reward")
-STATE: Key = "state"
-SUCCESS: Key = ("info", "is_success")
-PROBABILITY: Key = ("info", "probability_of_success")
-"""What `SearchEnv` reads and writes."""
+OBSERVATION, ACTION_MASK = (GROUP, "observation"), (GROUP, "action_mask")
+"""What policies are shown."""
 
-LOGITS: Key = (GROUP, "logits")
-VALUE: Key = (GROUP, "value")
-RETURN: Key = (GROUP, "episode_reward")
+ACTION, REWARD = (GROUP, "action"), (GROUP, "reward")
+"""What `SearchEnv` takes and gives."""
+
+STATE, SUCCESS, PROBABILITY = "state", ("info", "is_success"), ("info", "probability_of_success")
+"""What critics and logs are shown."""
+
+LOGITS, VALUE, RETURN = (GROUP, "logits"), (GROUP, "value"), (GROUP, "episode_reward")
 """What policies, critics and ``RewardSum`` write."""
 
 PPO_KEYS: dict[str, Key] = {
@@ -122,9 +110,6 @@ class SearchEnv(EnvBase):
         group_map: the names of the drones in the group "drones".
         vector_env: the `DroneVectorEnv`, whose `batch` knows the whole state of all searches.
 
-    Raises:
-        TypeError: an argument is of the wrong type, or there are unknown keywords.
-        ValueError: an argument is out of its limits.
     """
 
     def __init__(
@@ -137,7 +122,7 @@ class SearchEnv(EnvBase):
         device: torch.device | str = "cpu",
         **keywords: Any,
     ) -> None:
-        shows_state = checks.boolean("state", state)
+        checks.boolean("state", state)
         env = DroneVectorEnv(
             num_swarms,
             observation=observation,
@@ -151,7 +136,7 @@ class SearchEnv(EnvBase):
         scenario = env.batch.scenario_of(0)
         self.n_drones = scenario.n_drones
         self.group_map = {GROUP: [f"drone{i}" for i in range(self.n_drones)]}
-        self._shows_state = shows_state
+        self._shows_state = state
         self._set_seed(seed)
         self._make_specs()
 

@@ -17,7 +17,7 @@ arrays with trailing batch axes after [hypothesis, y, x]. Both agree bit for bit
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,9 +114,9 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     return total
 
 
-def over_hypotheses(belief: Floats) -> Floats:
+def over_hypotheses(belief: NDArray[Any]) -> NDArray[Any]:
     """The probability of each cell, (N, N, ...), given (M, N, N, ...); may be a view."""
-    total: Floats = belief[0]
+    total: NDArray[Any] = belief[0]
     for part in belief[1:]:
         total = total + part
     return total

@@ -74,11 +74,19 @@ class ForecastTables(Forecasts):
             matrices[carried] = over_hypotheses(joint.swapaxes(0, 1))
         return matrices
 
+    def probabilities(self, entries: Ints, cells: Ints) -> Singles:
+        if self._matrices is not None or self._joint is not None:
+            return super().probabilities(entries, cells)
+        y, x = np.divmod(cells, self._size)
+        at_x, at_y = self._factors[entries, :, 0, x], self._factors[entries, :, 1, y]
+        total: Singles = over_hypotheses((at_y.astype(np.float32) * at_x.astype(np.float32)).T)
+        return total
+
     def drift(self, mass: Floats, entries: Ints) -> None:
         moves = self._moves.take(entries, 1, mode="clip").transpose(0, 2, 3, 4, 1)
         if self._drifter is None or self._drifter.shape != mass.shape:
             self._drifter = Drifter(mass)
-        mass[...] = self._drifter(mass, all_moves(*np.ascontiguousarray(moves, mass.dtype)))
+        self._drifter(mass, all_moves(*np.ascontiguousarray(moves, mass.dtype)), mass)
 
     # Persons.
 

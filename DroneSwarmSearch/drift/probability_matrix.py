@@ -151,7 +151,9 @@ class ProbabilityMatrix(DriftModel):
         return expected
 
     def drift(self, mass: Floats, step: int) -> Floats:
-        return self._drifter(mass, self._moves(step)).copy()
+        after = np.empty_like(mass)
+        self._drifter(mass, self._moves(step), after)
+        return after
 
     @cached_property
     def _drifter(self) -> Drifter:

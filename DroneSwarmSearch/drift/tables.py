@@ -275,7 +275,7 @@ def tabulate(
             if previous is not None and previous.joint is not None:
                 joint[0, person] = previous.joint[-1, person]
             for step in range(count):
-                joint[step + 1, person] = drift(joint[step, person], moves[:, step, person])
+                drift(joint[step, person], moves[:, step, person], joint[step + 1, person])
     return Steps(factors, moves, joint, followed[:, -1].copy())
 
 
@@ -307,33 +307,33 @@ class Drifter:
     """
 
     def __init__(self, like: Array) -> None:
-        self._axes: list[tuple[Array, list[tuple[Array, Array]]]] = []
         self.shape, row = like.shape, like[0, 0]
-        for distance in (row[0].size, row.size):
-            # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
-            # next, and the arrays can be shifted as one run of memory.
-            terms = np.empty((3, *like.shape), like.dtype)
-            cells, higher, lower = terms.reshape(3, -1)
-            shifted = (cells[distance:], higher[:-distance]), (cells[:-distance], lower[distance:])
-            self._axes.append((terms, [*shifted]))
+        self._terms = np.empty((2, *like.shape), like.dtype)
+        higher, lower = self._terms.reshape(2, -1)
+        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the next,
+        # and the arrays can be shifted as one run of memory.
+        self._shifted = [(d, higher[:-d], lower[d:]) for d in (row[0].size, row.size)]
 
     def __reduce__(self) -> tuple[object, ...]:  # the views must be those of the copy
-        return type(self), (self._axes[0][0][0],)
+        return type(self), (self._terms[0],)
 
-    def __call__(self, mass: Array, moves: Array) -> Array:
-        """The mass one step later, of the same sum, until the next call.
+    def __call__(self, mass: Array, moves: Array, after: Array) -> None:
+        """Compute the mass one step later, of the same sum.
 
         Args:
             mass: of the shape given before.
             moves: see `all_moves`: shape (3, M, 2, N, ...); nobody leaves the grid.
+            after: receives the result: C-contiguous; may be the mass itself.
         """
-        along = moves[:, :, 0, None], moves[:, :, 1, :, None]
-        for chances, (terms, shifted) in zip(along, self._axes, strict=True):
-            np.multiply(chances, mass, terms)
-            for cells, arriving in shifted:
-                np.add(cells, arriving, cells)
-            mass = terms[0]
-        return mass
+        cells = after.reshape(-1)
+        axes = moves[:, :, 0, None], moves[:, :, 1, :, None]
+        for along, (distance, higher, lower) in zip(axes, self._shifted, strict=True):
+            np.multiply(along[1:], mass, self._terms)
+            np.multiply(along[0], mass, after)
+            next_higher, next_lower = cells[distance:], cells[:-distance]
+            next_higher += higher
+            next_lower += lower
+            mass = after
 
 
 def moves_of(draws: Array, higher: Array, either: Array) -> NDArray[np.int8]:

@@ -1,7 +1,4 @@
-"""Plots of success, in a light and a dark style; they need the extra "evaluation".
-
-A policy has the same colour and marker in every plot.
-"""
+"""Plots of success, in a light and a dark style; they need the extra "evaluation"."""
 
 from __future__ import annotations
 
@@ -37,7 +34,7 @@ POLICIES = (
     *("planner", "ppo", "greedy-forecast", "greedy-posterior", "greedy-matrix"),
     *("parallel-sweep", "creeping-line", "expanding-square", "sector-search", "random"),
 )
-"""In the order of the colours of the styles; other policies have those after them."""
+"""In the order of the colours of the styles, the same in every plot; others have those after."""
 
 MARKERS = "Dh>os^vpXPH<d8"
 

@@ -46,11 +46,7 @@ class PolicySpec:
 
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
-        """Make a spec from anything that stands for a policy.
-
-        Args:
-            policy: as for `evaluate`; a string may begin with "name=".
-            name: the policy's name in results.
+        """Make a spec from a policy as for `evaluate`; a string may begin with "name=".
 
         Raises:
             ImportError: the module does not exist.
@@ -58,8 +54,6 @@ class PolicySpec:
             ValueError: the policy, file or attribute does not exist, or the file does not hold
                 weights.
         """
-        if name is not None and not isinstance(name, str):
-            raise TypeError(f"name must be a string or None, got {name!r:.100}")
         if isinstance(policy, PolicySpec):
             return policy
         if not isinstance(policy, str):
@@ -102,8 +96,6 @@ class PolicySpec:
             return self.policy
         kind: Any = self.policy
         made: Callable[..., Any] = kind(scenario)
-        if not callable(made):
-            raise TypeError(f"policy must be a class of callable objects, got {kind!r:.100}")
         return made
 
 

@@ -37,12 +37,11 @@ def play(
     In a rescue, a second batch goes through the same episodes, in which no search finds the last
     missing person. Given the path that the drones then fly, the probability that the person is
     found within t steps is one minus the product, over these steps, of the probability that the
-    step's searches do not find the person. Until that find, the drones only learn that the person
-    was not found, so the mean of these probabilities estimates the success without bias, with a
-    variance never above that of the share of successes (conditional Monte Carlo: R. Y. Rubinstein
-    and D. P. Kroese, Simulation and the Monte Carlo Method, 3rd edition, 2016, section 5.4). With
-    one person, a policy that is deterministic in what it observes flies one path, whose curve is
-    exact. Without `wants_curves`, the curves of a rescue are 0.
+    step's searches do not find the person. The drones learn no more than that until the find, so
+    the mean of these probabilities estimates the success without bias (conditional Monte Carlo:
+    R. Y. Rubinstein and D. P. Kroese, Simulation and the Monte Carlo Method, 3rd edition, 2016,
+    section 5.4). With one person, a deterministic policy flies one path, whose curve is exact.
+    Without `wants_curves`, the curves of a rescue are 0.
     """
     at_once = 1 if view.form == "parallel" else len(seeds)
     batch, unfound = SearchBatch(at_once, **search.parameters), None

@@ -1,8 +1,7 @@
 """The suite: named searches on which policies are compared.
 
-The searches are data, in `suite_v1.json`, each with the reason for it; `docs/make_suite.py` wrote
-the file. They never change, so that results stay comparable; other parameters make another version
-of the suite, in another file.
+`docs/make_suite.py` wrote their file, `suite_v1.json`. They never change, so that results stay
+comparable; other parameters make another version of the suite, in another file.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ class NamedSearch:
             results do not depend on it.
 
     Raises:
-        TypeError: an attribute is of the wrong type.
+        TypeError: `scenario` or `drones` is of the wrong type.
         ValueError: `drones` does not fit the scenario.
     """
 
@@ -117,10 +116,8 @@ def search(name: str) -> NamedSearch:
         if not path.is_file():
             raise ValueError(f"search must name a file, but there is no {name!r:.100}")
         try:
-            data = json.loads(path.read_bytes())
-            if not isinstance(data, dict):
-                raise TypeError("the file must hold the parameters of a scenario")
-            return _named({"name": path.stem, "reason": "Read from a file.", **data})
+            defaults = {"name": path.stem, "reason": "Read from a file."}
+            return _named({**defaults, **json.loads(path.read_bytes())})
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:

@@ -48,11 +48,10 @@ class View:
         checks.choice("observation", self.observation, tuple(LAYOUTS))
         if self.form == "parallel" and self.observation != "dict":
             raise ValueError(f"view='parallel' needs observation='dict', got {self.observation!r}")
-        checks.boolean("action_mask", self.action_mask)
-        if checks.boolean("right_of_way", self.right_of_way) and not self.action_mask:
+        for name in ("action_mask", "right_of_way"):
+            checks.boolean(name, getattr(self, name))
+        if self.right_of_way and not self.action_mask:
             raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
-        if self.bayesian_update is not None:
-            checks.boolean("bayesian_update", self.bayesian_update)
 
     @property
     def masks(self) -> bool | None:

@@ -1,28 +1,20 @@
 """An upper bound on the probability of success (POS) of any policy: a Lagrangian dual bound.
 
-Until the person is found, any policy, randomised or not, follows a random set of drone paths. A
-set that searches a trajectory of the person k times finds the person there with 1 - (1 - q)^k.
-That is at most the sum of the drones' credits along the trajectory (see `memory`). Let Z be the
-mean of this sum over the policy's sets, N the mean number of searches, and g the function that
-joins 1 - (1 - q)^k at whole k by straight lines. Since g is concave, Jensen's inequality gives
+Until the person is found, any policy follows a random set of drone paths. A set that searches a
+trajectory of the person k times finds the person there with 1 - (1 - q)^k, which is at most the
+sum of the drones' credits along the trajectory (see `memory`). Let Z be the mean of this sum over
+the policy's sets, N the mean number of searches, and g the concave function that joins
+1 - (1 - q)^k at whole k by straight lines. By Jensen's inequality,
 
     P(found) <= E[min(Z, g(N))] <= max E[min(Z, g(N))]  over all mixtures of the drones' paths.
 
-This is a concave problem over a convex set. The best paths for given weights of the trajectories
-are a dynamic programme (`memory`), so the Frank-Wolfe method (`frank_wolfe`) solves it and
-bounds its maximum.
-
-The expectation is over all trajectories if there are few, otherwise over a sample. The maximum
-over a sample is at least the mean, over the sample, of the best policy's probability of finding
-the person on each trajectory; a Chernoff bound covers the error of this mean. It holds for all
-relaxations of the same sample at once, so the smallest may be taken. A union bound (Bonferroni)
-over the persons and the numbers of steps makes all the sampled bounds hold together with
-probability `CONFIDENCE`.
-
-If q < 1, the larger function 1 - (1 - q)^s of the effort s along the trajectory gives another
-bound, without a sample, because it is a product. The smaller bound is returned. Finding all of
-several persons is at most as likely as finding the one who is hardest to find. In a coverage
-mission, the probability of success is the mean over persons, and so is its bound.
+The Frank-Wolfe method (`frank_wolfe`) solves this concave problem and bounds its maximum. The
+expectation is over all trajectories if there are few, otherwise over a sample: then a Chernoff
+bound covers the error of the best policy's mean success on it, and a union bound (Bonferroni) over
+the persons and the numbers of steps makes all bounds hold together. If q < 1, the larger function
+1 - (1 - q)^s of the effort s gives another bound, without a sample; the smaller one is returned.
+Finding all of several persons is at most as likely as finding the one who is hardest to find; in a
+coverage mission, the bound is the mean over persons.
 """
 
 from __future__ import annotations

@@ -152,14 +152,11 @@ class RememberingDrones:
         return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)
 
     def __call__(self, weights: Floats) -> tuple[float, list[Path]]:
-        """The most that all drones can gain together, and the paths that gain it.
+        """The most that all drones can gain, rounded up, and a path for each that gains it.
 
         Args:
             weights: of each trajectory, for its credits and for its searches: float64, shape
                 (2, M), at least 0.
-
-        Returns:
-            The gain, rounded up, and a path for each drone.
         """
         self._compute_values(weights)
         gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
@@ -169,14 +166,11 @@ class RememberingDrones:
         return gained, [self._path(start) for start in self._starts]
 
     def collected(self, paths: Sequence[Path], shares: Floats | None = None) -> Floats:
-        """The credits and the searches that paths collect along each trajectory.
+        """The credits and the searches that paths collect along each trajectory: shape (2, M).
 
         Args:
             paths: of single drones.
             shares: what each path counts; 1 by default.
-
-        Returns:
-            float64, shape (2, M).
         """
         shares = np.ones(len(paths)) if shares is None else shares
         total = np.zeros((2, len(self.probabilities)))
@@ -310,11 +304,7 @@ class RememberingDrones:
 
 
 def _distinct(codes: Ints) -> tuple[Ints, Ints]:
-    """The distinct codes in order, and the place of each code among them.
-
-    Args:
-        codes: not negative and not large: a table of all codes replaces a sort.
-    """
+    """The distinct codes in order, and the place of each among them; codes must not be large."""
     present = np.zeros(codes.max() + 1, np.bool_)
     present[codes] = True
     return present.nonzero()[0], (present.cumsum() - 1)[codes]

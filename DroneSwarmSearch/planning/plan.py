@@ -1,24 +1,17 @@
 """Open-loop plans for all drones together: the multi-robot path planning problem (MESPP).
 
-With one person, every search before the find has the same outcome: nobody was found. The best
-policy is therefore an open-loop plan, one path for each drone. Finding the best plan is NP-hard (K.
-E. Trummel and J. R. Weisinger, Operations Research 34:324, 1986). `Plan` finds a good one:
+Adding a search of cell c in step t to a plan gains
 
-- Adding a search of cell c in step t to a plan gains
+    gain[t](c) = a[t](c) q (w[t] - r[t](c)),
 
-      gain[t](c) = a[t](c) q (w[t] - r[t](c)),
-
-  where a is the probability that the person is there and has not been found (forward pass), q
-  the probability of detection, w[t] the worth of finding the person in that step, and r what
-  the rest of the plan is expected to gain from a person in that cell (backward pass). This is
-  exact for a single search, as in Brown's forward-and-backward algorithm (FAB; S. S. Brown,
-  Operations Research 28:1275, 1980).
-- The best path of a drone for given gains is a dynamic programme (`paths`). The sum of gains
-  overrates a path that looks for the same person twice. So the plan changes one segment of one
-  drone's path at a time (`segments`), and only if its exact value increases.
-- When no segment improves, the plan distorts the gains of one segment at random, improves the
-  steps around it again, and keeps the result unless it is worse (large neighbourhood search; P.
-  Shaw, CP 1998).
+where a is the probability that the person is there and has not been found (forward pass), q the
+probability of detection, w[t] the worth of finding the person in that step, and r what the rest of
+the plan is expected to gain from a person in that cell (backward pass; S. S. Brown, Operations
+Research 28:1275, 1980). The best path for given gains is a dynamic programme (`paths`). The sum of
+gains overrates a path that looks for the same person twice, so a plan changes one segment of one
+drone's path at a time (`segments`), and only if its exact value increases. Then it distorts the
+gains of a segment at random, improves the steps around it again, and keeps the result unless it is
+worse (large neighbourhood search; P. Shaw, CP 1998).
 
 No two drones are ever in one cell: each avoids the cells where the others will be.
 """
@@ -112,9 +105,9 @@ class Plan:
             min_gain: stop after a round that gains less.
             max_rounds: the largest number of rounds.
             begin: the first step to change.
-            end: the step before which changes end; the number of steps by default.
-            max_length: maximum length of the segments, the number of these steps by default.
-            drones: the drones whose paths may change; all by default.
+            end: the step before which changes end; by default the plan's end.
+            max_length: maximum length of the segments.
+            drones: those whose paths may change; all by default.
             report: called from time to time with the completed fraction of `max_rounds`.
 
         Returns:
@@ -145,14 +138,13 @@ class Plan:
     def improve_segment(
         self, drone: int, begin: int, end: int, distort: Distortion | None = None
     ) -> float:
-        """Improve a segment of one drone's path.
+        """Improve a drone's path from one step until before another.
 
         Args:
             drone: its number.
             begin: the segment's first step.
             end: the step before which it ends.
-            distort: changes the gains before the best path is computed; the result may then be
-                worse.
+            distort: changes the gains before the best path is computed; the value may then fall.
 
         Returns:
             How much the plan's value has increased.
@@ -205,10 +197,7 @@ class Plan:
         old.cells[:], old.searches[:] = new
 
     def perturb(self, rng: np.random.Generator) -> None:
-        """Improve every drone's whole path with randomly distorted gains.
-
-        Plans that start from different perturbations improve to different local optima.
-        """
+        """Improve every drone's whole path with randomly distorted gains."""
         for drone in range(len(self.paths)):
             self.improve_segment(
                 drone, 0, self._steps, lambda gains: gains * np.exp(rng.normal(size=gains.shape))

@@ -15,11 +15,9 @@ policies from `SwarmPolicy`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Callable
 
 from DroneSwarmSearch._internal.errors import did_you_mean
-from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.policies.greedy import (
     ForecastGreedyPolicy,
@@ -45,16 +43,6 @@ __all__ = [
     "SwarmPolicy",
     "make",
 ]
-
-
-class Policy(Protocol):
-    """A policy for one search; every `BatchPolicy` is one."""
-
-    def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]:
-        """An action, 0 to 5, for each drone in the observations."""
-
-    def reset(self) -> None:
-        """Start a new episode."""
 
 
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {

@@ -52,9 +52,8 @@ class BatchPolicy(ABC):
             observations: those of one search, as `DroneSwarmSearch` returns them; or of E searches,
                 as `SwarmVectorEnv` returns them in its dict layout: "positions", integers of shape
                 (E, n_drones, 2), every drone's (x, y); "probability_matrix", float32 of shape
-                (E, N, N), indexed [y, x]; and optionally "row", integers of shape (E,): the index
-                of each search in its batch, all different. The default is 0 to E - 1; a single
-                search has index 0.
+                (E, N, N), indexed [y, x]; and optionally "row", shape (E,): the index of each
+                search in its batch, by default 0 to E - 1. A single search has index 0.
 
         Returns:
             The actions, 0 to 5 (see `Action`): a dict from agent names for one search, an
@@ -94,25 +93,11 @@ class BatchPolicy(ABC):
 
     @abstractmethod
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
-        """Choose the actions in the given searches; the arguments are valid.
-
-        Args:
-            rows: the indices of the searches, shape (E,), in any order.
-            positions: every drone's (x, y), shape (E, n_drones, 2).
-            matrices: float32, shape (E, N, N), indexed [y, x]; do not keep or change them.
-
-        Returns:
-            int64, shape (E, n_drones).
-        """
+        """`__call__` for the searches with some indices; the arguments are valid."""
 
     @abstractmethod
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
-        """Reset the given searches, or all if `rows` is None; the arguments are valid.
-
-        Args:
-            rows: the indices of the searches.
-            seeds: one for each of them, or one with which row i gets that + i, or None.
-        """
+        """`reset`; the arguments are valid."""
 
     @property
     def _grid(self) -> tuple[int, int]:
@@ -192,8 +177,9 @@ class SwarmPolicy(BatchPolicy):
         actions = np.empty(positions.shape[:2], np.int64)
         if not rows.size:
             return actions
-        more = max(int(rows.max()) + 1 - len(self._group_of), 0)
-        self._group_of = np.pad(self._group_of, (0, more), constant_values=_NO_GROUP)
+        more = int(rows.max()) + 1 - len(self._group_of)
+        if more > 0:
+            self._group_of = np.append(self._group_of, np.full(more, _NO_GROUP))
         new = rows[self._group_of[rows] == _NO_GROUP]
         if new.size:
             self._add_group(new, self.begin())

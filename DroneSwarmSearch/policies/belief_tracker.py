@@ -1,9 +1,8 @@
 """The belief about every person, tracked by the swarm itself.
 
-The environment shows one matrix: the mean over the missing persons, which may ignore the searches
-made. From the scenario, its own searches and the matrix, a swarm can compute more: the exact
-posterior of each person and, in most cases, who has been found. Results agree with the environment
-bit for bit, because both use `drift.belief`.
+The environment shows the mean over the missing persons, which may ignore the searches made. From
+the scenario, its own searches and the matrix, a swarm can compute the exact posterior of each
+person and, in most cases, who has been found. Both agree bit for bit.
 """
 
 from __future__ import annotations
@@ -99,13 +98,9 @@ class BeliefTracker:
         return self.scenario.detections[person] * kept
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
-        """The matrix that the environment shows while the given persons are missing.
+        """The matrix that the environment shows while some persons, by default `missing`, are.
 
-        Args:
-            missing: these persons; by default those who count as missing.
-
-        Returns:
-            float32, shape (N, N), indexed [y, x].
+        float32, shape (N, N), indexed [y, x].
         """
         persons = self.missing if missing is None else missing
         if self.scenario.bayesian_update and self._beliefs is not None:
@@ -118,13 +113,9 @@ class BeliefTracker:
         return mean_over_missing(exact, range(len(exact))).astype(np.float32)
 
     def observe(self, matrix: Singles) -> None:
-        """Infer from this step's matrix who was found in the last step.
+        """Infer from this step's matrix, float32, shape (N, N), who was found in the last step.
 
-        The smallest set of persons whose find explains the matrix counts as found. If no set
-        explains it, nobody counts as found.
-
-        Args:
-            matrix: float32, shape (N, N), indexed [y, x].
+        The smallest set of persons whose find explains the matrix counts as found, if any.
         """
         if not self._perhaps_found or len(self.missing) == 1:
             return

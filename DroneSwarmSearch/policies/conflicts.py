@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from DroneSwarmSearch import rules
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 
 __all__ = ["MOVES", "resolve_conflicts"]
 
-MOVES: dict[Cell, Action] = {
-    (-1, 0): Action.LEFT,
-    (1, 0): Action.RIGHT,
-    (0, -1): Action.UP,
-    (0, 1): Action.DOWN,
-    (0, 0): Action.IDLE,
-}
-"""The action that moves a drone by (x, y)."""
+MOVES: dict[Cell, Action] = dict(zip(rules.MOVES, Action, strict=True))
+"""The action that moves a drone by (x, y); IDLE by (0, 0)."""
 
 
 def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:

@@ -243,26 +243,19 @@ def _moves(
     cells: list[Cell], targets: Iterable[tuple[int, Cell]], probability: Floats
 ) -> list[Action]:
     """Every drone's action towards its target, without collisions."""
-    closed = set(cells)
-    actions = [Action.IDLE] * len(cells)
+    closed, actions = set(cells), [Action.IDLE] * len(cells)
     for drone, target in targets:
-        actions[drone], ahead = _approach(cells[drone], target, closed, probability)
-        closed.add(ahead)
+        x, y = cells[drone]
+        to_x, to_y = target[0] - x, target[1] - y
+        nearer = [
+            # In a tie the longer leg comes first, which keeps both directions open.
+            ((probability[y + dy, x + dx], abs(to_x * dx + to_y * dy)), action, (x + dx, y + dy))
+            for (dx, dy), action in MOVES.items()
+            if to_x * dx + to_y * dy > 0 and (x + dx, y + dy) not in closed
+        ]
+        if cells[drone] == target:
+            actions[drone] = Action.SEARCH
+        elif nearer:
+            _, actions[drone], ahead = max(nearer, key=lambda option: option[0])
+            closed.add(ahead)
     return actions
-
-
-def _approach(
-    cell: Cell, target: Cell, closed: set[Cell], probability: Floats
-) -> tuple[Action, Cell]:
-    """A drone's action and its next cell, given the cells that it must not enter."""
-    if cell == target:
-        return Action.SEARCH, cell
-    x, y = cell
-    to_x, to_y = target[0] - x, target[1] - y
-    nearer = [
-        # In a tie the longer leg comes first, which keeps both directions open.
-        ((probability[y + dy, x + dx], abs(to_x * dx + to_y * dy)), action, (x + dx, y + dy))
-        for (dx, dy), action in MOVES.items()
-        if to_x * dx + to_y * dy > 0 and (x + dx, y + dy) not in closed
-    ]
-    return max(nearer, key=lambda it: it[0], default=(None, Action.IDLE, cell))[1:]

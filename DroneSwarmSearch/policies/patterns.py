@@ -1,19 +1,13 @@
 """The search patterns of the IAMSAR Manual as policies.
 
-Rescue services fly these patterns when all they know is a datum and its spread (IAMSAR Manual,
-volume II; `tracks` has the geometry, `datum` the area). The drones fly to the commence search
-points without searching, then search every cell of their tracks. When all have finished, they start
-again around a new datum.
+The drones fly to the commence search points without searching, then search every cell of their
+tracks (IAMSAR Manual, volume II; `tracks` has the geometry, `datum` the area). When all have
+finished, they start again around a new datum.
 
-The datum is the person's expected position when the drones are half-way through, since the person
-drifts in the meantime: the mean of the forecast over the grid and all hypotheses. The area has no
-more cells than the drones have time to search once: searching more cells would move effort from
-likelier cells to less likely ones. The track spacing is one cell, the width that a search covers.
-
-With several persons, or hypotheses whose areas lie apart, the mean would lie between them, where
-nobody is. Each person and each group of hypotheses then has its own datum. The drones search
-around one after another and divide the remaining time: equally among the missing persons, and by
-weight among the hypotheses.
+The datum is the person's expected position when the drones are half-way through. The area has no
+more cells than the drones have time to search once. The track spacing is one cell. Each person and
+each group of hypotheses apart has its own datum. The drones search around one after another and
+divide the remaining time: equally among the missing persons, and by weight among the hypotheses.
 """
 
 from __future__ import annotations

@@ -75,9 +75,7 @@ class Recording:
         rivals: the results of others in the same search, taken at the end of a flight.
 
     Attributes:
-        frames: those recorded so far.
-        seen: the number of the latest frame that was shown.
-        title: what is shown.
+        frames: those recorded so far; `seen` is the number of the latest that was shown.
         is_flight: whether the keys fly drone 0.
         scores: the results to show at the end; empty if there are no others.
     """

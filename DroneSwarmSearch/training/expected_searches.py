@@ -41,7 +41,7 @@ class ExpectedSearches:
         n_drones: drones in each search, n.
         timestep_limit: steps in a search.
         step: completed steps.
-        positions: every drone's (x, y), shape (searches, n, 2).
+        cells: every drone's cell, y * N + x: shape (searches, n).
         found: the probability of success (POS) so far: float64, shape (searches,).
 
     Raises:
@@ -60,14 +60,11 @@ class ExpectedSearches:
             )
         [(self.grid_size, self.n_drones, self.timestep_limit)] = sizes
         places = zip(scenarios, np.asarray(drones_positions), strict=True)
-        cells = np.array([each.drone_cells(positions) for each, positions in places])
-        self.step = 0
-        self.positions = np.stack([cells % self.grid_size, cells // self.grid_size], -1)
-        self.found = np.zeros(len(scenarios))
+        self.cells: Ints = np.array([each.drone_cells(positions) for each, positions in places])
+        self.step, self.found = 0, np.zeros(len(scenarios))
         self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
-        neighbours = neighbours_of_all(self.grid_size)  # [cell, action]
-        self._neighbours = np.where(neighbours < 0, np.arange(len(neighbours))[:, None], neighbours)
+        self._neighbours = neighbours_of_all(self.grid_size)  # [cell, action]
         models = [each.forecasts() for each in scenarios]
         last = self.timestep_limit + STEPS
         self._forecasts, numbers = forecasts_of(
@@ -95,16 +92,15 @@ class ExpectedSearches:
         self._forecasts.drift(beliefs.reshape(*beliefs.shape[:3], -1), entries)
 
     @property
-    def cells(self) -> Ints:
-        """Every drone's cell, y * N + x: shape (searches, n)."""
-        cells: Ints = self.positions[..., 1] * self.grid_size + self.positions[..., 0]
-        return cells
+    def positions(self) -> Ints:
+        """Every drone's (x, y), shape (searches, n, 2)."""
+        return np.stack([self.cells % self.grid_size, self.cells // self.grid_size], -1)
 
     def inputs(self) -> Singles:
         """What every drone observes, see `Arrivals`: float32, shape (searches, n, INPUTS)."""
         remaining = self.timestep_limit - self.step
         steps = self._arrivals.steps(remaining)
-        size, count = self.grid_size, len(self.positions)
+        size, count = self.grid_size, len(self.cells)
         ahead = np.empty((count, steps + 1, size, size), np.float32)
         beliefs = self._beliefs.copy()
         for step in range(steps + 1):
@@ -127,14 +123,13 @@ class ExpectedSearches:
         """
         rewards = np.zeros(actions.shape)
         search, drone = (actions == Action.SEARCH).nonzero()
-        x, y = self.positions[search, drone].T
+        y, x = np.divmod(self.cells[search, drone], self.grid_size)
         detections = self._detections[search]
         before = self._beliefs[:, y, x, :, search]  # no two drones are in one cell
         rewards[search, drone] = detections * before.sum(axis=(1, 2))
         self._beliefs[:, y, x, :, search] = (1.0 - detections)[:, None, None] * before
         self.found += rewards.sum(axis=1)
-        cells = self._neighbours[self.cells, actions]
-        self.positions = np.stack([cells % self.grid_size, cells // self.grid_size], -1)
+        self.cells = self._neighbours[self.cells, actions]
         self._drift(self._beliefs, self.step)
         self.step += 1
         return rewards

@@ -11,8 +11,7 @@ mean of that difference, the floor, is computed exactly and printed in parenthes
 Each package is measured where it is installed, through its own constructor, `reset`, `step` and
 the person's position: this package, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the 2023 package.
 The latter needs a separate environment, because this package provides its import path, too.
-`--csv` saves the rows, and keeps those of other packages in the file. `--delay 1` compares with
-the matrix one step earlier, in case a package's matrix is ahead.
+`--csv` saves the rows, and keeps those of other packages in the file.
 """
 
 from __future__ import annotations
@@ -210,9 +209,7 @@ def floor(matrix: Floats, episodes: int) -> float:
     return total / n / 2
 
 
-def measure(
-    name: str, episodes: int, steps: int, settings: int | None, delay: int
-) -> list[dict[str, Any]]:
+def measure(name: str, episodes: int, steps: int, settings: int | None) -> list[dict[str, Any]]:
     """Measure a package; returns rows with `COLUMNS`.
 
     Args:
@@ -220,7 +217,6 @@ def measure(
         episodes: per setting.
         steps: per episode.
         settings: measure only the first ones; None measures all.
-        delay: age of the matrix in steps.
     """
     play, all_settings = PACKAGES[name]
     rows = []
@@ -228,8 +224,6 @@ def measure(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # DSSE divides by a drift of 0
             seen = play(setting, episodes, steps)
-        earlier = np.maximum(np.arange(steps + 1) - delay, 0)
-        seen = seen._replace(matrix=seen.matrix[earlier])
         measured = distances(seen)
         constant = "" if setting.constant is None else setting.constant
         shown = []
@@ -265,14 +259,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--episodes", type=int, default=EPISODES, help=f"per setting ({EPISODES})")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"per episode ({STEPS})")
     parser.add_argument("--settings", type=int, metavar="N", help="measure only the first N")
-    parser.add_argument("--delay", type=int, default=0, help="age of the matrix in steps (0)")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="save the rows")
     options = parser.parse_args(arguments)
     print(f"distance (floor) after {', '.join(map(str, PRINTED_STEPS))} steps")
     rows = []
     for name in options.only:
         try:
-            rows += measure(name, options.episodes, options.steps, options.settings, options.delay)
+            rows += measure(name, options.episodes, options.steps, options.settings)
         except LeftOutError as reason:
             print(f"{name:18}skipped: {reason}")
     if options.csv and rows:
