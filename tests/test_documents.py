@@ -42,32 +42,23 @@ SLOW_PAGES = (
 )
 """Pages whose commands may take minutes or need optional packages."""
 
+# Sub-commands that take seconds, on these pages too.
 QUICK_COMMANDS = ("bound", "evaluate", "export", "play", "record")
-"""Sub-commands that take seconds, on these pages too."""
-
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
+MOST = {"--episodes": 10, "--searches": 1}  # at most so many are played, or sampled
 
-MOST = {"--episodes": 10, "--searches": 1}
-"""Commands play at most this many episodes, in at most this many sampled searches."""
-
+# A part of what these scripts print.
 OUTPUT = {
     "basic_env.py": "return",
     "examples/evaluate_your_own.py": "greedy-posterior: found",
     "examples/random_searches.py": "ppo ahead",
 }
-"""A part of what these scripts print."""
-
-LONG_PLAN = "whole_steps(45 * 60)"
-"""In the block of the incident, whose plan takes ten seconds."""
-
+LONG_PLAN = "whole_steps(45 * 60)"  # in the block of the incident, whose plan takes ten seconds
 BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"
-
-TIMEOUT = 120.0
-"""Seconds for one command; code blocks with an RL library get five times as long."""
+TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get five times as long
 
 
 def path_of(page: Path) -> str:
-    """A page's path in the repository."""
     return page.relative_to(ROOT).as_posix()
 
 
@@ -112,10 +103,7 @@ def blocks(language: str) -> list[Block]:
 
 
 def block_params() -> list[object]:
-    """The Python blocks as test parameters; those that start Ray or plan for long are slow.
-
-    Those of the tutorial share names: they are the cells of its notebook, see test_notebook.
-    """
+    """The Python blocks as test parameters, but those of the tutorial: see test_notebook."""
     params: list[object] = []
     for block in blocks("python"):
         if block.name.startswith("docs/tutorial.md"):
@@ -147,7 +135,6 @@ def test_python_block(block, tmp_path, monkeypatch):
 
 
 def skip_without(package: str) -> None:
-    """Skip the test if a package is not installed."""
     if importlib.util.find_spec(package) is None:  # importing it could be slow
         pytest.skip(f"{package} is not installed")
 
@@ -212,10 +199,7 @@ def commands() -> list[Command]:
 
 
 def command_params(slow: bool) -> list[object]:
-    """Slow or quick commands as test parameters, each once.
-
-    Commands that start Ray and those that record MP4 videos are marked as slow.
-    """
+    """Slow or quick commands as test parameters, each once; Ray and MP4 videos are slow."""
     unique = {shlex.join(each.arguments): each for each in commands() if each.is_slow == slow}
     params: list[object] = []
     for text, each in unique.items():
@@ -227,7 +211,6 @@ def command_params(slow: bool) -> list[object]:
 
 @functools.cache
 def help_text(*start: str) -> str:
-    """Return the help of a script or a sub-command."""
     with pytest.MonkeyPatch.context() as patch:
         return run_here([*start, "--help"], ROOT, patch)
 
@@ -286,10 +269,7 @@ def test_scripts_without_a_command_on_a_page(script, shown, monkeypatch):
 
 
 def run_here(arguments: list[str], folder: Path, patch: pytest.MonkeyPatch) -> str:
-    """Do what `python` does with some arguments, in this process; return the output.
-
-    Starting a process costs more than most of the commands.
-    """
+    """Do what `python` does with some arguments, faster in this process; return the output."""
     hide_the_display(patch)
     patch.chdir(folder)
     code: object = 0
@@ -324,15 +304,8 @@ def run_python(arguments: list[str], folder: Path, timeout: float = TIMEOUT) -> 
     with pytest.MonkeyPatch.context() as patch:
         hide_the_display(patch)
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1", **QUIET_RAY}
-    run = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=timeout,
-        check=False,
-    )
+    how = {"cwd": folder, "env": environment, "timeout": timeout, "encoding": "utf-8"}
+    command, stdin = [sys.executable, *arguments], subprocess.DEVNULL
+    run = subprocess.run(command, stdin=stdin, capture_output=True, check=False, **how)
     assert run.returncode == 0, run.stderr
     return run.stdout

@@ -29,12 +29,12 @@ ROOT = Path(__file__).parents[1]
 
 pytestmark = [pytest.mark.slow, pytest.mark.pictures]
 
-PHONE, DESKTOP = 390, 1280
-"""Window widths in pixels."""
+PHONE, DESKTOP = 390, 1280  # window widths in pixels
 
+# Without a sandbox, which is required for root, as in containers.
 BROWSER = [
     "--headless=new",
-    "--no-sandbox",  # required for root, as in containers
+    "--no-sandbox",
     "--disable-gpu",
     "--disable-dev-shm-usage",
     "--no-first-run",
@@ -43,7 +43,7 @@ BROWSER = [
     "--disable-sync",
 ]
 
-
+# A script that returns a page's width, background colour and images.
 INSPECT = """
 const style = element => getComputedStyle(element);
 return {
@@ -54,7 +54,6 @@ return {
     ]),
 };
 """
-"""A script that returns a page's width, background colour and images."""
 
 
 @pytest.fixture(scope="session")
@@ -62,13 +61,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the built site; a warning fails the build."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(out)]
-    built = subprocess.run(
-        [*command, "-d", str(tmp_path_factory.mktemp("doctrees"))],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command += ["-d", str(tmp_path_factory.mktemp("doctrees"))]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     return out
 
@@ -83,7 +77,6 @@ def pages(site: Path) -> dict[Path, Any]:
 
 
 def is_external(address: str) -> bool:
-    """Whether an address leads out of the site."""
     return bool(urllib.parse.urlsplit(address).scheme)
 
 
@@ -120,12 +113,10 @@ def test_pages_load_nothing_external(pages):
 
 
 def test_images_have_alternative_texts(pages):
-    images = [
-        (path, tag) for path, page in pages.items() for tag in page.select("article img[src]")
-    ]
+    images = [tag for page in pages.values() for tag in page.select("article img[src]")]
     assert len(images) > 10
-    for path, tag in images:
-        assert len(tag.get("alt", "")) > 20, f"{path}: {tag}"
+    for tag in images:
+        assert len(tag.get("alt", "")) > 20, tag
 
 
 def test_images_are_smaller_than_a_megabyte(site):
@@ -183,7 +174,6 @@ def open_page(browser: Any, address: str, theme: str = "light", width: int = DES
 
 
 def console_messages(browser: Any) -> list[str]:
-    """The messages on the console since the last call."""
     return [f"{entry['level']}: {entry['message']}" for entry in browser.get_log("browser")]
 
 
@@ -234,9 +224,10 @@ def test_the_theme_can_be_chosen(browser, address):
 
 # The page "Play a search".
 
+# The state of the player, for tests: ready, search, step, playing.
 PLAY = "document.getElementById('player').dataset"
-"""The state of the player, for tests: ready, search, step, playing."""
 
+# A script that returns a canvas's width, its most common colour, and its picture.
 DRAWN = """
 const canvas = document.querySelector(arguments[0]);
 const {width, height} = canvas;
@@ -252,7 +243,6 @@ for (let at = 0; at < data.length; at += 4 * 7) {
 const [most] = Object.entries(colours).sort((one, other) => other[1] - one[1]);
 return [width, most[0], copy.toDataURL()];
 """
-"""A script that returns a canvas's width, its most common colour, and its picture."""
 
 
 class Player:
@@ -347,10 +337,7 @@ def test_steps_keys_and_the_slider(browser, address):
 
     player = Player(browser, f"{address}/play.html#gale/parallel-sweep/1")
     top = browser.execute_script("return scrollY")
-    for key, step in (
-        *((Keys.ARROW_RIGHT, 1), (Keys.ARROW_RIGHT, 2), (Keys.ARROW_LEFT, 1)),
-        *((Keys.HOME, 0), (Keys.ARROW_LEFT, 0)),
-    ):
+    for key, step in ((Keys.ARROW_RIGHT, 1), (Keys.ARROW_LEFT, 0), (Keys.ARROW_LEFT, 0)):
         player.press(key)
         player.reach(step)
     player.press(Keys.SPACE)
@@ -366,13 +353,12 @@ def test_steps_keys_and_the_slider(browser, address):
     player.wait(lambda: player.state("playing") == "no")
     player.scrub(40)
     player.reach(40)
-    player.one("[data-do=forward]").click()
-    player.reach(41)
-    player.one("[data-do=back]").click()
-    player.reach(40)
+    for button, step in (("forward", 41), ("back", 40), ("first", 0)):
+        player.one(f"[data-do={button}]").click()
+        player.reach(step)
     player.press(Keys.END)
     player.reach(int(player.one("input[type=range]").get_attribute("max")))
-    player.one("[data-do=first]").click()
+    player.press(Keys.HOME)
     player.reach(0)
     player.one("input[type=range]").send_keys(Keys.ARROW_RIGHT)
     player.reach(1)
@@ -489,9 +475,7 @@ def test_a_file_of_the_export_is_played(browser, address, tmp_path):
     player.one("input[type=file]").send_keys(str(path))
     player.wait(lambda: player.state("search") == "file mine.json")
     assert player.text(".reason").startswith("Mine. 5 x 5 cells; 1 drone")
-    assert [each.get_attribute("value") for each in player.all("[name=policy]")] == [
-        "parallel-sweep"
-    ]
+    assert player.one("[name=policy]").get_attribute("value") == "parallel-sweep"
     player.scrub(1000)
     player.wait(lambda: "ound in" in player.text(".outcome"))
     player.one("input[type=file]").send_keys(str(wrong))
