@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import refusal
 
 from DroneSwarmSearch import Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
@@ -50,16 +51,6 @@ def search_file(folder: Path, **changes: object) -> str:
     path = folder / "mine.json"
     path.write_text(json.dumps(SEARCH | changes))
     return str(path)
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """The last line of the demo's error message on invalid arguments."""
-    with pytest.raises(SystemExit) as stop:
-        demo.main(arguments)
-    captured = capsys.readouterr()
-    assert stop.value.code == 2
-    assert captured.out == ""
-    return captured.err.splitlines()[-1]
 
 
 def figures(output: str) -> dict[str, str]:
@@ -214,10 +205,10 @@ class TestOptions:
         ],
     )
     def test_bad_values(self, capsys, arguments, problem):
-        assert problem in refusal(capsys, *arguments.split(), "--text")
+        assert problem in refusal(capsys, "play", *arguments.split(), "--text")
 
     def test_manual_needs_the_usual_policy(self, capsys):
-        line = refusal(capsys, "--manual", "--policy", "greedy-posterior")
+        line = refusal(capsys, "play", "--manual", "--policy", "greedy-posterior")
         assert line.endswith("the other drones use greedy-matrix: leave out --policy")
 
     @pytest.mark.parametrize("drones", [1, 7, 92])
@@ -392,7 +383,7 @@ class TestManual:
 
     def test_without_a_display(self, capsys, monkeypatch):
         monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
-        assert "--manual needs a display" in refusal(capsys, "--manual")
+        assert "--manual needs a display" in refusal(capsys, "play", "--manual")
 
 
 class TestVideo:

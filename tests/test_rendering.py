@@ -451,14 +451,6 @@ class TestWindow:
             show(display)
         assert ticks == [20.0] * 3
 
-    def test_copies_are_not_open(self):
-        display = Display(7, fps=1000)
-        show(display)
-        twin = copy.deepcopy(display)
-        twin.close()
-        assert pygame.display.get_init()
-        show(twin)
-
     def test_without_a_display_a_reset_changes_nothing(self, monkeypatch):
         env = DroneSwarmSearch(grid_size=5, render_mode="human")
         env.reset(seed=1)
