@@ -296,7 +296,7 @@ def all_moves(higher: Array, lower: Array) -> Array:
 
 
 class Drifter:
-    """Lets a person's mass, of a given (M, N, N), drift by a step, in scratch arrays that it keeps."""
+    """Lets a mass of the shape (M, N, N) drift by a step, in scratch arrays that it keeps."""
 
     def __init__(self, state_shape: tuple[int, ...]) -> None:
         self._shape, self._axes = state_shape, []
