@@ -134,11 +134,10 @@ class Twins:
         assert batch.positions.tolist() == drones
         assert batch.cells.tolist() == [[y * size + x for x, y in cells] for cells in drones]
         missing = batch.missing
-        if self.envs[0].scenario.mission == "rescue":
-            assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
-        else:
+        if self.envs[0].scenario.mission == "coverage":
             assert missing.all()
-        if self.envs[0].scenario.mission == "rescue":
+        else:
+            assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
             persons = [[y * size + x for x, y in frame.persons] for frame in frames]
             assert (batch.person_cells == persons)[missing].all()
         success = [frame.probability_of_success for frame in frames]
