@@ -128,10 +128,6 @@ class ObjectClass:
             A named tuple of speeds in m/s: the means `downwind`, `right` and `left`, and the
             standard deviations `downwind_sd`, `right_sd` and `left_sd`. Crosswind speeds are
             positive to the right.
-
-        Raises:
-            TypeError: the wind speed is not a number.
-            ValueError: it is out of its limits.
         """
         wind = checks.real("wind_speed", wind_speed, 0, _FASTEST)
         k = wind / 20 + 0.5

@@ -395,7 +395,7 @@ def outcomes(
         Rewards, float64, (searches, n), and endings, int8, (searches,): an `Ending`, or 0.
     """
     n = targets.shape[1]
-    searched = (actions == Action.SEARCH).reshape(-1).nonzero()[0]
+    searched = (actions == Action.SEARCH.value).reshape(-1).nonzero()[0]
     left_grid, collided = (targets == OFF_GRID).reshape(-1).nonzero()[0], collisions(targets)
     last = (steps_before == timestep_limit - 1).nonzero()[0]
     rewards = np.full(targets.size, scheme.step)
@@ -413,11 +413,11 @@ def outcomes(
     rewards[collided] = scheme.collision
 
     endings = np.zeros(len(targets), np.int8)
-    endings[last] = Ending.TIME_LIMIT
-    endings[left_grid // n] = Ending.LEFT_GRID
-    endings[collided // n] = Ending.COLLISION
-    endings[covered] = Ending.COVERED
-    endings[all_found] = Ending.FOUND
+    endings[last] = Ending.TIME_LIMIT.value
+    endings[left_grid // n] = Ending.LEFT_GRID.value
+    endings[collided // n] = Ending.COLLISION.value
+    endings[covered] = Ending.COVERED.value
+    endings[all_found] = Ending.FOUND.value
     return rewards.reshape(targets.shape), endings
 
 

@@ -86,6 +86,8 @@ class WorldState:
         if self._beliefs is not None and self._shows_beliefs:
             maps = [belief.map() for belief in self._beliefs]
             return mean_over_missing(maps, self.missing).astype(np.float32)
+        if len(self._models) == 1:  # saves a tenth of a step
+            return self._models[0].matrix(self.step)
         first, *others = (self._models[person] for person in self.missing or self.persons)
         if all(other.key == first.key for other in others):
             return first.matrix(self.step)

@@ -56,8 +56,14 @@ def test_same_seed_same_episode(parameters):
 
 @each_parameters
 def test_episodes_do_not_depend_on_other_code_in_the_process(parameters):
+    """Nor do they change the global random states."""
+    random.seed(1)
+    np.random.seed(1)
+    python, numpy = random.getstate(), plain(np.random.get_state())
     alone = make_env(parameters)
     expected = [play(alone, 1, seed=3), play(alone, 2)]
+    assert random.getstate() == python
+    assert plain(np.random.get_state()) == numpy
 
     env, bystander = make_env(parameters), make_env(EVERYTHING)
     log = []
@@ -78,18 +84,6 @@ def test_episodes_do_not_depend_on_other_code_in_the_process(parameters):
             observations = result[0]
             log[-1].append([*plain(result), plain(env.state()), plain(env.frame().persons)])
     assert log == expected
-
-
-@each_parameters
-def test_global_random_states_are_neither_read_nor_changed(parameters):
-    random.seed(1)
-    np.random.seed(1)
-    python, numpy = random.getstate(), plain(np.random.get_state())
-    env = make_env(parameters)
-    play(env, seed=1)
-    play(env)
-    assert random.getstate() == python
-    assert plain(np.random.get_state()) == numpy
 
 
 # Different seeds and successive episodes.

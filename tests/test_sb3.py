@@ -134,7 +134,7 @@ def test_attributes_and_methods_are_the_views() -> None:
     env = made(DroneVectorEnv)
     n = env.num_envs
     env.reset()
-    assert env.get_attr("observation") == ["dict"] * n
+    assert env.get_attr("render_mode") == [None] * n
     assert env.get_attr("batch", indices=[0, 2]) == [env.env.batch] * 2
     env.set_attr("note", "here")
     assert env.env.note == "here"  # type: ignore[attr-defined]

@@ -17,10 +17,12 @@ from test_vector_engine import Twins
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, Scenario
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.training import ExpectedSearches
+from DroneSwarmSearch.vector import SwarmVectorEnv
 
 SIZE, LIMIT = 5, 12
 TRACKS = (
@@ -163,3 +165,23 @@ def test_plans_bounds_and_searches_in_expectation(persons):
     assert success["greedy-matrix"] > 0.2
     assert max(success.values()) == pytest.approx(success["planner"], abs=0.02)
     assert success["planner"] <= bound.by_limit + 1e-9 <= 1.0
+
+
+@pytest.mark.parametrize("persons", PERSONS)
+def test_evaluations_agree_with_the_finds_of_vector_environments(persons):
+    """Drones that search where they start: the success as computed, and as sampled."""
+    scenario = scenario_of(persons)
+    searching = evaluate(
+        lambda observations: dict.fromkeys(observations, Action.SEARCH),
+        scenario,
+        view="parallel",
+        episodes=40,
+    )
+    envs = SwarmVectorEnv(400, scenario=scenario, observation="planes")
+    envs.reset(seed=0)
+    found = np.zeros(400, bool)
+    for _ in range(LIMIT):
+        *_, infos = envs.step(np.full((400, 2), Action.SEARCH))
+        found |= np.asarray(infos["is_success"])
+    assert found.mean() == pytest.approx(searching.success.value, abs=0.1)
+    assert persons != "one" or found.mean() > 0.1

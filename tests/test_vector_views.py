@@ -287,18 +287,6 @@ def test_layouts_follow_from_the_dict(view: type[SearchVectorEnv], layout: str) 
     assert ended > 5
 
 
-@both_views
-def test_as_many_cells_are_shown_as_asked_for(view: type[SearchVectorEnv]) -> None:
-    for cells in (1, 16):
-        env = view(2, observation="top-cells", top_cells=cells, **SMALL)
-        assert env.single_observation_space.shape[-1] == 3 * cells + 2 * 3 + 1
-        assert env.reset(seed=0)[0] in env.observation_space
-    for wrong, error in ((0, ValueError), (17, ValueError), (2.0, TypeError)):
-        words = f"top_cells must be an integer from 1 to 16, got {wrong}"
-        with pytest.raises(error, match=words):
-            view(2, observation="top-cells", top_cells=wrong, **SMALL)
-
-
 # Rewards and masks.
 
 
@@ -385,24 +373,17 @@ def test_observations_hold_masks_on_request(
 def test_infos_hold_masks_on_request(view: type[SearchVectorEnv], mode: AutoresetMode) -> None:
     how = {"observation": "flat", "autoreset_mode": mode, **SMALL}
     env = view(4, action_mask="info", right_of_way=True, **how)
-    plainly = view(4, **how)
-    assert env.single_observation_space == plainly.single_observation_space
-    observations, infos = env.reset(seed=3)
-    assert plain(observations) == plain(plainly.reset(seed=3)[0])
-    assert plain(infos["action_mask"]) == plain(masks_of(env)) and infos["_action_mask"].all()
+    _, infos = env.reset(seed=3)
     rng = np.random.default_rng(0)
     for _ in range(20):
-        actions = random_actions(rng, env)
-        observations, _, dones, _, infos = env.step(actions)
-        assert plain(observations) == plain(plainly.step(actions)[0])
-        assert plain(infos["action_mask"]) == plain(masks_of(env)) and infos["_action_mask"].all()
+        assert plain(infos["action_mask"]) == plain(masks_of(env))
+        dones, _, infos = env.step(random_actions(rng, env))[2:]
+        assert infos["_action_mask"].all()
         if "final_info" in infos:
             assert infos["final_info"]["_action_mask"].tolist() == dones.tolist()
         if mode is AutoresetMode.DISABLED and dones.any():
             _, infos = env.reset(options={"reset_mask": dones})
-            assert plain(infos["action_mask"]) == plain(masks_of(env))
             assert infos["_action_mask"].tolist() == dones.tolist()
-            plainly.reset(options={"reset_mask": dones})
 
 
 # The table of matrices.
@@ -901,22 +882,6 @@ def test_actions_stay_the_callers(view: type[SearchVectorEnv], mode: AutoresetMo
     leave.flags.writeable = False
     assert env.step(leave)[2].all()
     env.reset()
-
-
-@both_views
-def test_wrong_actions_are_refused(view: type[SearchVectorEnv]) -> None:
-    env = view(2, grid_size=3, n_drones=2)
-    env.reset(seed=0)
-    before = pickle.dumps(env.batch)
-    right = np.full(env.action_space.shape, Action.IDLE)
-    for actions, error, words in (
-        (right[:1], ValueError, rf"actions must have the shape .*got \({1}"),
-        (right.astype(float), TypeError, "actions must be integers from 0 to 5, got float64"),
-        (right + 1, ValueError, "actions must be integers from 0 to 5, got 6"),
-    ):
-        with pytest.raises(error, match=words):
-            env.step(actions)
-    assert pickle.dumps(env.batch) == before
 
 
 def test_the_adapter_alone_imports_stable_baselines3() -> None:

@@ -121,15 +121,7 @@ class DriftModel(ABC):
 
     @cached_property
     def _starts(self) -> Floats:
-        """The cumulative distribution of the states at step 0.
-
-        It exceeds 1 from the last state with a positive probability on, so that every uniform
-        below 1 falls into a state with one.
-        """
-        joint = self.joint(0).reshape(-1)
-        sums: Floats = joint.cumsum()
-        sums[joint.nonzero()[0][-1] :] = 2.0
-        return sums
+        return _cumulative(self.joint(0))
 
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
@@ -190,6 +182,17 @@ def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecast
     kind = kinds.pop() if len(kinds) == 1 else DriftModel
     forecasts = kind.together([*different.values()], **options)
     return forecasts, np.array([places[model.key] for model in models])
+
+
+def _cumulative(joint: Floats) -> Floats:
+    """The cumulative distribution of the states at step 0, flat.
+
+    It exceeds 1 from the last state with a positive probability on, so that every uniform below 1
+    falls into a state with one.
+    """
+    sums: Floats = joint.cumsum()
+    sums[joint.reshape(-1).nonzero()[0][-1] :] = 2.0
+    return sums
 
 
 class Forecasts:
@@ -299,15 +302,21 @@ class Forecasts:
     def start(self, numbers: Ints, draws: Floats) -> Ints:
         """The states at step 0 given the numbers of the persons' models and uniform draws."""
         pairs = zip(numbers.flat, draws.flat, strict=True)
-        states = [self.models[number].start(draw) for number, draw in pairs]
+        states = [self._starts[number].searchsorted(draw, side="right") for number, draw in pairs]
         return np.array(states, np.int64).reshape(numbers.shape)
+
+    @cached_property
+    def _starts(self) -> list[Floats]:
+        self.reach(0)
+        return [_cumulative(joint) for joint in self.joint(np.arange(self.count))]
 
     @cached_property
     def certain_starts(self) -> Ints | None:
         """The state at step 0 of each model, if all of them are certain: int64, (count,)."""
-        states = [model.joint(0).reshape(-1).nonzero()[0] for model in self.models]
-        is_certain = all(len(each) == 1 for each in states)
-        return np.concatenate(states) if is_certain else None
+        self.reach(0)
+        joint = self.joint(np.arange(self.count)).reshape(self.count, -1)
+        is_certain = (np.count_nonzero(joint, axis=1) == 1).all()
+        return joint.argmax(axis=1) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         """The states one step later, given the entries before it.

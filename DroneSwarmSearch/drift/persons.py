@@ -285,12 +285,7 @@ class Person:
         return ProbabilityMatrix(grid_size, self)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
-        """Raise a ValueError if the start of a drift does not fit on a grid.
-
-        Args:
-            grid_size: cells along each side.
-            name: the name of this person in the message, such as "persons[0]".
-        """
+        """`Drift.check_grid` of all drifts; `name` is that of this person."""
         for place, drift in enumerate(self.drifts):
             drift.check_grid(grid_size, f"{name}.drifts[{place}]")
 

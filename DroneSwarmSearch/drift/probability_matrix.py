@@ -1,10 +1,8 @@
 """The drift model of a `Person`: a mixture of hypotheses, each drifting along x and y on its own.
 
-A state is a hypothesis and a cell; mass is indexed [..., hypothesis, y, x]. The matrix of a
-hypothesis is separable: at step t it is the outer product of one probability vector per axis.
-Only if the start of one is an array, the matrices of all hypotheses are carried along by the
-moves of each step. `tables` computes the vectors and the moves, in blocks of consecutive steps
-on demand.
+The matrix of a hypothesis is separable: at step t it is the outer product of one probability
+vector per axis. Only if the start of one is an array, the matrices of all hypotheses are carried
+along by the moves of each step. `tables` computes both in blocks of consecutive steps on demand.
 """
 
 from __future__ import annotations
@@ -46,8 +44,7 @@ _MATRICES_BYTES = 2**28
 class _Block(NamedTuple):
     """The tables of consecutive steps of one person, shared by forecasts with equal parameters.
 
-    Never pass these arrays to users. NumPy's read-only flag does not protect them, because
-    other libraries (PyTorch's `as_tensor`, for example) ignore the flag.
+    Never pass these arrays to users: other libraries ignore NumPy's read-only flag.
     """
 
     first: int
@@ -72,9 +69,6 @@ class ProbabilityMatrix(DriftModel):
     Args:
         grid_size: cells along each side of the square grid, N.
         person: the person: a `Person`, or its `Drift` if there is only one.
-
-    Attributes:
-        weights: the probability of each hypothesis at step 0: float64, shape (M,).
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -116,7 +110,6 @@ class ProbabilityMatrix(DriftModel):
         return block.matrices[step]
 
     def joint(self, step: int) -> Floats:
-        """The probability of each hypothesis and cell at a step: float64, shape (M, N, N)."""
         block = self._block_of(step)
         if block.steps.joint is None:
             return joint_of(self._factors(step))

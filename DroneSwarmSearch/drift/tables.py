@@ -16,8 +16,7 @@ the target's G, clipped to what can be reached from step t:
 By Strassen's theorem (1965), a person who moves at most one cell per step can have the
 distribution F_t at every t if and only if these bounds hold. The moves that achieve it are a
 net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, plus a symmetric exchange between
-neighbouring cells, see `_exchange_rate`. With the right exchange, the person's path is that of
-a Brownian motion: it remembers where it has been as long as a person at sea does.
+neighbouring cells, with which the path is that of a Brownian motion, see `_exchange_rate`.
 """
 
 from __future__ import annotations
@@ -61,13 +60,10 @@ _ABSENT = Drift((0, 0))
 
 
 def dispersion_rate(disperse_constant: Number) -> Number:
-    """The diffusion: variance gained per step and axis, in cells² per step.
+    """The diffusion, in cells² per step, of a constant of at least 0: a number or an array.
 
     It is 0 for a constant of 0, increases with the constant, and stays below 2/3, the variance
     of a step to one of three adjacent cells at random.
-
-    Args:
-        disperse_constant: at least 0; a number or an array.
     """
     rate: Number = (2 / 3) * disperse_constant / (disperse_constant + 5)
     return rate

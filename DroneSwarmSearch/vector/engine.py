@@ -321,12 +321,12 @@ class SearchBatch:
 
         # The input is valid: from here on the batch changes.
         self._changing = True
-        chosen[beginning] = Action.IDLE
+        chosen[beginning] = Action.IDLE.value
         scenario, world = self._scenario, self._world
 
         # 1. All drones move or search.
         targets = self._neighbours.take(self.cells * len(Action) + chosen)
-        self.searching = chosen == Action.SEARCH
+        self.searching = chosen == Action.SEARCH.value
         searches = self.searching.reshape(-1).nonzero()[0]  # by drone: row * n_drones + drone
         rows, cells = self._row_of.take(searches), self.cells.take(searches)
 
@@ -350,7 +350,8 @@ class SearchBatch:
         self._finders.reshape(-1)[found] = True
         self._returns += self.rewards
         self.ended = self.endings != 0
-        self.cells = np.where(targets == OFF_GRID, self.cells, targets)
+        np.copyto(targets, self.cells, where=targets == OFF_GRID)
+        self.cells = targets
 
         # 3. The clock advances; rows that had ended begin instead.
         world.advance()

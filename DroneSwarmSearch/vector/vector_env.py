@@ -85,7 +85,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             )
         self._mask = checks.choice("action_mask", action_mask, MASKS_IN)
         self.right_of_way = checks.boolean("right_of_way", right_of_way)
-        self._mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = self._mode = AutoresetMode(autoreset_mode)  # TorchRL reads it
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
         self._separate = checks.boolean("separate_flags", separate_flags)
         self._scale = checks.positive("reward_scale", reward_scale)
