@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import hypothesis.strategies as st
+import numpy as np
 import pytest
 from hypothesis import given, settings
 
@@ -36,22 +37,6 @@ from DroneSwarmSearch.scenario import Cell
 PATTERNS = [ParallelSweepPolicy, CreepingLinePolicy, ExpandingSquarePolicy, SectorSearchPolicy]
 
 
-def lengths(points: list[Point]) -> list[float]:
-    return [math.dist(a, b) for a, b in pairwise(points)]
-
-
-def headings(points: list[Point]) -> list[float]:
-    """The heading of every leg, in degrees clockwise from up."""
-    return [
-        math.degrees(math.atan2(bx - ax, ay - by)) % 360 for (ax, ay), (bx, by) in pairwise(points)
-    ]
-
-
-def turns(points: list[Point]) -> list[float]:
-    """The turn from each leg to the next, in degrees to the right."""
-    return [(b - a) % 360 for a, b in pairwise(headings(points))]
-
-
 def cells_of(area: Rectangle) -> set[Cell]:
     return {
         (x, y)
@@ -69,27 +54,17 @@ rectangles = st.builds(
 )
 
 
-class TestExpandingSquare:
-    def test_turned_by_45_degrees_corners_are_centres_of_cells(self) -> None:
-        points = expanding_square((5, 5), 7, heading=45)
-        assert headings(points)[0] == pytest.approx(45)
-        assert turns(points) == pytest.approx([90] * 6)
-        spacing = math.sqrt(2)
-        assert lengths(points) == pytest.approx([spacing * k for k in (1, 1, 2, 2, 3, 3, 4)])
-        for x, y in points:
-            assert (x, y) == pytest.approx((round(x), round(y)))
+def test_turning_points_of_expanding_squares() -> None:
+    """Turned by 45 degrees, the spacing is a diagonal, so that they are centres of cells again."""
+    corners = [(5, 5), (6, 4), (7, 5), (5, 7), (3, 5), (6, 2), (9, 5), (5, 9)]
+    assert np.allclose(expanding_square((5, 5), 7, heading=45), corners)
 
 
-class TestSectorSearch:
-    POINTS = sector_search((10, 10), 6, heading=30)
-
-    def test_turns_are_120_degrees_but_it_crosses_the_datum_straight(self) -> None:
-        straight = [turn for turn in turns(self.POINTS) if min(turn, 360 - turn) < 1e-6]
-        assert len(straight) == 2
-        assert [t for t in turns(self.POINTS) if t not in straight] == pytest.approx([120] * 6)
-        for leg in (3, 6):
-            before, after = headings(self.POINTS)[leg - 1 : leg + 1]
-            assert before == pytest.approx(after)
+def test_sectors_are_equilateral_triangles_with_the_datum_in_common() -> None:
+    legs = np.diff(sector_search((10, 10), 6, heading=30), axis=0)
+    headings = np.degrees(np.arctan2(legs[:, 0], -legs[:, 1])) % 360
+    assert np.allclose(np.hypot(*legs.T), 6)
+    assert np.allclose(headings, [30, 150, 270, 270, 30, 150, 150, 270, 30])
 
 
 class TestParallelLegs:
