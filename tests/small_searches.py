@@ -57,6 +57,33 @@ def uncertain_persons(draw: st.DrawFn, size: int) -> Person:
     return Person(drifts, draw(st.sampled_from([1.0, 0.6, 0.3, 0.0])))
 
 
+@st.composite
+def parameters(draw: st.DrawFn, most_cells: int = 8, most_drones: int = 3) -> dict[str, Any]:
+    """The parameters of any search, with persons in known cells or uncertain ones."""
+    size = draw(st.integers(2, most_cells))
+    common = {
+        "grid_size": size,
+        "n_drones": draw(st.integers(1, min(most_drones, size**2))),
+        "timestep_limit": draw(st.integers(1, 40)),
+        "bayesian_update": draw(st.booleans()),
+    }
+    if draw(st.booleans()):
+        persons = st.lists(uncertain_persons(size), min_size=1, max_size=3)
+        mission = st.sampled_from(["rescue", "rescue", "coverage"])
+        return {**common, "persons": draw(persons), "mission": draw(mission)}
+    cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+    starts = draw(st.lists(cells, min_size=1, max_size=3))
+    detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
+    drift = st.sampled_from([0.0, 0.3, -0.5, 1.0, -2.0])
+    return {
+        **common,
+        "vector": (draw(drift), draw(drift)),
+        "person_initial_position": starts,
+        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
+        "probability_of_detection": draw(detection | st.tuples(*[detection for _ in starts])),
+    }
+
+
 def known(
     grid_size: int, drones: Sequence[Cell], start: Cell, vector: tuple[float, float],
     constant: float, steps: int, detection: float,

@@ -10,44 +10,18 @@ import numpy as np
 import pytest
 from helpers import HUNT, SPREAD, planned_actions
 from hypothesis import given, settings
-from small_searches import uncertain_persons
+from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 
 
-@st.composite
-def searches(draw: st.DrawFn) -> dict[str, Any]:
-    size = draw(st.integers(2, 8))
-    cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
-    common = {
-        "grid_size": size,
-        "n_drones": draw(st.integers(1, 3)),
-        "timestep_limit": draw(st.integers(1, 40)),
-        "bayesian_update": draw(st.booleans()),
-    }
-    if draw(st.booleans()):
-        uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=3)
-        mission = st.sampled_from(["rescue", "rescue", "coverage"])
-        return {**common, "persons": draw(uncertain), "mission": draw(mission)}
-    persons = draw(st.lists(cells, min_size=1, max_size=3))
-    detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
-    drift = st.sampled_from([0.0, 0.3, -0.5, 1.0])
-    return {
-        **common,
-        "vector": (draw(drift), draw(drift)),
-        "person_initial_position": persons,
-        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
-        "probability_of_detection": draw(detection | st.tuples(*[detection for _ in persons])),
-    }
-
-
 @settings(deadline=None, max_examples=35, derandomize=True)
-@given(searches(), st.integers(0, 2**32))
+@given(parameters(), st.integers(0, 2**32))
 def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(
-    parameters: dict[str, Any], seed: int
+    search: dict[str, Any], seed: int
 ) -> None:
-    env = DroneSwarmSearch(**parameters)
+    env = DroneSwarmSearch(**search)
     tracker, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
     while env.agents:

@@ -11,7 +11,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from small_searches import uncertain_persons
+from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.policies import POLICIES, BatchPolicy, SwarmPolicy, make
@@ -103,17 +103,17 @@ LONG = ("ppo", "planner")  # take as long as all others together
 def test_a_batch_gets_the_same_actions_as_single_searches(
     name: str, persons: dict[str, Any], bayesian_update: bool
 ) -> None:
-    parameters: dict[str, Any] = {
+    search: dict[str, Any] = {
         "grid_size": 8,
         "n_drones": 3,
         "timestep_limit": 12,
         "bayesian_update": bayesian_update,
         **persons,
     }
-    batch = SearchBatch(2 if name in LONG else 4, **parameters)
+    batch = SearchBatch(2 if name in LONG else 4, **search)
     taken, endings = play_batch(make(name, batch.scenario), batch, 11)
     assert Ending.COLLISION not in endings
-    env = DroneSwarmSearch(**parameters)
+    env = DroneSwarmSearch(**search)
     policy = make(name, env.scenario)
     for row, expected in enumerate(taken):
         observations, _ = env.reset(11 + row)
@@ -149,42 +149,16 @@ def test_copies_continue_identically_and_independently(name: str) -> None:
         assert np.array_equal(twin(seen), actions)
 
 
-@st.composite
-def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
-    size = draw(st.integers(2, 12))
-    cells = [(x, y) for y in range(size) for x in range(size)]
-    cell = st.sampled_from(cells)
-    n_drones = draw(st.integers(1, min(8, size**2)))
-    rows = draw(st.integers(1, 3))
-    starts = [draw(st.permutations(cells))[:n_drones] for _ in range(rows)]
-    drift = st.sampled_from([0.0, 0.3, -0.4, 1.0, -2.0])
-    persons = draw(st.lists(cell, min_size=1, max_size=3))
-    known = {
-        "vector": (draw(drift), draw(drift)),
-        "person_initial_position": persons,
-        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0])),
-        "probability_of_detection": draw(st.sampled_from([1.0, 0.5, 0.0])),
-    }
-    uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=3)
-    return {
-        "num_rows": rows,
-        "grid_size": size,
-        "n_drones": n_drones,
-        "drones_positions": np.array(starts),
-        "bayesian_update": draw(st.booleans()),
-        "timestep_limit": draw(st.integers(1, 20)),
-        **draw(st.one_of(st.just(known), st.fixed_dictionaries({"persons": uncertain}))),
-    }, draw(st.integers(0, 1000))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
     @settings(deadline=None, max_examples=2 if name == "planner" else 5, derandomize=True)
-    @given(scenes())
-    def whole_episodes(scene: tuple[dict[str, Any], int]) -> None:
-        parameters, seed = scene
-        batch = SearchBatch(**parameters)
-        _, endings = play_batch(make(name, batch.scenario), batch, seed)
+    @given(parameters(most_cells=12, most_drones=8), st.data())
+    def whole_episodes(search: dict[str, Any], data: st.DataObject) -> None:
+        size, drones = search["grid_size"], search["n_drones"]
+        starts = st.permutations([(x, y) for y in range(size) for x in range(size)])
+        positions = np.array([data.draw(starts)[:drones] for _ in range(2)])
+        batch = SearchBatch(2, drones_positions=positions, **search)
+        _, endings = play_batch(make(name, batch.scenario), batch, drones)
         assert set(endings) <= {Ending.FOUND, Ending.TIME_LIMIT}
 
     whole_episodes()

@@ -109,58 +109,47 @@ def test_specs_describe_the_data(layout: str) -> None:
         assert (("info", "probability_of_success") in keys) == (drones != 1)
 
 
+def same(tensors: Any, arrays: Any) -> None:
+    """Check that tensors equal arrays, bit for bit; also those in nested dicts."""
+    if isinstance(arrays, dict):
+        for name, array in arrays.items():
+            same(tensors[name], array)
+    else:
+        assert tensors.numpy().tobytes() == arrays.tobytes()
+
+
 @pytest.mark.parametrize(("separate_flags", "right_of_way"), [(False, True), (True, False)])
-def test_each_swarm_is_the_single_environment(separate_flags: bool, right_of_way: bool) -> None:
-    """Observations, masks, rewards, flags, infos and states of the first episodes."""
-    env = SearchEnv(
-        5,
-        right_of_way=right_of_way,
-        state=True,
-        reward_scale=2.0**-17,
-        separate_flags=separate_flags,
-        **TRAINING_TASK,
-    )
+def test_it_shows_what_the_vector_environment_shows(
+    separate_flags: bool, right_of_way: bool
+) -> None:
+    """Observations, masks, rewards, flags, infos and states of several episodes."""
+    options = {"right_of_way": right_of_way, "separate_flags": separate_flags, **TRAINING_TASK}
+    env = SearchEnv(5, state=True, reward_scale=2.0**-17, **options)
+    how = {"observation": "flat", "action_mask": "observation", "autoreset_mode": "Disabled"}
+    bare = DroneVectorEnv(5, reward_scale=2.0**-17, **how, **options)
     env.set_seed(7)
-    shown, rng = env.reset(), np.random.default_rng(0)
-    singles: list[Any] = []
-    for _ in range(5):
-        single: Any = ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), 2.0**-17)
-        single = FlatObservation(SeparateFlags(single) if separate_flags else single)
-        singles.append(ActionMaskWrapper(single, right_of_way=right_of_way))
-    each = [single.reset(seed=seed) for seed, single in enumerate(singles, 7)]
-    running, endings = set(range(5)), set()
-    while running:
-        for swarm in running:
-            observations, infos = each[swarm][0], each[swarm][-1]
-            names = list(observations)
-            expected = np.stack([observations[name] for name in names])
-            assert shown[OBSERVATION][swarm].numpy().tobytes() == expected.tobytes()
-            masks = np.stack([infos[name]["action_mask"] for name in names])
-            assert (shown[ACTION_MASK][swarm].numpy() == masks).all()
-            assert np.array_equal(shown[STATE][swarm], singles[swarm].state())
-            info = infos[names[0]]
-            for name in ("Found", "probability_of_success", "is_success"):
-                assert shown["info", name][swarm] == info[name]
+    shown, (seen, infos) = env.reset(), bare.reset(seed=7)
+    rng, endings = np.random.default_rng(0), set()
+    for _ in range(3 * TRAINING_TASK["timestep_limit"]):
+        same(shown[OBSERVATION], seen["observation"])
+        same(shown[ACTION_MASK].to(torch.int8), seen["action_mask"])
+        same(shown[STATE], bare.batch.state_planes())
+        for name in ("Found", "probability_of_success", "is_success", "ending"):
+            same(shown["info", name], infos[name][::2])
         actions = valid_actions(shown[ACTION_MASK], rng)
         shown = act(env, shown, actions)
-        for swarm in sorted(running):
-            by_name = dict(
-                zip(singles[swarm].possible_agents, actions[swarm].tolist(), strict=True)
-            )
-            each[swarm] = singles[swarm].step(by_name)
-            rewards, terminated, truncated = (list(part.values()) for part in each[swarm][1:4])
-            assert shown[REWARD][swarm, :, 0].tolist() == np.float32(rewards).tolist()
-            for name, flags in (("terminated", terminated), ("truncated", truncated)):
-                assert shown["drones", name][swarm, :, 0].tolist() == flags
-                assert shown[name][swarm].tolist() == flags[:1]
-            done = terminated[0] or truncated[0]
-            assert shown["done"][swarm].item() == shown["drones", "done"][swarm, 1].item() == done
-            if done:
-                running.remove(swarm)
-                endings.add(int(shown["info", "ending"][swarm]))
-                assert np.array_equal(shown[STATE][swarm], singles[swarm].state())
-        if running:
+        seen, rewards, terminated, truncated, infos = bare.step(actions.reshape(-1))
+        same(shown[REWARD], rewards.astype(np.float32))
+        ended = terminated | truncated
+        flags = {"terminated": terminated, "truncated": truncated, "done": ended}
+        for name, values in flags.items():
+            same(shown["drones", name], values)
+            same(shown[name], values[::2])
+        if ended.any():
+            endings |= {*infos["ending"].tolist()}
+            same(shown[STATE], bare.batch.state_planes())
             shown = reset_swarms(env, shown, shown["done"])
+            seen, infos = bare.reset(options={"reset_mask": ended})
     assert Ending.TIME_LIMIT in endings and Ending.LEFT_GRID not in endings
 
 
@@ -346,15 +335,6 @@ def test_gym_env_makes_the_id() -> None:
     """TorchRL first passes a keyword that the environment does not have."""
     env = GymEnv("DroneSwarmSearch-v0", observation="flat", **{**SMALL, "n_drones": 1})
     check_env_specs(env)
-
-
-def same(tensors: Any, arrays: Any) -> None:
-    """Check that tensors equal arrays, bit for bit; also those in nested dicts."""
-    if isinstance(arrays, dict):
-        for name, array in arrays.items():
-            same(tensors[name], array)
-    else:
-        assert tensors.numpy().tobytes() == arrays.tobytes()
 
 
 @pytest.mark.parametrize("kind", [DroneVectorEnv, SwarmVectorEnv])
