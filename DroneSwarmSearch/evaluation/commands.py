@@ -202,7 +202,6 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
 
 
 def _columns(each: Evaluation, bound: bool) -> dict[str, str]:
-    """The figures of an evaluation by the heading of their column."""
     columns = {"policy": each.policy, "search": each.search.name}
     columns["POS, %" if each.is_coverage else "success, %"] = percent(each.success)
     columns["time, steps"] = figure(each.time)

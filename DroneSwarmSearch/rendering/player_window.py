@@ -121,7 +121,6 @@ def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
 
 
 def _key_image(key: KeyHelp) -> pygame.Surface:
-    """A key cap and what the key does."""
     cap, meaning = text_line(key[0], FONT, INK), text_line(key[1], FONT, GREY)
     pad = FONT // 3
     box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, FONT + pad)
