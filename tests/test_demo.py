@@ -58,15 +58,6 @@ def figures(output: str) -> dict[str, str]:
     return dict(re.findall(r"^(\w+(?: \w+)?) {2,}(.+)$", output, re.MULTILINE))
 
 
-@pytest.fixture
-def dummy_video(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Select the dummy video driver."""
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pygame.quit()
-    yield
-    pygame.quit()
-
-
 Script = Callable[[Player], Iterator[str]]
 
 
@@ -279,7 +270,7 @@ class TestIncident:
         assert mean == pytest.approx(middle, abs=1), "halfway, it is in the middle of the grid"
 
 
-@pytest.mark.usefixtures("dummy_video")
+@pytest.mark.usefixtures("dummy_display")
 class TestWindow:
     def test_it_plays_to_the_end_and_stays_open(self, capsys, monkeypatch):
         def script(player: Player) -> Iterator[str]:
@@ -341,7 +332,7 @@ class TestWindow:
         assert not pygame.display.get_init()
 
 
-@pytest.mark.usefixtures("dummy_video")
+@pytest.mark.usefixtures("dummy_display")
 class TestManual:
     def test_keys_fly_drone_0(self, capsys, monkeypatch):
         shown = perform(monkeypatch, keys("right", "s", "space", "i", ".", "left", "w", "left"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -380,15 +379,6 @@ class TestLargeGrids:
         )
         for along in differs(one.map, other.map).nonzero():
             assert along.min() < 20 and along.max() > 700
-
-
-@pytest.fixture
-def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Quit pygame and select the dummy video driver."""
-    pygame.quit()
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    yield
-    pygame.quit()
 
 
 def show(display: Display, **changes: Any) -> None:
