@@ -57,13 +57,8 @@ ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of
 
 def steer(x: int, y: int, matrix: Any) -> int:
     """Climb to the likeliest cell nearby and search there; drones may collide."""
-    ways = {
-        int(Action.SEARCH): (x, y),
-        int(Action.RIGHT): (x + 1, y),
-        int(Action.DOWN): (x, y + 1),
-        int(Action.LEFT): (x - 1, y),
-        int(Action.UP): (x, y - 1),
-    }
+    ways = {Action.SEARCH: (x, y), Action.RIGHT: (x + 1, y), Action.DOWN: (x, y + 1)}
+    ways |= {Action.LEFT: (x - 1, y), Action.UP: (x, y - 1)}
     inside = {action: cell for action, cell in ways.items() if {*cell} <= {*range(len(matrix))}}
     return max(inside, key=lambda action: matrix[inside[action][::-1]])
 
@@ -79,17 +74,14 @@ def in_drones(shown: Any) -> Any:
 
 
 def in_parallel(shown: Any) -> dict[str, int]:
-    return {
-        name: steer(*each["observation"][0], each["observation"][1]) for name, each in shown.items()
-    }
+    seen = {name: each["observation"] for name, each in shown.items()}
+    return {name: int(steer(*cell, matrix)) for name, (cell, matrix) in seen.items()}
 
 
 def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int) -> dict[str, Any]:
     """What an evaluation records, played in a single environment."""
-    parameters = {**each.parameters}
-    drones = parameters.pop("drones_positions")
-    env = DroneSwarmSearch(**parameters)
-    observations, _ = env.reset(seed=seed, drones_positions=drones)
+    env = DroneSwarmSearch(scenario=each.scenario)
+    observations, _ = env.reset(seed=seed, drones_positions=each.drones)
     found_at, total, steps = [0] * len(each.scenario.situation), 0.0, 0
     while env.agents:
         observations, rewards, *_ = env.step(policy(observations))
