@@ -21,6 +21,7 @@ __all__ = ["main"]
 
 PROGRAM = "python -m DroneSwarmSearch"
 
+# A summary, a description and examples of each.
 COMMANDS = {
     "play": "watch a search in a window or in the terminal, or fly a drone; the default",
     "evaluate": """\
@@ -88,7 +89,6 @@ examples:
   python -m DroneSwarmSearch export fog --policies my_policy.py:MyPolicy planner --out fog.json
 """,
 }
-"""The commands: a summary, a description and examples of each."""
 
 OWN_POLICY = (
     "your own: weights.npz of examples/train_ppo.py, module:attribute or file.py:attribute, "

@@ -50,9 +50,7 @@ A person, raft or boat that drifts with the wind, in metres and seconds. For exa
 USUAL_POLICY = "greedy-matrix"  # it needs only observations, so it also works while you fly drone 0
 OF_AN_INCIDENT = ("wind", "adrift", "cell", "drone_speed")
 TIMESTEP_LIMIT = 80  # of every search without a name
-
-GRID_LEAST, GRID_MOST = 20, 100
-"""The grid of an incident has as many cells along a side as hold its forecast, within these."""
+GRID_LEAST, GRID_MOST = 20, 100  # cells along a side of the grid of an incident
 
 
 def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse.Namespace]:

@@ -15,11 +15,7 @@ __all__ = ["finished"]
 
 
 def finished(
-    calls: Sequence[partial[Any]],
-    what: str,
-    workers: int,
-    ray: str | None,
-    progress: bool,
+    calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, progress: bool
 ) -> Iterator[tuple[int, Any]]:
     """Make calls, show their progress, and yield the place and the result of each as it finishes.
 

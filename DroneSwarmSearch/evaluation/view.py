@@ -33,7 +33,6 @@ class View:
             the drift; None: as in the search.
 
     Raises:
-        TypeError: an attribute is of the wrong type.
         ValueError: an attribute is out of range, or they cannot be combined.
     """
 

@@ -32,8 +32,8 @@ LIFE_RING: Colour = (255, 112, 32)
 SKIN: Colour = (255, 214, 178)
 SPOTLIGHT: Colour = (226, 244, 255)
 COLLISION: Colour = (255, 236, 140)
-N_SHADES = 129  # shades of a ramp; odd, so that one is in the middle
 
+N_SHADES = 129  # shades of a ramp; odd, so that one is in the middle
 MIDDLE_FROM, HIGH_FROM = 0.25, 0.75  # shares of the maximum from which two of three colours hold
 
 

@@ -141,8 +141,6 @@ class Player:
         self._position = 0.0  # in steps; a fraction is the part of the way to the next frame
         self._goal = math.inf  # where the picture stops; infinite while playing
 
-    # What is shown.
-
     @property
     def moment(self) -> tuple[Frame, Frame | None, float]:
         """The last frame that was reached; on the way to the next one, this and the progress."""
@@ -185,8 +183,6 @@ class Player:
             return (*FLYING, *ON_BOTH, FLY_AGAIN, *AT_LAST)
         again = FLY_AGAIN if self.recording.is_flight else REPLAY
         return (*WATCHING, again, *ON_BOTH, *AT_LAST)
-
-    # Keys and time.
 
     def press(self, key: str, *, repeated: bool = False) -> None:
         """React to a key by its name in pygame; if `repeated`, it is held down and has acted."""

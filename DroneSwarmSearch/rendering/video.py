@@ -60,12 +60,7 @@ def write_video(
 
 
 def write_pictures(
-    path: Path,
-    pictures: Iterable[NDArray[np.uint8]],
-    *,
-    fps: float,
-    hold: float,
-    gif_width: int,
+    path: Path, pictures: Iterable[NDArray[np.uint8]], *, fps: float, hold: float, gif_width: int
 ) -> None:
     """Write one or more pictures of shape (height, width, 3) to a file, GIF or MP4 by its suffix.
 
