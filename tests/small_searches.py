@@ -30,26 +30,6 @@ def search(drones: Sequence[Cell], **parameters: Any) -> NamedSearch:
     return NamedSearch("small", "For tests.", scenario, tuple(drones))
 
 
-def small_search(
-    grid_size: int,
-    drones: Sequence[Cell],
-    person: Cell,
-    vector: tuple[float, float],
-    constant: float,
-    steps: int,
-    detection: float,
-) -> NamedSearch:
-    return search(
-        drones,
-        grid_size=grid_size,
-        person_initial_position=person,
-        vector=vector,
-        disperse_constant=constant,
-        timestep_limit=steps,
-        probability_of_detection=detection,
-    )
-
-
 @st.composite
 def uncertain_persons(draw: st.DrawFn, size: int) -> Person:
     """A person with one to three hypotheses: known cells, uncertain ones, adrift, arrays."""
@@ -77,68 +57,82 @@ def uncertain_persons(draw: st.DrawFn, size: int) -> Person:
     return Person(drifts, draw(st.sampled_from([1.0, 0.6, 0.3, 0.0])))
 
 
+@st.composite
+def parameters(draw: st.DrawFn, most_cells: int = 8, most_drones: int = 3) -> dict[str, Any]:
+    """The parameters of any search, with persons in known cells or uncertain ones."""
+    size = draw(st.integers(2, most_cells))
+    common = {
+        "grid_size": size,
+        "n_drones": draw(st.integers(1, min(most_drones, size**2))),
+        "timestep_limit": draw(st.integers(1, 40)),
+        "bayesian_update": draw(st.booleans()),
+    }
+    if draw(st.booleans()):
+        persons = st.lists(uncertain_persons(size), min_size=1, max_size=3)
+        mission = st.sampled_from(["rescue", "rescue", "coverage"])
+        return {**common, "persons": draw(persons), "mission": draw(mission)}
+    cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+    starts = draw(st.lists(cells, min_size=1, max_size=3))
+    detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
+    drift = st.sampled_from([0.0, 0.3, -0.5, 1.0, -2.0])
+    return {
+        **common,
+        "vector": (draw(drift), draw(drift)),
+        "person_initial_position": starts,
+        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
+        "probability_of_detection": draw(detection | st.tuples(*[detection for _ in starts])),
+    }
+
+
+def known(
+    grid_size: int, drones: Sequence[Cell], start: Cell, vector: tuple[float, float],
+    constant: float, steps: int, detection: float,
+) -> NamedSearch:  # fmt: skip
+    """A search for a person at a known cell."""
+    return search(
+        drones, grid_size=grid_size, person_initial_position=start, vector=vector,
+        disperse_constant=constant, timestep_limit=steps, probability_of_detection=detection,
+    )  # fmt: skip
+
+
+def uncertain(
+    grid_size: int, drones: Sequence[Cell], steps: int, detection: float, *drifts: Drift
+) -> NamedSearch:
+    person = Person(drifts, detection)
+    return search(drones, grid_size=grid_size, timestep_limit=steps, persons=person)
+
+
+CORNER = [[0, 0, 0, 3], [0, 0, 2, 0], [1, 0, 0, 0], [0, 0, 0, 0]]
+ADRIFT = {"start_sd": (0.6, 0.4), "vector": (0.2, 0.1), "vector_sd": 0.05, "diffusion": 0.1}
+
 SMALL = [
-    small_search(5, [(0, 0)], (2, 2), (0, 0), 10, 10, 1.0),
-    small_search(5, [(0, 0)], (3, 2), (0.3, -0.2), 2, 10, 0.6),
-    small_search(6, [(5, 5)], (1, 1), (0.7, 0.4), 5, 10, 0.3),
-    small_search(6, [(2, 0)], (3, 3), (-0.4, 0.1), 30, 10, 1.0),
-    small_search(4, [(3, 0)], (0, 3), (0.25, -0.6), 1, 10, 0.6),
-    small_search(7, [(1, 5)], (5, 3), (-1.5, 0.2), 3, 10, 0.6),
-    small_search(4, [(0, 0), (3, 3)], (1, 2), (0.2, 0.1), 10, 6, 1.0),
-    small_search(5, [(4, 0), (0, 4)], (2, 2), (0.5, 0.5), 20, 6, 0.3),
-    small_search(3, [(0, 0), (1, 0)], (1, 1), (0, 0), 10, 6, 0.6),
-    small_search(4, [(3, 0), (3, 1)], (0, 1), (0.6, 0.3), 3, 6, 1.0),
-    search(  # left and right of the wind, from one cell
-        [(0, 0)],
-        grid_size=5,
-        timestep_limit=10,
-        persons=Person(
-            [
-                Drift((2, 1), vector=(-0.3, 0.4), vector_sd=0.2, diffusion=0.1, weight=2),
-                Drift((2, 1), vector=(0.4, 0.3), vector_sd=0.1, diffusion=0.3),
-            ],
-            0.7,
-        ),
+    known(5, [(0, 0)], (2, 2), (0, 0), 10, 10, 1.0),
+    known(5, [(0, 0)], (3, 2), (0.3, -0.2), 2, 10, 0.6),
+    known(6, [(5, 5)], (1, 1), (0.7, 0.4), 5, 10, 0.3),
+    known(6, [(2, 0)], (3, 3), (-0.4, 0.1), 30, 10, 1.0),
+    known(4, [(3, 0)], (0, 3), (0.25, -0.6), 1, 10, 0.6),
+    known(7, [(1, 5)], (5, 3), (-1.5, 0.2), 3, 10, 0.6),
+    known(4, [(0, 0), (3, 3)], (1, 2), (0.2, 0.1), 10, 6, 1.0),
+    known(5, [(4, 0), (0, 4)], (2, 2), (0.5, 0.5), 20, 6, 0.3),
+    known(3, [(0, 0), (1, 0)], (1, 1), (0, 0), 10, 6, 0.6),
+    known(4, [(3, 0), (3, 1)], (0, 1), (0.6, 0.3), 3, 6, 1.0),
+    uncertain(  # left and right of the wind, from one cell
+        5, [(0, 0)], 10, 0.7,
+        Drift((2, 1), vector=(-0.3, 0.4), vector_sd=0.2, diffusion=0.1, weight=2),
+        Drift((2, 1), vector=(0.4, 0.3), vector_sd=0.1, diffusion=0.3),
     ),
-    search(  # two last known positions
-        [(2, 4)],
-        grid_size=5,
-        timestep_limit=10,
-        persons=Person([Drift((0, 1), diffusion=0.1), Drift((4, 2), vector=(0, 0.1), weight=1.5)]),
+    uncertain(  # two last known positions
+        5, [(2, 4)], 10, 1.0,
+        Drift((0, 1), diffusion=0.1), Drift((4, 2), vector=(0, 0.1), weight=1.5),
     ),
-    search(  # an uncertain start, some steps adrift
-        [(3, 3)],
-        grid_size=4,
-        timestep_limit=8,
-        persons=Person(
-            Drift(
-                (0.6, 1.2),
-                start_sd=(0.6, 0.4),
-                vector=(0.2, 0.1),
-                vector_sd=0.05,
-                diffusion=0.1,
-                adrift=3,
-            ),
-            0.8,
-        ),
+    # An uncertain start, some steps adrift.
+    uncertain(4, [(3, 3)], 8, 0.8, Drift((0.6, 1.2), adrift=3, **ADRIFT)),
+    uncertain(  # an array beside a known cell
+        4, [(0, 0), (3, 3)], 5, 0.6,
+        Drift(CORNER, vector=(-0.1, 0.3), diffusion=0.2),
+        Drift((2, 2), vector=(0.7, -0.5), diffusion=0.05, weight=0.5),
     ),
-    search(  # an array beside a known cell
-        [(0, 0), (3, 3)],
-        grid_size=4,
-        timestep_limit=5,
-        persons=Person(
-            [
-                Drift(
-                    [[0, 0, 0, 3], [0, 0, 2, 0], [1, 0, 0, 0], [0, 0, 0, 0]],
-                    vector=(-0.1, 0.3),
-                    diffusion=0.2,
-                ),
-                Drift((2, 2), vector=(0.7, -0.5), diffusion=0.05, weight=0.5),
-            ],
-            0.6,
-        ),
-    ),
-]
+]  # fmt: skip
 """Searches for one person that branch and bound solves at once."""
 
 
@@ -190,13 +184,9 @@ def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
 def fly(
     policy: SwarmPolicy, tracker: BeliefTracker, cells: Sequence[Cell], steps: int
 ) -> list[Path]:
-    """Return the paths of a policy's drones without a find; checks that every step is legal.
+    """Return the drones' paths over the next steps without a find, and update the tracker.
 
-    Args:
-        policy: as it is in the current step.
-        tracker: of the current step; updated.
-        cells: every drone's.
-        steps: how many.
+    Checks that every step is legal.
     """
     size = tracker.scenario.grid_size
     positions, searches = [list(cells)], []
@@ -221,13 +211,7 @@ def paths_of(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
 def found_in_each_step(
     forecast: ProbabilityMatrix, detection: float, schedule: Sequence[Sequence[int]]
 ) -> list[float]:
-    """The probability that a person is found in each step, by following every trajectory.
-
-    Args:
-        forecast: the person's.
-        detection: the probability of detection.
-        schedule: the cells searched in each step, y * N + x.
-    """
+    """The probability that the searches of each step's cells find a person, by every trajectory."""
     cells, left = all_trajectories(forecast, len(schedule))
     found = []
     for step, searched in enumerate(schedule):
@@ -241,12 +225,7 @@ def found_in_each_step(
 
 @lru_cache(maxsize=4)
 def all_trajectories(forecast: ProbabilityMatrix, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Every trajectory of every hypothesis, one by one.
-
-    Returns:
-        The person's cell, y * N + x, in each step, shape (K, steps); and the probability of
-        each trajectory, shape (K,).
-    """
+    """Every trajectory's cells, y * N + x: shape (K, steps); and its probability: shape (K,)."""
     size = forecast.grid_size
     moves = [forecast.moves(step) for step in range(steps)]
     paths, probabilities = [], []

@@ -10,14 +10,7 @@ import pytest
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.policies.arrivals import (
-    BASELINE,
-    FAR,
-    NEAR,
-    TURNS,
-    VIEWS,
-    Arrivals,
-)
+from DroneSwarmSearch.policies.arrivals import BASELINE, FAR, NEAR, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
     WORTHWHILE_ON_ARRIVAL,
@@ -58,24 +51,26 @@ def test_scores_are_those_of_the_best_cells_on_arrival() -> None:
         (px, py), remaining = arguments["positions"][search, 0], arguments["remaining"][search]
         for factor, shift in ((NEAR, 0), (FAR, 5)):
             best = dict.fromkeys([*TURNS, Action.SEARCH], 0.0)
-            arrivals = {
-                (x, y): ahead[search, min(distance, STEPS), y, x]
+            distances = {
+                (x, y): distance
                 for y in range(SIZE)
                 for x in range(SIZE)
                 if (distance := abs(x - px) + abs(y - py)) < remaining
             }
+            arrivals = {
+                (x, y): ahead[search, min(distance, STEPS), y, x]
+                for (x, y), distance in distances.items()
+            }
             worthwhile = WORTHWHILE_ON_ARRIVAL * max(arrivals.values()) if factor == NEAR else 0.0
-            for y in range(SIZE):
-                for x in range(SIZE):
-                    distance = abs(x - px) + abs(y - py)
-                    value = factor**distance * ahead[search, min(distance, STEPS), y, x]
-                    if distance >= remaining or arrivals[x, y] < worthwhile:
-                        continue
-                    for action, (dx, dy) in TOWARDS.items():
-                        if (x - px) * dx + (y - py) * dy > 0:
-                            best[action] = max(best[action], value)
-                    if distance == 0:
-                        best[Action.SEARCH] = value
+            for (x, y), distance in distances.items():
+                value = factor**distance * arrivals[x, y]
+                if arrivals[x, y] < worthwhile:
+                    continue
+                for action, (dx, dy) in TOWARDS.items():
+                    if (x - px) * dx + (y - py) * dy > 0:
+                        best[action] = max(best[action], value)
+                if distance == 0:
+                    best[Action.SEARCH] = value
             highest = max(best.values())
             scores = [np.log(max(value / highest, 1e-5)) / 2 for value in best.values()]
             first = BASELINE[0] + shift
@@ -108,8 +103,9 @@ def test_turned_searches_have_turned_inputs() -> None:
         assert np.allclose(inputs(**arguments)[..., VIEWS[0]], seen[..., VIEWS[turn]], atol=1e-3)
 
 
-def test_do_not_depend_on_the_scale_or_on_the_rest_of_the_batch() -> None:
+def test_are_finite_and_do_not_depend_on_the_scale_or_on_the_rest_of_the_batch() -> None:
     arguments = drawn(2)
+    assert np.isfinite(inputs(**{**arguments, "ahead": arguments["ahead"] * 0})).all()
     seen = inputs(**arguments)
     assert np.isfinite(seen).all()
     arguments["ahead"] = arguments["ahead"] * np.float32(1e-6)
@@ -122,30 +118,23 @@ def test_do_not_depend_on_the_scale_or_on_the_rest_of_the_batch() -> None:
         assert np.allclose(inputs(**one)[0], seen[search], atol=1e-4)
 
 
-def test_an_empty_map_gives_finite_inputs() -> None:
-    arguments = drawn()
-    arguments["ahead"] *= 0
-    assert np.isfinite(inputs(**arguments)).all()
-
-
 def searches(count: int = 3, persons: int = 2, detection: float = 0.6) -> Any:
     """The arguments of `ExpectedSearches`: uncertain persons, two hypotheses about the first."""
     rng = np.random.default_rng(5)
-    scenarios, starts = [], []
-    for _ in range(count):
+
+    def person(hypotheses: int) -> Person:
         drifts = [
-            [
-                Drift((4, 5), start_sd=1.0, vector=rng.uniform(-1, 1, 2), diffusion=0.2)
-                for _ in range(2 if person == 0 else 1)
-            ]
-            for person in range(persons)
+            Drift((4, 5), start_sd=1.0, vector=rng.uniform(-1, 1, 2), diffusion=0.2)
+            for _ in range(hypotheses)
         ]
-        people = [Person(each, detection) for each in drifts]
-        scenarios.append(
-            Scenario(grid_size=9, n_drones=3, timestep_limit=15, persons=people, mission="coverage")
-        )
-        starts.append([(0, 0), (4, 4), (8, 1)])
-    return scenarios, starts
+        return Person(drifts, detection)
+
+    size = {"grid_size": 9, "n_drones": 3, "timestep_limit": 15}
+    scenarios = [
+        Scenario(**size, persons=[person(n) for n in (2, 1)[:persons]], mission="coverage")
+        for _ in range(count)
+    ]
+    return scenarios, [[(0, 0), (4, 4), (8, 1)]] * count
 
 
 class TestExpectedSearches:

@@ -10,48 +10,18 @@ import numpy as np
 import pytest
 from helpers import HUNT, SPREAD, planned_actions
 from hypothesis import given, settings
-from small_searches import uncertain_persons
+from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 
 
-@st.composite
-def searches(draw: st.DrawFn) -> dict[str, Any]:
-    size = draw(st.integers(2, 8))
-    cells = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
-    common = {
-        "grid_size": size,
-        "n_drones": draw(st.integers(1, 3)),
-        "timestep_limit": draw(st.integers(1, 40)),
-        "bayesian_update": draw(st.booleans()),
-    }
-    if draw(st.booleans()):
-        uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=3)
-        mission = st.sampled_from(["rescue", "rescue", "coverage"])
-        return {**common, "persons": draw(uncertain), "mission": draw(mission)}
-    persons = draw(st.lists(cells, min_size=1, max_size=3))
-    detection = st.sampled_from([1.0, 1.0, 0.6, 0.2, 0.0])
-    drift = st.sampled_from([0.0, 0.3, -0.5, 1.0])
-    return {
-        **common,
-        "vector": (draw(drift), draw(drift)),
-        "person_initial_position": persons,
-        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0, 1000.0])),
-        "probability_of_detection": draw(detection | st.tuples(*[detection for _ in persons])),
-    }
-
-
-def cells_of(observations: dict[str, Any]) -> list[tuple[int, int]]:
-    return [seen["observation"][0] for seen in observations.values()]
-
-
 @settings(deadline=None, max_examples=35, derandomize=True)
-@given(searches(), st.integers(0, 2**32))
+@given(parameters(), st.integers(0, 2**32))
 def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(
-    parameters: dict[str, Any], seed: int
+    search: dict[str, Any], seed: int
 ) -> None:
-    env = DroneSwarmSearch(**parameters)
+    env = DroneSwarmSearch(**search)
     tracker, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
     while env.agents:
@@ -66,22 +36,15 @@ def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(
         observations, *_ = env.step(dict(zip(observations, chosen, strict=True)))
 
 
-def two_persons(**changes: Any) -> DroneSwarmSearch:
-    """Two stationary persons in known cells, and two drones."""
-    parameters = {
-        "grid_size": 5,
-        "n_drones": 2,
-        "vector": (0, 0),
-        "person_initial_position": [(0, 0), (4, 4)],
-        "disperse_constant": 0,
-    }
-    return DroneSwarmSearch(**{**parameters, **changes})
+STILL = {"vector": (0, 0), "person_initial_position": [(0, 0), (4, 4)], "disperse_constant": 0}
+TWO = {"grid_size": 5, "n_drones": 2, **STILL}
+"""Two stationary persons in known cells, and two drones."""
 
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 @pytest.mark.parametrize("found", [0, 1])
 def test_infers_who_was_found(found: int, bayesian_update: bool) -> None:
-    env = two_persons(bayesian_update=bayesian_update)
+    env = DroneSwarmSearch(**TWO, bayesian_update=bayesian_update)
     cells = [(0, 0), (4, 4)]
     env.reset(0, drones_positions=cells)
     tracker = BeliefTracker(env.scenario)
@@ -95,21 +58,21 @@ def test_infers_who_was_found(found: int, bayesian_update: bool) -> None:
 
 
 def test_rounding_errors_and_unexplained_matrices_change_nothing() -> None:
-    cells = [(0, 0), (4, 4)]
-    tracker = BeliefTracker(two_persons(disperse_constant=5).scenario)
-    tracker.update(cells, [Action.SEARCH, Action.SEARCH])
-    both = tracker.matrix()
-    tracker.observe(both * np.float32(1 + 1e-6))
-    assert tracker.missing == (0, 1)
-    tracker.observe(np.full_like(both, 1 / 25))
-    assert tracker.missing == (0, 1)
-    tracker.observe(tracker.matrix([1]) * np.float32(1 + 1e-6))
-    assert tracker.missing == (1,)
+    tracker = BeliefTracker(Scenario(**{**TWO, "disperse_constant": 5}))
+    tracker.update([(0, 0), (4, 4)], [Action.SEARCH, Action.SEARCH])
+    both, rounded = tracker.matrix(), np.float32(1 + 1e-6)
+    for matrix, missing in (
+        (both * rounded, (0, 1)),
+        (np.full_like(both, 1 / 25), (0, 1)),
+        (tracker.matrix([1]) * rounded, (1,)),
+    ):
+        tracker.observe(matrix)
+        assert tracker.missing == missing
 
 
 def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> None:
-    env = two_persons(probability_of_detection=(0.5, 0.25), disperse_constant=5)
-    tracker = BeliefTracker(env.scenario)
+    changes = {"probability_of_detection": (0.5, 0.25), "disperse_constant": 5}
+    tracker = BeliefTracker(Scenario(**{**TWO, **changes}))
     expected = (0.5 * tracker.belief(0) + 0.25 * tracker.belief(1)) / 2
     np.testing.assert_allclose(tracker.success, expected)
     tracker.update([(1, 1), (4, 4)], [Action.IDLE, Action.SEARCH])
@@ -126,16 +89,21 @@ def test_in_coverage_missions_a_person_who_would_have_been_found_counts_no_more(
         assert tracker.success[1, 1] == pytest.approx(share + other)
 
 
-@pytest.mark.parametrize("searches", [0, 3])
-@pytest.mark.parametrize("mission", ["rescue", "coverage"])
-def test_success_ahead_is_what_idle_drones_see_later(searches: int, mission: str) -> None:
+def two_drifting(mission: str) -> BeliefTracker:
+    """The tracker of two drifting persons, one with two hypotheses."""
     prior = np.zeros((7, 7))
     prior[1, 2:5] = 1, 2, 3
     persons = [
-        Person([Drift((1, 1), vector=(0.4, 0.2)), Drift(prior, vector=(-0.2, 0.9))], 0.7),
+        Person([Drift((1, 2), vector=(0.5, 0.2)), Drift(prior, vector=(-0.2, 0.9))], 0.7),
         Person(Drift((4, 4), start_sd=1, vector=(0.1, -0.3), diffusion=0.2), 0.4),
     ]
-    tracker = BeliefTracker(Scenario(7, persons=persons, mission=mission, n_drones=2))
+    return BeliefTracker(Scenario(7, persons=persons, mission=mission, n_drones=2))
+
+
+@pytest.mark.parametrize("searches", [0, 3])
+@pytest.mark.parametrize("mission", ["rescue", "coverage"])
+def test_success_ahead_is_what_idle_drones_see_later(searches: int, mission: str) -> None:
+    tracker = two_drifting(mission)
     cells = [(1, 1), (4, 4)]
     for _ in range(searches):
         tracker.update(cells, [Action.SEARCH, Action.SEARCH])
@@ -149,11 +117,7 @@ def test_success_ahead_is_what_idle_drones_see_later(searches: int, mission: str
 
 @pytest.mark.parametrize("mission", ["rescue", "coverage"])
 def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission: str) -> None:
-    persons = [
-        Person([Drift((1, 2), vector=(0.5, 0.2)), Drift((5, 5), vector=(-0.4, 0))], 0.7),
-        Person(Drift((4, 4), start_sd=1, vector=(0.1, -0.3), diffusion=0.2), 0.4),
-    ]
-    tracker = BeliefTracker(Scenario(7, persons=persons, mission=mission, n_drones=2))
+    tracker = two_drifting(mission)
     outlook = Outlook(tracker, 8)
     before = outlook.success.copy()
     outlook.search((2, 2), 2)
@@ -161,12 +125,12 @@ def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission: st
     assert np.array_equal(before[:2], outlook.success[:2])
     # The mass that no search has found, carried along by hand.
     expected = np.zeros((7, 7))
-    for number, person in enumerate(persons):
+    for number, detection in enumerate((0.7, 0.4)):
         mass, forecast = tracker.joint(number), tracker.forecasts[number]
         for step in range(8):
             if step in (2, 3):
                 cell = 2 * step - 2  # (2, 2), then (4, 4)
-                mass[:, cell, cell] *= 1 - person.probability_of_detection
+                mass[:, cell, cell] *= 1 - detection
             mass = forecast.drift(mass, step)
-        expected += person.probability_of_detection * mass.sum(axis=0) / 2
+        expected += detection * mass.sum(axis=0) / 2
     np.testing.assert_allclose(outlook.success[8], expected, rtol=1e-9, atol=1e-15)

@@ -133,12 +133,12 @@ def test_other_rows_of_the_file_are_kept(
     path = tmp_path / "calibration.csv"
     other = dict.fromkeys(calibration.COLUMNS, "1") | {"package": "DSSE 1.1.9"}
     calibration.keep(path, [other])
-    few = ["--episodes", "100", "--steps", "10", "--settings", "1"]
+    few = ["--episodes", "100", "--steps", "10"]
     for _ in range(2):
         calibration.main(["--only", "DroneSwarmSearch", *few, "--csv", str(path)])
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["package"] for row in rows] == ["DroneSwarmSearch"] * 11 + ["DSSE 1.1.9"]
+    assert [row["package"] for row in rows] == ["DroneSwarmSearch"] * 8 * 11 + ["DSSE 1.1.9"]
     assert "DroneSwarmSearch" in capsys.readouterr().out
 
 

@@ -15,6 +15,7 @@ from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
 Floats = np.ndarray
+Case = tuple[Trajectories, float, int, np.random.Generator]
 
 SIZE, STEPS = 3, 4
 
@@ -53,7 +54,7 @@ def collected_by_hand(path: Path, cells: Floats, detection: float, memory: int) 
 
 
 @st.composite
-def cases(draw: st.DrawFn) -> tuple[Trajectories, float, int, np.random.Generator]:
+def cases(draw: st.DrawFn) -> Case:
     """Trajectories of random moves, a probability of detection, a memory, and random draws."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     count = draw(st.integers(1, 12))
@@ -71,9 +72,7 @@ def cases(draw: st.DrawFn) -> tuple[Trajectories, float, int, np.random.Generato
 
 @settings(deadline=None, max_examples=15, derandomize=True)
 @given(cases())
-def test_no_path_gains_more_than_the_best_one(
-    case: tuple[Trajectories, float, int, np.random.Generator],
-) -> None:
+def test_no_path_gains_more_than_the_best_one(case: Case) -> None:
     trajectories, detection, memory, rng = case
     starts = [0, 4]
     drones = RememberingDrones(trajectories, SIZE, detection, starts, memory)
@@ -94,9 +93,7 @@ def test_no_path_gains_more_than_the_best_one(
 
 @settings(deadline=None, max_examples=25, derandomize=True)
 @given(cases())
-def test_paths_collect_credits_and_searches(
-    case: tuple[Trajectories, float, int, np.random.Generator],
-) -> None:
+def test_paths_collect_credits_and_searches(case: Case) -> None:
     trajectories, detection, memory, rng = case
     drones = RememberingDrones(trajectories, SIZE, detection, [4], memory)
     paths = [every_path(4)[i] for i in rng.integers(0, len(every_path(4)), 20)]
@@ -106,23 +103,15 @@ def test_paths_collect_credits_and_searches(
     np.testing.assert_allclose(
         drones.collected(paths, shares), np.tensordot(shares, by_hand, axes=1), atol=1e-12
     )
-    steps = STEPS - 2
-    shorter = [Path(path.cells[: steps + 1], path.searches[:steps]) for path in paths]
-    np.testing.assert_allclose(
-        drones.until(steps).collected(shorter),
-        np.sum(
-            [collected_by_hand(path, trajectories.cells, detection, memory) for path in shorter],
-            axis=0,
-        ),
-        atol=1e-12,
-    )
+    shorter = [Path(path.cells[: STEPS - 1], path.searches[: STEPS - 2]) for path in paths]
+    by_hand = [collected_by_hand(path, trajectories.cells, detection, memory) for path in shorter]
+    until = drones.until(STEPS - 2).collected(shorter)
+    np.testing.assert_allclose(until, np.sum(by_hand, axis=0), atol=1e-12)
 
 
 @settings(deadline=None, max_examples=25, derandomize=True)
 @given(cases())
-def test_credits_are_at_least_the_probability_of_finding(
-    case: tuple[Trajectories, float, int, np.random.Generator],
-) -> None:
+def test_credits_are_at_least_the_probability_of_finding(case: Case) -> None:
     """More memory means less credit; with all of it, credits are the probability itself."""
     trajectories, detection, _, rng = case
     path = every_path(4)[rng.integers(len(every_path(4)))]

@@ -73,28 +73,25 @@ TYPICAL = (3, 6, 10, 13)
 
 
 @pytest.mark.good_plans
-class TestQuality:
-    @pytest.mark.parametrize(
-        "index",
-        [
-            pytest.param(index, marks=[pytest.mark.slow] * (index not in TYPICAL))
-            for index in range(len(SMALL))
-        ],
-    )
-    def test_is_close_to_the_optimum(self, index: int) -> None:
-        most = best(index)
-        assert most > 0.05
-        assert 0.97 * most <= planner_success(SMALL[index]) <= most + 1e-12
+@pytest.mark.parametrize(
+    "index",
+    [
+        pytest.param(index, marks=[pytest.mark.slow] * (index not in TYPICAL))
+        for index in range(len(SMALL))
+    ],
+)
+def test_is_close_to_the_optimum(index: int) -> None:
+    most = best(index)
+    assert most > 0.05
+    assert 0.97 * most <= planner_success(SMALL[index]) <= most + 1e-12
 
 
-class TestNeverBelowGreedy:
+@settings(deadline=None, max_examples=4, derandomize=True)
+@given(small_searches())
+def test_is_never_below_greedy_with_one_person(of: NamedSearch) -> None:
     """Holds for plans made with little work, too."""
-
-    @settings(deadline=None, max_examples=4, derandomize=True)
-    @given(small_searches())
-    def test_is_never_below_greedy_with_one_person(self, of: NamedSearch) -> None:
-        greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))[0]
-        assert planner_success(of) >= greedy - 1e-12
+    greedy = success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of))[0]
+    assert planner_success(of) >= greedy - 1e-12
 
 
 A_SEARCH = search(
@@ -119,8 +116,7 @@ class TestFollowingPlans:
         paths = paths_of(twin, A_SEARCH)
         assert plans_made == [0]
         for path, other in zip(paths, paths_of(planner(A_SEARCH), A_SEARCH), strict=True):
-            assert np.array_equal(path.cells, other.cells)
-            assert np.array_equal(path.searches, other.searches)
+            assert all(map(np.array_equal, path, other))
         assert plans_made == [0, 0]
 
     def test_a_long_episode_is_planned_in_parts(
@@ -197,8 +193,7 @@ class TestProgress:
         monkeypatch.setattr(sys, "stderr", terminal)
         paths_of(planner(A_SEARCH), A_SEARCH)
         shown = terminal.getvalue()
-        assert "planning [" in shown
-        assert "%" in shown
+        assert "planning [" in shown and "%" in shown
         assert shown.endswith("\r\x1b[K"), "the bar disappears"
 
     def test_a_report_replaces_the_bar(self, monkeypatch: pytest.MonkeyPatch) -> None:

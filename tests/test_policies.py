@@ -11,14 +11,13 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from small_searches import uncertain_persons
+from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.policies import POLICIES, BatchPolicy, SwarmPolicy, make
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import Cell, Scenario
-from DroneSwarmSearch.vector import SwarmVectorEnv
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 NAMES = list(POLICIES)
@@ -54,24 +53,20 @@ def play_batch(
     return taken, endings
 
 
-class TestRegistry:
-    @pytest.mark.parametrize("name", NAMES)
-    def test_make_passes_the_scenario(self, name: str) -> None:
-        policy = make(name, scenario())
-        assert isinstance(policy, BatchPolicy)
-        assert policy.scenario == scenario()
-
-    def test_rejects_unknown_names(self) -> None:
-        with pytest.raises(ValueError, match=r"name must be one of random, .*, got 'best'"):
-            make("best", scenario())
-        with pytest.raises(FileNotFoundError, match=r"none\.npz"):
-            make("none.npz", scenario())
-        with pytest.raises(TypeError, match=r"name must be a policy's name, got 3"):
-            make(3, scenario())  # type: ignore[arg-type]
-
-    def test_rejects_anything_but_a_scenario(self) -> None:
-        with pytest.raises(TypeError, match=r"scenario must be a Scenario, got 7"):
-            make("random", 7)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("name", "of", "error", "message"),
+    [
+        ("best", scenario(), ValueError, r"name must be one of random, .*, got 'best'"),
+        ("none.npz", scenario(), FileNotFoundError, r"none\.npz"),
+        (3, scenario(), TypeError, r"name must be a policy's name, got 3"),
+        ("random", 7, TypeError, r"scenario must be a Scenario, got 7"),
+    ],
+)
+def test_make_rejects_anything_but_names_and_scenarios(
+    name: Any, of: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        make(name, of)
 
 
 KNOWN: dict[str, Any] = {
@@ -108,17 +103,17 @@ LONG = ("ppo", "planner")  # take as long as all others together
 def test_a_batch_gets_the_same_actions_as_single_searches(
     name: str, persons: dict[str, Any], bayesian_update: bool
 ) -> None:
-    parameters: dict[str, Any] = {
+    search: dict[str, Any] = {
         "grid_size": 8,
         "n_drones": 3,
         "timestep_limit": 12,
         "bayesian_update": bayesian_update,
         **persons,
     }
-    batch = SearchBatch(2 if name in LONG else 4, **parameters)
+    batch = SearchBatch(2 if name in LONG else 4, **search)
     taken, endings = play_batch(make(name, batch.scenario), batch, 11)
     assert Ending.COLLISION not in endings
-    env = DroneSwarmSearch(**parameters)
+    env = DroneSwarmSearch(**search)
     policy = make(name, env.scenario)
     for row, expected in enumerate(taken):
         observations, _ = env.reset(11 + row)
@@ -135,12 +130,9 @@ def test_a_batch_gets_the_same_actions_as_single_searches(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_copies_continue_identically_and_independently(name: str) -> None:
+    persons = [(0, 0), (5, 5)]
     batch = SearchBatch(
-        4,
-        grid_size=6,
-        n_drones=2,
-        person_initial_position=[(0, 0), (5, 5)],
-        timestep_limit=16,
+        4, grid_size=6, n_drones=2, person_initial_position=persons, timestep_limit=16
     )
     policy = make(name, batch.scenario)
     batch.reset(seeds=range(4))
@@ -157,42 +149,16 @@ def test_copies_continue_identically_and_independently(name: str) -> None:
         assert np.array_equal(twin(seen), actions)
 
 
-@st.composite
-def scenes(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
-    size = draw(st.integers(2, 12))
-    cells = [(x, y) for y in range(size) for x in range(size)]
-    cell = st.sampled_from(cells)
-    n_drones = draw(st.integers(1, min(8, size**2)))
-    rows = draw(st.integers(1, 3))
-    starts = [draw(st.permutations(cells))[:n_drones] for _ in range(rows)]
-    drift = st.sampled_from([0.0, 0.3, -0.4, 1.0, -2.0])
-    persons = draw(st.lists(cell, min_size=1, max_size=3))
-    known = {
-        "vector": (draw(drift), draw(drift)),
-        "person_initial_position": persons,
-        "disperse_constant": draw(st.sampled_from([0.0, 1.0, 10.0])),
-        "probability_of_detection": draw(st.sampled_from([1.0, 0.5, 0.0])),
-    }
-    uncertain = st.lists(uncertain_persons(size), min_size=1, max_size=3)
-    return {
-        "num_rows": rows,
-        "grid_size": size,
-        "n_drones": n_drones,
-        "drones_positions": np.array(starts),
-        "bayesian_update": draw(st.booleans()),
-        "timestep_limit": draw(st.integers(1, 20)),
-        **draw(st.one_of(st.just(known), st.fixed_dictionaries({"persons": uncertain}))),
-    }, draw(st.integers(0, 1000))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
     @settings(deadline=None, max_examples=2 if name == "planner" else 5, derandomize=True)
-    @given(scenes())
-    def whole_episodes(scene: tuple[dict[str, Any], int]) -> None:
-        parameters, seed = scene
-        batch = SearchBatch(**parameters)
-        _, endings = play_batch(make(name, batch.scenario), batch, seed)
+    @given(parameters(most_cells=12, most_drones=8), st.data())
+    def whole_episodes(search: dict[str, Any], data: st.DataObject) -> None:
+        size, drones = search["grid_size"], search["n_drones"]
+        starts = st.permutations([(x, y) for y in range(size) for x in range(size)])
+        positions = np.array([data.draw(starts)[:drones] for _ in range(2)])
+        batch = SearchBatch(2, drones_positions=positions, **search)
+        _, endings = play_batch(make(name, batch.scenario), batch, drones)
         assert set(endings) <= {Ending.FOUND, Ending.TIME_LIMIT}
 
     whole_episodes()
@@ -269,13 +235,6 @@ def test_rows_with_identical_observations_share_one_choice() -> None:
     assert policy.calls == 7, "their observations differed once"
 
 
-def test_accepts_the_observations_of_the_vector_environment() -> None:
-    envs = SwarmVectorEnv(num_envs=3, grid_size=5, n_drones=2)
-    observations, _ = envs.reset(seed=0)
-    actions = make("greedy-matrix", envs.batch.scenario)(observations)
-    assert envs.action_space.contains(actions)
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
@@ -286,26 +245,12 @@ def test_accepts_the_observations_of_the_vector_environment() -> None:
             r"positions must be of shape \(2, 2\) for each search, got \(4, 2\)",
         ),
         (
-            {"probability_matrix": np.zeros((3, 5, 6), np.float32)},
-            ValueError,
-            r"probability_matrix must be of shape \(5, 5\) for each search, got \(5, 6\)",
-        ),
-        (
             {"probability_matrix": np.zeros((2, 5, 5), np.float32)},
             ValueError,
             "probability_matrix must have the length of positions, 3, got 2",
         ),
-        (
-            {"row": np.array([0, 1, 1])},
-            ValueError,
-            "row must be different integers of at least 0, of",
-        ),
-        ({"row": np.array([0, 1, -1])}, ValueError, "row must be different integers of"),
-        (
-            {"row": np.array([0.0, 1, 2])},
-            TypeError,
-            "row must be different integers .*, got float64",
-        ),
+        ({"row": np.array([0, 1, 1])}, ValueError, "row must be different integers of at least 0"),
+        ({"row": np.zeros(3)}, TypeError, "row must be different integers .*, got float64"),
     ],
 )
 def test_rejects_bad_observations(
@@ -319,9 +264,6 @@ def test_rejects_observations_without_a_matrix_or_of_another_size() -> None:
     policy = Historian(scenario())
     with pytest.raises(ValueError, match="observations must hold a probability_matrix, got pos"):
         policy({"positions": identical(1)["positions"]})
-    observations, _ = DroneSwarmSearch(grid_size=5, n_drones=3).reset(0)
-    with pytest.raises(ValueError, match=r"of shape \(2, 2\) for each search, got \(3, 2\)"):
-        policy(observations)
     observations, _ = DroneSwarmSearch(grid_size=6, n_drones=2).reset(0)
     with pytest.raises(ValueError, match=r"matrix must be of shape \(5, 5\)"):
         policy(observations)
@@ -334,8 +276,6 @@ def test_rejects_observations_without_a_matrix_or_of_another_size() -> None:
         ({"seed": [1, "a"]}, TypeError, r"seed\[1\] must be an integer .*, got 'a'"),
         ({"seed": [1, 2], "rows": [3]}, ValueError, "seed must be 1 integers, one for each row"),
         ({"rows": [-3]}, ValueError, "rows must be different integers .*-3"),
-        ({"rows": [1.5]}, TypeError, "rows must be different integers .*, got float64"),
-        ({"rows": [2, 2]}, ValueError, r"rows must be different integers .*\[2, 2\]"),
     ],
 )
 def test_rejects_bad_resets(
@@ -381,9 +321,7 @@ class TestRandom:
         # Drone 0 is in a corner next to drone 1: down, search and idle are safe. Drone 1 can
         # also move right.
         drawn = self.draws(RandomPolicy(scenario()), list(range(400)), steps=20).reshape(-1, 2)
-        first = Counter(drawn[:, 0].tolist())
-        assert set(first) == {Action.DOWN, Action.SEARCH, Action.IDLE}
-        assert all(abs(count / 8000 - 1 / 3) < 0.02 for count in first.values())
-        second = Counter(drawn[:, 1].tolist())
-        assert set(second) == {Action.RIGHT, Action.DOWN, Action.SEARCH, Action.IDLE}
-        assert all(abs(count / 8000 - 1 / 4) < 0.02 for count in second.values())
+        for drone, moves in enumerate(({Action.DOWN}, {Action.DOWN, Action.RIGHT})):
+            counts = Counter(drawn[:, drone].tolist())
+            assert set(counts) == {*moves, Action.SEARCH, Action.IDLE}
+            assert all(abs(n / 8000 - 1 / len(counts)) < 0.02 for n in counts.values())

@@ -24,15 +24,12 @@ from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import (
-    VecMonitor,
-)
+from stable_baselines3.common.vec_env import VecMonitor
 
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv, logits
 
 both_views = pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
-all_layouts = pytest.mark.parametrize("layout", ["flat", "dict", "planes", "top-cells"])
 
 SMALL: dict[str, Any] = {
     "grid_size": 4,
@@ -71,16 +68,18 @@ def test_ppo_learns(view: type[SearchVectorEnv], layout: str) -> None:
 
 @both_views
 @pytest.mark.parametrize("separate", [False, True])
-@all_layouts
+@pytest.mark.parametrize("layout", ["flat", "dict", "planes", "top-cells"])
 def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout: str) -> None:
     """Observations, rewards and ends; an end's last observation and whether time was up."""
-    env = made(view, observation=layout, separate_flags=separate)
-    plainly = view(
-        3, autoreset_mode="SameStep", observation=layout, separate_flags=separate, **SMALL
-    )
+    options = {"observation": layout, "separate_flags": separate}
+    options["bayesian_update"] = knows = layout == "flat"
+    env = made(view, **options)
+    plainly = view(3, autoreset_mode="SameStep", **options, **SMALL)
     env.seed(5)
     assert plain(env.reset()) == plain(plainly.reset(seed=5)[0])
-    rng, time_ups, ended = np.random.default_rng(0), 0, 0
+    logged = ["is_success", "probability_of_success"][: 1 + knows]
+    assert env.reset_infos == [{**dict.fromkeys(logged, 0.0), "is_success": False}] * env.num_envs
+    rng, time_ups, ended, chances = np.random.default_rng(0), 0, 0, 0
     for _ in range(80):
         actions = random_actions(rng, env)
         seen, rewards, dones, infos = env.step(actions.copy())
@@ -89,25 +88,23 @@ def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout
         assert plain(rewards) == plain(their_rewards.astype(np.float32))
         assert plain(dones) == plain(terminated | truncated)
         for index, info in enumerate(infos):
-            assert info.pop("is_success") is bool(their_infos["is_success"][index])
+            known = their_infos["final_info"] if dones[index] else their_infos
+            assert [info.pop(name) for name in logged] == [known[name][index] for name in logged]
             if not dones[index]:
                 assert info == {}
                 continue
             ended += 1
+            chances += int(knows and known["probability_of_success"][index] > 0.0)
             assert sorted(info) == ["TimeLimit.truncated", "terminal_observation"]
             assert plain(info["terminal_observation"]) == plain(their_infos["final_obs"][index])
             time_limit_reached = truncated[index] and not terminated[index]
             assert info["TimeLimit.truncated"] is bool(time_limit_reached)
             time_ups += int(time_limit_reached)
-    assert ended > 10
+    assert ended > 10 and (chances > 5) == knows
     assert (time_ups > 0) == separate
 
 
-def idle(env: SB3VecEnv) -> np.ndarray:
-    return np.full((env.num_envs, *env.action_space.shape), Action.IDLE)
-
-
-def test_a_seed_holds_for_one_reset() -> None:
+def test_a_seed_and_options_hold_for_one_reset() -> None:
     env = made(SwarmVectorEnv)
     paths = []
     for seed in (7, None, 7):
@@ -116,18 +113,13 @@ def test_a_seed_holds_for_one_reset() -> None:
         env.reset()
         paths.append([])
         for _ in range(5):
-            env.step(idle(env))
+            env.step(np.full((env.num_envs, *env.action_space.shape), Action.IDLE))
             paths[-1].append(env.env.batch.person_cells.tolist())
     assert paths[0] == paths[2] != paths[1]
-
-
-def test_options_hold_for_one_reset() -> None:
-    env = made(SwarmVectorEnv)
     env.set_options({"drones_positions": [(3, 3), (0, 2)]})
-    env.reset()
-    assert env.env.batch.positions.tolist() == [[[3, 3], [0, 2]]] * 3
-    env.reset()
-    assert env.env.batch.positions.tolist() == [[[0, 0], [1, 0]]] * 3
+    for cells in ([[3, 3], [0, 2]], [[0, 0], [1, 0]]):
+        env.reset()
+        assert env.env.batch.positions.tolist() == [cells] * 3
 
 
 def test_attributes_and_methods_are_the_views() -> None:
@@ -178,14 +170,8 @@ def test_maskable_ppo_learns_and_keeps_to_the_masks(view: type[SearchVectorEnv])
     assert not {Ending.COLLISION, Ending.LEFT_GRID} & endings
 
 
-EASY: dict[str, Any] = {
-    "grid_size": 2,
-    "n_drones": 2,
-    "vector": (0, 0),
-    "person_initial_position": [(0, 0)],
-    "disperse_constant": 0,
-    "timestep_limit": 4,
-}
+STILL = {"vector": (0, 0), "person_initial_position": [(0, 0)], "disperse_constant": 0}
+EASY: dict[str, Any] = {"grid_size": 2, "n_drones": 2, "timestep_limit": 4, **STILL}
 """The person stays with drone 0, so that random drones find it in some episodes."""
 
 
@@ -236,25 +222,21 @@ def test_a_masked_model_is_evaluated_as_trained(
 
 
 @both_views
-@pytest.mark.parametrize("masked", [False, True])
-def test_a_model_of_dicts_is_evaluated(view: type[SearchVectorEnv], masked: bool) -> None:
+@pytest.mark.parametrize("layout", ["flat", "dict"])
+def test_an_unmasked_model_is_evaluated_with_or_without_masks(
+    view: type[SearchVectorEnv], layout: str
+) -> None:
     """A swarm's dict also names its row, which the model has not seen."""
-    env = made(view, 4, observation="dict")
-    model = PPO("MultiInputPolicy", env, n_steps=8, batch_size=16, device="cpu")
-    policy = TrainedPolicy(logits(model))
-    shown = View("swarm" if view is SwarmVectorEnv else "drone", action_mask=masked)
-    assert len(evaluate(policy, Scenario(**SMALL), episodes=5, view=shown).episodes) == 5
-
-
-def test_an_unmasked_model_is_evaluated_with_or_without_masks() -> None:
-    env = made(DroneVectorEnv, 4, observation="flat")
-    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, seed=1, device="cpu")
+    env = made(view, 4, observation=layout)
+    policy = "MultiInputPolicy" if layout == "dict" else "MlpPolicy"
+    model = PPO(policy, env, n_steps=8, batch_size=16, seed=1, device="cpu")
+    kind = "swarm" if view is SwarmVectorEnv else "drone"
     results = [
         evaluate(
             TrainedPolicy(logits(model)),
             Scenario(**SMALL),
             episodes=20,
-            view=View("drone", "flat", action_mask=masked),
+            view=View(kind, layout, action_mask=masked),
         )
         for masked in (False, True)
     ]
@@ -299,33 +281,5 @@ def test_the_log_has_the_probability_of_success_of_every_episode(tmp_path: Path)
 
 
 def test_other_environments_are_refused() -> None:
-    with pytest.raises(
-        ValueError, match=r"env must have autoreset_mode='SameStep', got 'Disabled'"
-    ):
+    with pytest.raises(ValueError, match="env must have autoreset_mode='SameStep', got 'Disabled'"):
         SB3VecEnv(DroneVectorEnv(2, autoreset_mode="Disabled"))
-
-
-@both_views
-def test_infos_hold_the_probability_of_success_if_the_environments_do(
-    view: type[SearchVectorEnv],
-) -> None:
-    key = "probability_of_success"
-    env, plainly = (
-        view(3, autoreset_mode="SameStep", observation="flat", bayesian_update=True, **SMALL)
-        for _ in range(2)
-    )
-    adapted = SB3VecEnv(env)
-    adapted.seed(5)
-    adapted.reset()
-    plainly.reset(seed=5)
-    assert adapted.reset_infos == [{"is_success": False, key: 0.0}] * env.num_envs
-    rng, ended = np.random.default_rng(0), 0
-    for _ in range(40):
-        actions = random_actions(rng, adapted)
-        _, _, dones, infos = adapted.step(actions.copy())
-        theirs = plainly.step(actions.copy())[-1]
-        for index, info in enumerate(infos):
-            known = theirs["final_info"] if dones[index] else theirs
-            assert info[key] == known[key][index]
-            ended += bool(dones[index]) and info[key] > 0.0
-    assert ended > 5

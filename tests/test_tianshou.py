@@ -115,12 +115,11 @@ def test_collecting_episodes(episodes: int) -> None:
 
 
 def test_seeds() -> None:
-    envs, same = DroneVenv(vector_env()), vector_env()
+    envs = DroneVenv(vector_env())
+    expected, _ = vector_env().reset(seed=3)
     for seed in (3, [3, 4, 5, 6, 7, 8, 9, 10]):
         assert len(envs.seed(seed)) == 8  # type: ignore[arg-type]
-        shown, _ = envs.reset()
-        expected, _ = same.reset(seed=3)
-        assert (shown.obs == expected["observation"]).all()
+        assert (envs.reset()[0].obs == expected["observation"]).all()
         envs.step(np.full(8, 5))
     assert (envs.reset(seed=3)[0].obs == expected["observation"]).all()
 
@@ -140,24 +139,20 @@ def test_some_sub_environments() -> None:
         envs.reset([1, 2])
 
 
-def test_other_environments_are_rejected() -> None:
+def test_attributes_and_other_environments() -> None:
+    envs = DroneVenv(vector_env())
+    assert envs.action_space == [envs.env.single_action_space] * 8
+    assert envs.get_env_attr("num_envs", [0, 1]) == [8, 8]
     with pytest.raises(ValueError, match="autoreset_mode='Disabled', got 'NextStep'"):
         DroneVenv(DroneVectorEnv(2, **TWO_DRONES))
 
 
-def test_attributes() -> None:
-    envs = DroneVenv(vector_env())
-    assert envs.action_space == [envs.env.single_action_space] * 8
-    assert envs.get_env_attr("num_envs", [0, 1]) == [8, 8]
-
-
 def test_observations_without_masks() -> None:
-    envs = DroneVenv(vector_env(action_mask=None))
-    assert isinstance(envs.reset()[0], np.ndarray)
-    envs = DroneVenv(vector_env(action_mask=None, observation="dict"))
-    assert {*envs.reset()[0].get_keys()} == {"position", "probability_matrix"}
-    envs = DroneVenv(vector_env(observation="dict"))
-    assert {*envs.reset()[0].obs.get_keys()} == {"position", "probability_matrix"}
+    assert isinstance(DroneVenv(vector_env(action_mask=None)).reset()[0], np.ndarray)
+    for mask in (None, "observation"):
+        shown, _ = DroneVenv(vector_env(action_mask=mask, observation="dict")).reset()
+        layout = shown.obs if mask else shown
+        assert {*layout.get_keys()} == {"position", "probability_matrix"}
 
 
 def test_dqn_and_ppo_learn() -> None:

@@ -43,15 +43,12 @@ from torchrl.envs import (
     GymEnv,
     GymWrapper,
     InitTracker,
-    ParallelEnv,
     PettingZooWrapper,
     RewardSum,
     TransformedEnv,
     check_env_specs,
 )
 from torchrl.envs.utils import RandomPolicy
-from torchrl.modules import MLP
-from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.torchrl import (
@@ -64,7 +61,6 @@ from DroneSwarmSearch.adapters.torchrl import (
     REWARD,
     STATE,
     SUCCESS,
-    VALUE,
     SearchEnv,
     episode_metrics,
     logits,
@@ -73,8 +69,7 @@ from DroneSwarmSearch.adapters.torchrl import (
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
-LAYOUTS = ("flat", "dict", "planes", "top-cells", "crops")
-IDLE, SEARCH, LEFT = int(Action.IDLE), int(Action.SEARCH), int(Action.LEFT)
+IDLE, SEARCH = int(Action.IDLE), int(Action.SEARCH)
 
 SMALL = {**TRAINING_TASK, "timestep_limit": 8}
 """Short episodes, so that a few steps pass through several of them."""
@@ -97,81 +92,64 @@ def reset_swarms(env: EnvBase, shown: TensorDictBase, mask: Any) -> TensorDictBa
     return env.reset(shown.exclude("reward").set("_reset", mask)).exclude("_reset")
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("state", [False, True])
-def test_specs_describe_the_data(layout: str, state: bool) -> None:
-    env = SearchEnv(3, observation=layout, state=state, **TRAINING_TASK)
-    check_env_specs(env, seed=1)
-    assert env.batch_size == (3,) and env.group_map == {"drones": ["drone0", "drone1"]}
-    assert env.observation_spec[ACTION_MASK].shape == (3, 2, 6)
-    assert (STATE in env.observation_spec.keys(True)) == state
-
-
-def test_specs_of_other_searches() -> None:
-    """Without a posterior, with several persons, with one drone, in the coverage mission."""
-    for parameters in (
-        {"grid_size": 6, "n_drones": 1, "person_initial_position": [(2, 2), (3, 3)]},
-        {"grid_size": 6, "mission": "coverage", "n_drones": 3},
-        {},
+@pytest.mark.parametrize("layout", ["flat", "dict", "planes", "top-cells", "crops"])
+def test_specs_describe_the_data(layout: str) -> None:
+    """Also without a posterior, with several persons, with one drone, in the coverage mission."""
+    for state, parameters in (
+        (False, TRAINING_TASK),
+        (True, {"grid_size": 6, "n_drones": 1, "person_initial_position": [(2, 2), (3, 3)]}),
+        (True, {"grid_size": 6, "mission": "coverage", "n_drones": 3}),
     ):
-        env = SearchEnv(2, state=True, **parameters)
-        check_env_specs(env)
-        has_success = ("info", "probability_of_success") in env.observation_spec.keys(True, True)
-        assert has_success == ("mission" in parameters)
+        env = SearchEnv(3, observation=layout, state=state, **parameters)
+        check_env_specs(env, seed=1)
+        drones = len(env.group_map["drones"])
+        assert env.observation_spec[ACTION_MASK].shape == (3, drones, 6)
+        keys = env.observation_spec.keys(True, True)
+        assert (STATE in keys) == state
+        assert (("info", "probability_of_success") in keys) == (drones != 1)
+
+
+def same(tensors: Any, arrays: Any) -> None:
+    """Check that tensors equal arrays, bit for bit; also those in nested dicts."""
+    if isinstance(arrays, dict):
+        for name, array in arrays.items():
+            same(tensors[name], array)
+    else:
+        assert tensors.numpy().tobytes() == arrays.tobytes()
 
 
 @pytest.mark.parametrize(("separate_flags", "right_of_way"), [(False, True), (True, False)])
-def test_each_swarm_is_the_single_environment(separate_flags: bool, right_of_way: bool) -> None:
-    """Observations, masks, rewards, flags, infos and states of the first episodes."""
-    env = SearchEnv(
-        5,
-        right_of_way=right_of_way,
-        state=True,
-        reward_scale=2.0**-17,
-        separate_flags=separate_flags,
-        **TRAINING_TASK,
-    )
+def test_it_shows_what_the_vector_environment_shows(
+    separate_flags: bool, right_of_way: bool
+) -> None:
+    """Observations, masks, rewards, flags, infos and states of several episodes."""
+    options = {"right_of_way": right_of_way, "separate_flags": separate_flags, **TRAINING_TASK}
+    env = SearchEnv(5, state=True, reward_scale=2.0**-17, **options)
+    how = {"observation": "flat", "action_mask": "observation", "autoreset_mode": "Disabled"}
+    bare = DroneVectorEnv(5, reward_scale=2.0**-17, **how, **options)
     env.set_seed(7)
-    shown, rng = env.reset(), np.random.default_rng(0)
-    singles: list[Any] = []
-    for _ in range(5):
-        single: Any = ScaledRewards(DroneSwarmSearch(**TRAINING_TASK), 2.0**-17)
-        single = FlatObservation(SeparateFlags(single) if separate_flags else single)
-        singles.append(ActionMaskWrapper(single, right_of_way=right_of_way))
-    each = [single.reset(seed=seed) for seed, single in enumerate(singles, 7)]
-    running, endings = set(range(5)), set()
-    while running:
-        for swarm in running:
-            observations, infos = each[swarm][0], each[swarm][-1]
-            names = list(observations)
-            expected = np.stack([observations[name] for name in names])
-            assert shown[OBSERVATION][swarm].numpy().tobytes() == expected.tobytes()
-            masks = np.stack([infos[name]["action_mask"] for name in names])
-            assert (shown[ACTION_MASK][swarm].numpy() == masks).all()
-            assert np.array_equal(shown[STATE][swarm], singles[swarm].state())
-            info = infos[names[0]]
-            for name in ("Found", "probability_of_success", "is_success"):
-                assert shown["info", name][swarm] == info[name]
+    shown, (seen, infos) = env.reset(), bare.reset(seed=7)
+    rng, endings = np.random.default_rng(0), set()
+    for _ in range(3 * TRAINING_TASK["timestep_limit"]):
+        same(shown[OBSERVATION], seen["observation"])
+        same(shown[ACTION_MASK].to(torch.int8), seen["action_mask"])
+        same(shown[STATE], bare.batch.state_planes())
+        for name in ("Found", "probability_of_success", "is_success", "ending"):
+            same(shown["info", name], infos[name][::2])
         actions = valid_actions(shown[ACTION_MASK], rng)
         shown = act(env, shown, actions)
-        for swarm in sorted(running):
-            by_name = dict(
-                zip(singles[swarm].possible_agents, actions[swarm].tolist(), strict=True)
-            )
-            each[swarm] = singles[swarm].step(by_name)
-            rewards, terminated, truncated = (list(part.values()) for part in each[swarm][1:4])
-            assert shown[REWARD][swarm, :, 0].tolist() == np.float32(rewards).tolist()
-            for name, flags in (("terminated", terminated), ("truncated", truncated)):
-                assert shown["drones", name][swarm, :, 0].tolist() == flags
-                assert shown[name][swarm].tolist() == flags[:1]
-            done = terminated[0] or truncated[0]
-            assert shown["done"][swarm].item() == shown["drones", "done"][swarm, 1].item() == done
-            if done:
-                running.remove(swarm)
-                endings.add(int(shown["info", "ending"][swarm]))
-                assert np.array_equal(shown[STATE][swarm], singles[swarm].state())
-        if running:
+        seen, rewards, terminated, truncated, infos = bare.step(actions.reshape(-1))
+        same(shown[REWARD], rewards.astype(np.float32))
+        ended = terminated | truncated
+        flags = {"terminated": terminated, "truncated": truncated, "done": ended}
+        for name, values in flags.items():
+            same(shown["drones", name], values)
+            same(shown[name], values[::2])
+        if ended.any():
+            endings |= {*infos["ending"].tolist()}
+            same(shown[STATE], bare.batch.state_planes())
             shown = reset_swarms(env, shown, shown["done"])
+            seen, infos = bare.reset(options={"reset_mask": ended})
     assert Ending.TIME_LIMIT in endings and Ending.LEFT_GRID not in endings
 
 
@@ -268,18 +246,6 @@ def test_transforms_and_collectors_take_it() -> None:
     assert episode_metrics(env.rollout(1)[:, :0]) == {}
 
 
-@pytest.mark.slow
-def test_parallel_env_takes_it() -> None:
-    env = ParallelEnv(2, partial(SearchEnv, 3, **SMALL))
-    try:
-        env.set_seed(0)
-        played = env.rollout(20, break_when_any_done=False)
-        assert played.shape == (2, 3, 20)
-        assert int(played["next", "done"].sum()) >= 2 * 3 * 2
-    finally:
-        env.close()
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
@@ -362,57 +328,6 @@ def test_trained_policies_are_evaluated_as_they_were_trained(layout: str) -> Non
     assert results[0].success == results[1].success
 
 
-# Losses.
-
-
-def ppo_loss(env: EnvBase) -> Any:
-    """PPO's loss."""
-    torch.manual_seed(0)
-    network = TensorDictModule(MLP(out_features=6, num_cells=[8]), [OBSERVATION], [LOGITS])
-    critic = TensorDictModule(MLP(out_features=1, num_cells=[8]), [OBSERVATION], [VALUE])
-    policy = masked_policy(network)
-    critic(policy(env.reset()))
-    loss = ClipPPOLoss(policy, critic)
-    loss.set_keys(**PPO_KEYS)
-    loss.make_value_estimator(ValueEstimators.GAE, gamma=0.99, lmbda=0.95)
-    return loss
-
-
-@pytest.mark.parametrize("separate_flags", [False, True])
-def test_only_truncated_episodes_are_bootstrapped(separate_flags: bool) -> None:
-    """Value targets of the last step: time limit, a drone off the grid, all found."""
-    options = {"separate_flags": separate_flags, "reward_scale": 2.0**-17}
-
-    def last_step(actions: list[Any], **changes: Any) -> tuple[Any, Any, Any]:
-        """Targets, rewards and values of the next observation."""
-        env = SearchEnv(1, **options, **{**SMALL, **changes})
-        loss = ppo_loss(env)
-        shown, steps = env.reset(), []
-        for each in actions:
-            steps.append(env.step(shown.clone().set(ACTION, torch.tensor([each]))))
-            shown = steps[-1]["next"].exclude(REWARD)
-        batch = torch.stack(steps, dim=1)
-        assert batch["next", "done"][0, -1]
-        with torch.no_grad():
-            loss.value_estimator(
-                batch,
-                params=loss.critic_network_params,
-                target_params=loss.target_critic_network_params,
-            )
-            loss.critic_network(batch["next"])
-        targets = batch[PPO_KEYS["value_target"]][0, -1]
-        return targets, batch["next"][REWARD][0, -1], batch["next"][VALUE][0, -1]
-
-    targets, rewards, values = last_step([(IDLE, IDLE)] * 8)
-    assert torch.allclose(targets, rewards + 0.99 * values if separate_flags else rewards)
-    targets, rewards, _ = last_step([(IDLE, IDLE), (LEFT, IDLE)])
-    assert torch.allclose(targets, rewards)
-    at_once = {"vector": (0, 0), "disperse_constant": 0, "person_initial_position": (1, 0)}
-    targets, rewards, _ = last_step([(IDLE, SEARCH)], **at_once)
-    assert bool(rewards[1] > 0)
-    assert torch.allclose(targets, rewards)
-
-
 # TorchRL's GymEnv and GymWrapper.
 
 
@@ -420,15 +335,6 @@ def test_gym_env_makes_the_id() -> None:
     """TorchRL first passes a keyword that the environment does not have."""
     env = GymEnv("DroneSwarmSearch-v0", observation="flat", **{**SMALL, "n_drones": 1})
     check_env_specs(env)
-
-
-def same(tensors: Any, arrays: Any) -> None:
-    """Check that tensors equal arrays, bit for bit; also those in nested dicts."""
-    if isinstance(arrays, dict):
-        for name, array in arrays.items():
-            same(tensors[name], array)
-    else:
-        assert tensors.numpy().tobytes() == arrays.tobytes()
 
 
 @pytest.mark.parametrize("kind", [DroneVectorEnv, SwarmVectorEnv])
@@ -442,13 +348,7 @@ def same(tensors: Any, arrays: Any) -> None:
 )
 def test_gym_wrapper(kind: Any, mode: str, masks: str, layout: str) -> None:
     """It shows what the vector environment shows, over several episodes, masks included."""
-    options = {
-        "observation": layout,
-        "right_of_way": True,
-        "separate_flags": True,
-        "reward_scale": 2.0**-17,
-        **SMALL,
-    }
+    options = {"observation": layout, "right_of_way": True, "separate_flags": True, **SMALL}
 
     def wrap() -> Any:
         env = kind(4, action_mask=masks, autoreset_mode=mode, **options)
@@ -478,10 +378,10 @@ def test_gym_wrapper(kind: Any, mode: str, masks: str, layout: str) -> None:
         after = stepped["next"]
         check(after, observations)
         assert after["reward"].flatten().tolist() == np.float32(rewards).tolist()
-        assert after["terminated"].flatten().tolist() == terminated.tolist()
-        assert after["truncated"].flatten().tolist() == truncated.tolist()
         ended = terminated | truncated
-        assert after["done"].flatten().tolist() == ended.tolist()
+        flags = {"terminated": terminated, "truncated": truncated, "done": ended}
+        for name, values in flags.items():
+            assert after[name].flatten().tolist() == values.tolist()
         if masks == "info":
             assert after["is_success"].tolist() == infos["is_success"].tolist()
         if ended.any():
@@ -494,32 +394,25 @@ def test_gym_wrapper(kind: Any, mode: str, masks: str, layout: str) -> None:
 
 # Single environments in TorchRL's PettingZooWrapper.
 
-WRAPPERS: dict[str, Callable[[Any], Any]] = {
-    "dict": DictObservation,
-    "dict with other drones": lambda env: OtherDrones(DictObservation(env)),
-    "flat": FlatObservation,
-    "planes": PlanesObservation,
-    "top cells": TopCellsObservation,
-    "crops": CropsObservation,
-}
-
-
-def search(**arguments: Any) -> DroneSwarmSearch:
-    return DroneSwarmSearch(**{**TRAINING_TASK, **arguments})
-
-
-def in_torchrl(env: Any, **arguments: Any) -> EnvBase:
-    return PettingZooWrapper(env, group_map={"drones": env.possible_agents}, **arguments)
+WRAPPERS: list[Callable[[Any], Any]] = [
+    DictObservation,
+    lambda env: OtherDrones(DictObservation(env)),
+    FlatObservation,
+    PlanesObservation,
+    TopCellsObservation,
+    CropsObservation,
+]
 
 
 @pytest.mark.parametrize("wrapper", WRAPPERS)
-@pytest.mark.parametrize(("masked", "state"), [(False, True), (True, False)])
-def test_specs_of_single_environments(wrapper: str, masked: bool, state: bool) -> None:
-    env: Any = WRAPPERS[wrapper](ScaledRewards(SeparateFlags(search())))
+@pytest.mark.parametrize("masked", [False, True])
+def test_specs_of_single_environments(wrapper: Callable[[Any], Any], masked: bool) -> None:
+    env: Any = wrapper(ScaledRewards(SeparateFlags(DroneSwarmSearch(**TRAINING_TASK))))
     if masked:
         env = ActionMaskWrapper(env, right_of_way=True)
-    env = in_torchrl(env, return_state=state)
+    group = {"drones": env.possible_agents}
+    env = PettingZooWrapper(env, group_map=group, return_state=not masked)
     check_env_specs(env)
     keys = env.observation_spec.keys(True)
     assert (("drones", "action_mask") in keys) == masked
-    assert ("state" in keys) == state
+    assert ("state" in keys) != masked

@@ -58,12 +58,10 @@ HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
 WORK, TRAJECTORIES_TO_MEASURE = 6e7, 8192
-"""The most work for the best paths, in values to update: a fraction of a second. It is estimated
-from some of the trajectories."""
+"""The most work for the best paths, in values to update, estimated from some trajectories."""
 
 MOST_MEMORY, MEMORY_BEFORE = 5, 2
-"""The most actions that drones remember: 6 take gigabytes and hours on a large grid. Fewer
-suffice for fewer steps, which only shape the curve."""
+"""The most remembered actions, for the time limit (6 take gigabytes) and for fewer steps."""
 
 MOST_CELLS = 2**28
 """The most cells of all trajectories in a sample, which then take about 7 GB."""
@@ -84,13 +82,11 @@ class SuccessBound:
     For a coverage mission, the bound is on the cumulative probability of success.
 
     Attributes:
-        by_time: the bound after each number of completed steps, 0 to the time limit L:
-            float64, shape (L + 1,), non-decreasing.
-        relaxed: the value that the relaxation reaches by step L, for the person with the
-            smallest bound; in a coverage mission, the mean over persons.
+        by_time: the bound after 0 to L (the limit) steps: float64, shape (L + 1,), non-decreasing.
+        relaxed: the relaxation's value at step L, for the person with the smallest bound; in a
+            coverage mission, the mean over persons.
         gap: the duality gap at step L, which `by_time` includes.
-        confidence: probability that `by_time` holds at all steps together; 1 if no
-            trajectories were sampled.
+        confidence: probability that `by_time` holds at all steps; 1 without sampled trajectories.
     """
 
     by_time: Floats
@@ -119,9 +115,8 @@ def success_bound(
     Args:
         scenario: the search.
         drones_positions: every drone's start cell (x, y).
-        memory: the number of actions K that drones remember, at most 5: with more of them, the
-            bound is tighter and takes longer. By default, as many as a fixed amount of work
-            allows.
+        memory: the number of actions K that drones remember, at most 5: more give a tighter bound
+            and take longer. By default, as many as a fixed amount of work allows.
         sample: trajectories to draw for each person with too many to enumerate; times the time
             limit, at most 2**28.
         gap: the duality gap at which to stop, as a fraction of the bound.
@@ -176,15 +171,7 @@ def success_bound(
 
 
 def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
-    """The oracle for one path of each drone.
-
-    Args:
-        starts: every drone's first cell, y * N + x.
-        gains: of one search of each cell, float64, shape (n, N, N).
-
-    Returns:
-        The most that the drones can gain, and their searches of each cell, of the gains' shape.
-    """
+    """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
     values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
     for start in starts:
         _add_searches(effort, best_path(gains, values, start))
@@ -209,7 +196,6 @@ class _Relaxation:
     """The relaxation for one person.
 
     Attributes:
-        model: the person's drift model.
         detection: the probability of detection, q.
         starts: every drone's first cell, y * N + x.
         trajectories: all of the person's, or a sample.
@@ -227,13 +213,7 @@ class _Relaxation:
     def curve(
         self, ends: Sequence[int], memory: int | None, report: Report
     ) -> tuple[Floats, Solution]:
-        """The bound after each number of steps, and the solution for the time limit.
-
-        Args:
-            ends: numbers of steps to solve for, the time limit first.
-            memory: the number of actions K that drones remember; None for a fixed amount of work.
-            report: called from time to time with the completed fraction of the work.
-        """
+        """The bound after each number of steps, and the solution for the first of `ends`."""
         some = self.trajectories
         if memory is None:
             part = equally_likely(some.cells[:, :TRAJECTORIES_TO_MEASURE])

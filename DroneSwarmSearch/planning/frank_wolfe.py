@@ -1,10 +1,9 @@
 """The Frank-Wolfe (conditional gradient) method for concave functions of search effort.
 
-The method maximises a function over the mixtures of what an oracle can return (M. Frank and
-P. Wolfe, Naval Research Logistics Quarterly 3:95, 1956). Each iteration asks the oracle for
-the best response to the function's gradient and moves towards it. It also yields an upper
-bound: the function lies below each of its tangents, so the maximum of a tangent bounds the
-maximum of the function. The difference to the value reached is the duality gap.
+It maximises a function over the mixtures of what an oracle can return (M. Frank and P. Wolfe,
+Naval Research Logistics Quarterly 3:95, 1956), moving towards the oracle's best response to the
+gradient. The maximum of a tangent bounds that of the function; less the value, that is the
+duality gap.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from DroneSwarmSearch._internal.arrays import Floats
 __all__ = ["Solution", "frank_wolfe", "line_search"]
 
 AVERAGING = 10.0
-"""Iteration k enters the mean of tangents with weight AVERAGING / (k + AVERAGING), so the mean
-covers about the latest tenth for every AVERAGING iterations."""
+"""Tangent k has weight AVERAGING / (k + AVERAGING) in the mean, which forgets the early ones."""
 
 
 class Objective(Protocol):
@@ -31,10 +29,7 @@ class Objective(Protocol):
         """The function's value at the current point."""
 
     def tangent(self) -> tuple[float, Floats]:
-        """A linear upper bound on the function: its value without effort, and its gains.
-
-        The gains are not negative; what they belong to is up to the objective and the oracle.
-        """
+        """A linear upper bound: its value without effort, and its gains, at least 0."""
 
     def move_towards(self, target: Any) -> None:
         """Move the current point towards one of the oracle's, by about the best step size."""
@@ -90,10 +85,7 @@ def frank_wolfe(
 
 
 def line_search(value: Callable[[float], float]) -> float:
-    """The step size in [0, 1] that maximises a concave function, to a few percent.
-
-    A golden-section search over the logarithm, because late step sizes are small.
-    """
+    """The best step size in [0, 1] for a concave function: a golden-section search in its log."""
     golden = (math.sqrt(5) - 1) / 2
     low, high = math.log(1e-4), 0.0
     a, b = high - golden * (high - low), low + golden * (high - low)

@@ -7,12 +7,11 @@ at least the probability of finding the person there, 1 - (1 - q)^k for k search
 drone may forget searches but never invents any.
 
 The best path is a dynamic programme whose state is a cell and a *history*: the drone's cell at
-each remembered search, relative to its current one. Moves matter only through these
-displacements, so there are far fewer histories than sequences of actions: 2, 7, 25, 88 and 309
-for K = 1 to 5. Trajectories in a step are grouped by cell and *past*: the person's relative cell
-at each remembered step, as far as the drone can have searched it. The credits of all histories
-in all cells are then one matrix product. (Relaxations that remember recent visits: R. Baldacci,
-A. Mingozzi and R. Roberti, Operations Research 59:1269, 2011, for vehicle routes.)
+each remembered search, relative to its current one; 2, 7, 25, 88 and 309 for K = 1 to 5.
+Trajectories in a step are grouped by cell and *past*: the person's relative cell at each
+remembered step, as far as the drone can have searched it. The credits are then one matrix
+product. (Relaxations that remember recent visits: R. Baldacci, A. Mingozzi and R. Roberti,
+Operations Research 59:1269, 2011, for vehicle routes.)
 """
 
 from __future__ import annotations
@@ -46,17 +45,9 @@ PRODUCTS_PER_UPDATE = 150
 class Histories:
     """What a drone can remember of its last K actions, and how an action changes it.
 
-    A history is a tuple of K offsets, the latest action first. Idling is left out, because a
-    search is never worse.
-
-    Args:
-        memory: the number of remembered actions, K.
-
-    Attributes:
-        all: the H histories; the first has no searches.
-        shorter: int64, shape (H,): each history without its oldest action, as a number below S.
-        after_search: int64, shape (S,): the history after a search.
-        after_move: int64, shape (4, S): the history after each of `MOVES`.
+    A history is a tuple of K offsets, the latest action first; searching is no worse than idling.
+    Of the H histories in `all`, the first has no searches. `shorter`, (H,), is each one without its
+    oldest action, as a number below S; `after_search`, (S,), and `after_move`, (4, S), follow it.
     """
 
     def __init__(self, memory: int) -> None:
@@ -108,19 +99,7 @@ class _Step(NamedTuple):
 
 
 class RememberingDrones:
-    """The best paths of drones, whose gains depend on their last K actions.
-
-    Args:
-        trajectories: the person's.
-        grid_size: cells along each side, N.
-        detection: the probability of detection, q.
-        starts: every drone's first cell, y * N + x.
-        memory: the number of remembered actions, K.
-
-    Attributes:
-        detection: see above.
-        probabilities: those of the trajectories.
-    """
+    """The best paths of drones from their start cells y * N + x, given K remembered actions."""
 
     def __init__(
         self,
@@ -154,9 +133,7 @@ class RememberingDrones:
     def __call__(self, weights: Floats) -> tuple[float, list[Path]]:
         """The most that all drones can gain, rounded up, and a path for each that gains it.
 
-        Args:
-            weights: of each trajectory, for its credits and for its searches: float64, shape
-                (2, M), at least 0.
+        The weights of each trajectory, for its credits and for its searches, have the shape (2, M).
         """
         self._compute_values(weights)
         gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
@@ -166,12 +143,7 @@ class RememberingDrones:
         return gained, [self._path(start) for start in self._starts]
 
     def collected(self, paths: Sequence[Path], shares: Floats | None = None) -> Floats:
-        """The credits and the searches that paths collect along each trajectory: shape (2, M).
-
-        Args:
-            paths: of single drones.
-            shares: what each path counts; 1 by default.
-        """
+        """The credits and searches that paths collect along each trajectory: (2, M)."""
         shares = np.ones(len(paths)) if shares is None else shares
         total = np.zeros((2, len(self.probabilities)))
         for first in range(0, len(paths), PATHS_AT_ONCE):

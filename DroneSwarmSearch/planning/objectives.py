@@ -1,8 +1,4 @@
-"""Concave upper bounds on the probability of success (POS), as functions of search effort.
-
-`TrajectoryObjective` takes the expectation over a list of trajectories; `MarkovChainObjective`
-bounds it from above by a product along the trajectory, whose expectation is exact.
-"""
+"""Concave upper bounds on the probability of success (POS), as functions of search effort."""
 
 from __future__ import annotations
 
@@ -36,17 +32,8 @@ class TrajectoryObjective:
     joins 1 - (1 - q)^N at whole N by straight lines. Z is at most q N, so g matters only beyond
     its first piece, and the second one is extended to N = 0. For q = 1, g is then 1.
 
-    At the corners of the function the Frank-Wolfe method would stall. Tangents and step sizes
-    therefore come from a function with its corners rounded off, less and less; each tangent is
-    then raised until it lies above the function itself.
-
-    Args:
-        drones: what paths collect along the trajectories.
-        mixture: the mixture of paths to start from.
-
-    Attributes:
-        drones: see above.
-        mixture: the current one.
+    At the function's corners the Frank-Wolfe method would stall. Tangents and step sizes therefore
+    come from one with rounded corners; each tangent is then raised above the function itself.
     """
 
     def __init__(self, drones: RememberingDrones, mixture: Mixture = ()) -> None:
@@ -128,13 +115,7 @@ class TrajectoryObjective:
 
 
 class MarkovChainObjective:
-    """E[1 - exp(-rate * effort along the trajectory)], exactly, by a forward and a backward pass.
-
-    Args:
-        chain: the person's drift model.
-        rate: detections per unit of effort.
-        effort: the current point: float64, shape (T, N, N); changed in place.
-    """
+    """E[1 - exp(-rate * effort along the trajectory)], exactly, for changing effort (T, N, N)."""
 
     def __init__(self, chain: DriftModel, rate: float, effort: Floats) -> None:
         self._chain, self._prior = chain, chain.joint(0)

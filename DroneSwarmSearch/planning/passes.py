@@ -22,14 +22,7 @@ NEGLIGIBLE = 1e-13
 
 @dataclass
 class Target:
-    """A missing person.
-
-    Attributes:
-        chain: the person's drift model.
-        detection: the probability of detection.
-        belief: the mass of the person's states at the plan's first step, see `DriftModel`.
-        worth: the worth of finding this person in each step of the plan: float64, shape (n,).
-    """
+    """A missing person, with the mass of the states and the worth of a find by step, shape (n,)."""
 
     chain: DriftModel
     detection: float
@@ -78,14 +71,9 @@ class Passes:
     """The forward and backward pass of one target, computed as far as they are needed.
 
     Attributes:
-        target: see `Target`.
-        first: the plan's first step.
-        kept: the probability that the searches of a step miss the person in a cell, by step:
-            shape (n, N, N).
-        masses: the probability that the person is in a cell, and unfound, before each step:
-            shape (n, M, N, N).
-        rests: what the plan is expected to gain from a person in a cell after the searches of
-            each step: shape (n, M, N, N).
+        kept: the probability that each step's searches miss the person in a cell: (n, N, N).
+        masses: that the person is in a state, and unfound, before each step: (n, M, N, N).
+        rests: what the plan will gain from a state after each step's searches: (n, M, N, N).
     """
 
     def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
@@ -126,8 +114,7 @@ class Passes:
     def likely(self, begin: int, end: int) -> Box:
         """The smallest box of the cells that the person may be in, in some steps, unless found.
 
-        It ignores searches: one that gains nothing may find the person once an earlier one is
-        removed.
+        Searches don't count: one without gain may find the person once an earlier one is removed.
         """
         top, bottom, left, right = self._extents[:, begin:end]
         size = self.kept.shape[-1]

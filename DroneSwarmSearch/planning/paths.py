@@ -28,10 +28,8 @@ class Path(NamedTuple):
     """One drone's path over n steps.
 
     Attributes:
-        cells: the drone's cell at the beginning and after each step, y * N + x: int64,
-            shape (n + 1,).
-        searches: the steps in which it searches: bool, shape (n,). In the others it moves,
-            or idles if its cell stays the same.
+        cells: the drone's cell y * N + x at the beginning and after each step: int64, (n + 1,).
+        searches: the steps in which it searches: bool, (n,). In the others it moves or idles.
     """
 
     cells: Ints
@@ -39,17 +37,12 @@ class Path(NamedTuple):
 
 
 def values_to_go(gains: Floats, at_end: Floats, blocked: Sequence[Sequence[int]] = ()) -> Floats:
-    """The most that a drone can gain, starting from each cell and step.
+    """The most that a drone can gain from each step and cell on: float64, (n + 1, N, N).
 
     Args:
-        gains: the gain of searching a cell in a step, at least 0: shape (n, N, N), indexed
-            [t, y, x].
-        at_end: the value of each cell after the last step, shape (N, N); may be `FORBIDDEN`.
-        blocked: for each step, the cells y * N + x that the drone must not be in after it; none by
-            default.
-
-    Returns:
-        float64, shape (n + 1, N, N).
+        gains: of searching a cell in a step, at least 0: shape (n, N, N), indexed [t, y, x].
+        at_end: the value of each cell after the last step, (N, N); may be `FORBIDDEN`.
+        blocked: for each step, the cells that the drone must not be in after it; none by default.
     """
     n = len(gains)
     values = np.empty((n + 1, *at_end.shape))
@@ -71,16 +64,9 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: Sequence[Sequence[int]]
 def best_path(
     gains: Floats, values: Floats, start: int, blocked: Sequence[Sequence[int]] = ()
 ) -> Path:
-    """A path that gains as much as possible.
+    """A path that gains as much as possible, given the result of `values_to_go`.
 
-    Args:
-        gains: as for `values_to_go`.
-        values: the result of `values_to_go`.
-        start: the drone's first cell, y * N + x.
-        blocked: as for `values_to_go`.
-
-    Returns:
-        The path. Ties go to searching, then to moving left, right, up and down.
+    Ties go to searching, then to moving left, right, up and down.
     """
     n, height, width = gains.shape
     cells, searches = np.empty(n + 1, np.int64), np.zeros(n, np.bool_)

@@ -58,15 +58,10 @@ def idle_paths(starts: Sequence[int], steps: int) -> list[Path]:
 
 
 class Plan:
-    """The drones' paths over the next n steps.
-
-    Args:
-        targets: the missing persons.
-        first: the episode's step at which the plan begins.
-        paths: every drone's path; no two drones are ever in one cell.
+    """The drones' paths over the next n steps, from the episode's step `first` on.
 
     Attributes:
-        paths: the current paths.
+        paths: the current paths; no two drones are ever in one cell.
         work: the work done to improve the plan, in steps times cells.
         round_work: the work of one round of improvement with short segments, about.
     """
@@ -98,7 +93,7 @@ class Plan:
         drones: Sequence[int] | None = None,
         report: Report = lambda fraction: None,
     ) -> float:
-        """Improve segments of full length, half of it and so on, in rounds.
+        """Improve segments of full length, half of it and so on; returns the value gained.
 
         Args:
             min_length: minimum length of the segments, in steps.
@@ -109,9 +104,6 @@ class Plan:
             max_length: maximum length of the segments.
             drones: those whose paths may change; all by default.
             report: called from time to time with the completed fraction of `max_rounds`.
-
-        Returns:
-            How much the plan's value has increased.
         """
         end = self._steps if end is None else end
         drones = range(len(self.paths)) if drones is None else drones
@@ -138,16 +130,9 @@ class Plan:
     def improve_segment(
         self, drone: int, begin: int, end: int, distort: Distortion | None = None
     ) -> float:
-        """Improve a drone's path from one step until before another.
+        """Improve a drone's path from one step until before another; returns the value gained.
 
-        Args:
-            drone: its number.
-            begin: the segment's first step.
-            end: the step before which it ends.
-            distort: changes the gains before the best path is computed; the value may then fall.
-
-        Returns:
-            How much the plan's value has increased.
+        `distort` changes the gains before the best path is computed; the value may then fall.
         """
         old = self._segment(drone, begin, end)
         start, goal = int(old.cells[0]), None if end == self._steps else int(old.cells[-1])
@@ -209,13 +194,7 @@ class Plan:
         work: float,
         report: Report = lambda fraction: None,
     ) -> None:
-        """Distort short segments at random, improve around them, and keep what is not worse.
-
-        Args:
-            rng: the source of random numbers.
-            work: how much to do, see the attribute `work`.
-            report: called from time to time with the completed fraction of the work.
-        """
+        """Distort short segments at random, improve around them, and keep what is not worse."""
         begin_work = self.work
         while self.work < begin_work + work:
             report((self.work - begin_work) / work)

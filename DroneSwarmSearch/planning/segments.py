@@ -38,15 +38,8 @@ def reach_of(start: int, goal: int | None, steps: int, size: int) -> Box:
 class Segment:
     """What one target contributes to the gains of a segment of one drone's path.
 
-    Args:
-        passes: those of the target.
-        old: the current path in this segment.
-        begin: the segment's first step.
-        reach: the cells that the drone can reach in it.
-
-    Attributes:
-        cells: the number of cells of all hypotheses in which the passes are computed; 0 if the
-            person cannot be there.
+    `reach` are the cells that the drone can reach in it, `cells` the number of cells of all
+    hypotheses in which the passes are computed; 0 if the person cannot be there.
     """
 
     def __init__(self, passes: Passes, old: Path, begin: int, reach: Box) -> None:
@@ -105,10 +98,7 @@ class Segment:
     ) -> Iterator[tuple[int, Floats]]:
         """The mass that searches have found, where it would be before each step from the first on.
 
-        Args:
-            searches: of the drone.
-            masses: of the person, until the last step.
-            are_counted: whether the masses lack what these searches find.
+        `are_counted`: whether the masses of the person already lack what these searches find.
         """
         first, last = min(searches, default=len(masses)), len(masses) - 1
         found = np.zeros(self._masses.shape[1:])
@@ -123,12 +113,7 @@ class Segment:
                 found = self._forward(after, step)
 
     def _remove_from_rests(self, searches: Searches, masses: Floats) -> float:
-        """Subtract from the rests what the drone's searches gain; returns all that they gain.
-
-        Args:
-            searches: the drone's.
-            masses: those with these searches.
-        """
+        """Subtract from the rests what the drone's searches gain; returns all that they gain."""
         fewer, gain = np.zeros(masses.shape[1:]), 0.0
         for step in range(max(searches, default=-1), -1, -1):
             before, worth = fewer * self._kept[step], self._worth[step]

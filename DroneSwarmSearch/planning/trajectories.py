@@ -18,12 +18,7 @@ MOST_ENUMERATED = 65536
 
 
 class Trajectories(NamedTuple):
-    """Trajectories of a person, with their probabilities.
-
-    Attributes:
-        cells: int64, shape (T, M): the person's cell at every step, y * N + x.
-        probabilities: float64, shape (M,), sum to 1.
-    """
+    """A person's cells y * N + x at every step, int64, (T, M), and their probabilities, (M,)."""
 
     cells: Ints
     probabilities: Floats
@@ -62,16 +57,11 @@ def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectori
 
 
 def chernoff_bound(mean: float, count: int, confidence: float) -> float:
-    """An upper confidence bound on the expectation of a quantity in [0, 1].
+    """An upper confidence bound on the expectation of a quantity in [0, 1], from a sample's mean.
 
     The largest p with count * kl(mean, p) <= -ln(1 - confidence), where kl is the relative
     entropy of two Bernoulli distributions (H. Chernoff, Annals of Mathematical Statistics
     23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963).
-
-    Args:
-        mean: the mean of the sample.
-        count: independent draws in the sample.
-        confidence: probability that the bound holds.
     """
     if mean >= 1.0:
         return 1.0

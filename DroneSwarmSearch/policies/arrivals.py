@@ -1,10 +1,8 @@
 """The inputs of the network "ppo": the success of searches at each drone's time of arrival.
 
-A drone that flies to a cell arrives some steps later, when the person may have drifted on. For
-every drone, `Arrivals` therefore evaluates each cell in the step in which that drone could search
-it. The inputs do not depend on the scale of the probabilities, and have one length for all grids
-and numbers of drones, so one network serves them all. Turning a search by a right angle only
-changes their order, see `VIEWS`, so that a network can score every direction in the same way.
+They do not depend on the scale of the probabilities, and have one length for all grids and
+numbers of drones, so one network serves them all. Turning a search by a right angle only changes
+their order, see `VIEWS`, so that a network can score every direction in the same way.
 """
 
 from __future__ import annotations
@@ -29,8 +27,7 @@ __all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
 
 Ints = NDArray[np.integer]
 NEAR, FAR = DISCOUNT, 0.9
-"""Factors on the success of a search for every step of the way: for the best cell, as in greedy
-search, and for a wider view."""
+"""Factors on success for each step of the way: for the best cell, and for a wider view."""
 
 STEPS = 32
 """The most steps to look ahead; cells farther away count as they will be in the last of them."""
@@ -58,8 +55,7 @@ INPUTS = _GLOBALS + 6
 """The number of inputs."""
 
 BASELINE = (_SCORES, _SCORES + 4)
-"""Two of the inputs: the scores of greedy search on the forecast, for flying straight ahead and
-for searching."""
+"""Two inputs: the forecast's greedy scores for flying straight ahead and for searching."""
 
 
 def _views() -> NDArray[np.int64]:
@@ -139,19 +135,16 @@ class Arrivals:
         limit: int,
         detections: NDArray[np.floating],
     ) -> Singles:
-        """The inputs of every drone.
+        """The inputs of every drone: float32, shape (searches, n, INPUTS).
 
         Args:
-            ahead: the probability of success (POS) of a search of each cell, now and in the
-                next steps, see `BeliefTracker.success_ahead`; shape (searches, steps + 1, N, N),
-                at any scale. If no search can succeed now, all cells count as equal.
+            ahead: the probability of success (POS) of a search of each cell, now and in the next
+                steps, see `BeliefTracker.success_ahead`; shape (searches, steps + 1, N, N), at any
+                scale. If no search can succeed now, all cells count as equal.
             positions: every drone's (x, y), shape (searches, n, 2).
             remaining: steps until the time limit, at least 1; shape (searches,).
             limit: the time limit, in steps.
             detections: the probability of detection, shape (searches,).
-
-        Returns:
-            float32, shape (searches, n, INPUTS).
         """
         searches, n, size = len(ahead), self.n_drones, self.grid_size
         out = np.empty((searches, n, INPUTS), np.float32)
@@ -234,13 +227,9 @@ class Arrivals:
                 values.reshape(len(own), -1)[drones[differs], other[differs]] *= CLAIMED
 
     def _on_each_side(self, values: Singles, x: Ints, y: Ints, reduce: Any) -> Singles:
-        """The maximum or sum on each drone's side of each direction, and in its own cell.
+        """The maximum or sum (`reduce`) on each drone's side of each direction, and in its cell.
 
-        Args:
-            values: of each cell to each drone: shape (drones, N, N), at least 0.
-            x: the drones' columns, shape (drones,).
-            y: their rows.
-            reduce: `np.max` or `np.sum`.
+        The values are those of each cell to each drone, shape (drones, N, N), at least 0.
         """
         columns, rows = reduce(values, axis=1), reduce(values, axis=2)
         parts = [

@@ -1,9 +1,4 @@
-"""Base classes: one policy for a single search or a batch, with a memory for each search.
-
-Searches whose observations have been identical since they began share one memory and one choice,
-until their observations differ. With one person and a deterministic policy, a batch of thousands
-therefore costs little more than a single search.
-"""
+"""Base classes: one policy for a single search or a batch, with a memory for each search."""
 
 from __future__ import annotations
 
@@ -56,13 +51,11 @@ class BatchPolicy(ABC):
                 search in its batch, by default 0 to E - 1. A single search has index 0.
 
         Returns:
-            The actions, 0 to 5 (see `Action`): a dict from agent names for one search, an
-            int64 array of shape (E, n_drones) for a batch.
+            Actions, 0 to 5 (see `Action`): a dict from agent names, or int64, shape (E, n_drones).
 
         Raises:
             TypeError: positions or rows are not integers.
-            ValueError: the number of drones is not the scenario's, an array has the wrong
-                shape, or rows are negative or repeated.
+            ValueError: an array does not fit the scenario, or rows are negative or repeated.
         """
         if "positions" in observations:
             return self._act(*self._checked(observations))
@@ -79,9 +72,8 @@ class BatchPolicy(ABC):
         """Start new episodes: the next observations are the first of an episode.
 
         Args:
-            seed: for policies that draw random numbers: an integer >= 0, with which row i
-                gets seed + i, or one for each row. Without it, the policy continues its
-                random sequence.
+            seed: for policies that draw random numbers: an integer >= 0, with which row i gets
+                seed + i, or one for each row. By default, the random sequence continues.
             rows: the indices of the searches to reset; all by default.
 
         Raises:
@@ -135,8 +127,8 @@ class BatchPolicy(ABC):
 class SwarmPolicy(BatchPolicy):
     """A policy for one search: `begin` returns its memory, `choose` the actions.
 
-    It steers batches as well. `choose` must be deterministic: searches with identical
-    observations share one memory and one call.
+    It steers batches as well. `choose` must be deterministic: searches whose observations have been
+    identical since they began share one memory and one call, so that a batch costs little more.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -147,21 +139,17 @@ class SwarmPolicy(BatchPolicy):
     def begin(self) -> Any:
         """The memory of a search before its first observation.
 
-        It must support `copy.deepcopy`. Let copies share large constant data (forecasts,
-        tables).
+        It must support `copy.deepcopy`; let copies share large constant data (forecasts, tables).
         """
 
     @abstractmethod
     def choose(self, memory: Any, cells: list[Cell], matrix: Singles) -> Sequence[int]:
-        """Choose the actions of one step.
+        """Choose an action, 0 to 5, for every drone.
 
         Args:
             memory: the memory of this search; change it in place.
             cells: every drone's (x, y).
             matrix: float32, shape (N, N), indexed [y, x]; do not keep or change it.
-
-        Returns:
-            An action, 0 to 5, for every drone.
         """
 
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:

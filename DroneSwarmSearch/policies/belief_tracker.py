@@ -1,8 +1,7 @@
 """The belief about every person, tracked by the swarm itself.
 
-The environment shows the mean over the missing persons, which may ignore the searches made. From
-the scenario, its own searches and the matrix, a swarm can compute the exact posterior of each
-person and, in most cases, who has been found. Both agree bit for bit.
+The matrix is the mean over the missing persons, and may ignore searches. A swarm can compute
+each person's exact posterior, bit for bit, and in most cases who has been found.
 """
 
 from __future__ import annotations
@@ -27,24 +26,19 @@ FOLLOWED = 16
 """Steps for which an `Outlook` follows what a planned search finds; by then it has spread."""
 
 TOLERANCE = 1e-5
-"""Largest relative error of a matching matrix: a few roundings in single precision. This
-package's matrices match exactly; those that went through other libraries may not."""
+"""Largest relative error of a matching matrix that went through another library."""
 
 
 class BeliefTracker:
     """The belief about every person of one search.
 
-    In every step, call `observe` with the matrix, choose the actions, and call `update` with
-    them. Observations do not say who was found, so the tracker infers it from the matrix.
-    Persons with equal beliefs cannot be distinguished: one that was found may still count as
-    missing, which does not change the mean.
+    In every step, call `observe` with the matrix, choose the actions, and call `update` with them.
+    Who was found is inferred from the matrix. Of persons with equal beliefs, one that was found may
+    still count as missing, which does not change the mean.
 
     Copies are cheap; they share the forecasts and the beliefs, which never change.
 
     Attributes:
-        scenario: the parameters of the search.
-        forecasts: one for each person.
-        step: completed steps.
         missing: the persons who count as missing, by number in ascending order; at least one.
     """
 
@@ -75,20 +69,19 @@ class BeliefTracker:
 
     @property
     def success(self) -> Floats:
-        """Probability of success (POS) of searching each cell, the mean over the missing persons.
+        """Probability of success (POS) of searching each cell: float64, shape (N, N), [y, x].
 
-        float64, shape (N, N), indexed [y, x]: the mean of probability of detection x belief. In
-        the coverage mission, it is unknown who would have been found, so each person counts as
-        much as the probability that no search so far has found them.
+        The mean over the missing persons of probability of detection x belief. In the coverage
+        mission, it is unknown who would have been found, so each person counts as much as the
+        probability that no search so far has found them.
         """
         success: Floats = Outlook(self, 0).success[0]
         return success
 
     def success_ahead(self, steps: int) -> Floats:
-        """`success` in this step and some later ones, if nobody searches in between.
+        """`success` now and in some later steps, if nobody searches in between: a new array.
 
-        Returns:
-            float64, shape (steps + 1, N, N), indexed [steps from now, y, x]; a new array.
+        float64, shape (steps + 1, N, N), indexed [steps from now, y, x].
         """
         return Outlook(self, steps).success
 
@@ -98,10 +91,7 @@ class BeliefTracker:
         return self.scenario.detections[person] * kept
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
-        """The matrix that the environment shows while some persons, by default `missing`, are.
-
-        float32, shape (N, N), indexed [y, x].
-        """
+        """The matrix shown while some persons, by default `missing`, are: float32, (N, N)."""
         persons = self.missing if missing is None else missing
         if self.scenario.bayesian_update and self._beliefs is not None:
             maps = [belief.map() for belief in self._beliefs]
@@ -139,12 +129,7 @@ class BeliefTracker:
                     yield missing
 
     def update(self, cells: Sequence[Cell], actions: Iterable[int]) -> None:
-        """Advance by a step: searches that did not find those still missing, then drift.
-
-        Args:
-            cells: every drone's (x, y) before the step.
-            actions: every drone's action.
-        """
+        """Advance by a step: searches that did not find those still missing, then drift."""
         size = self.scenario.grid_size
         searched = [
             y * size + x
@@ -179,14 +164,9 @@ class BeliefTracker:
 class Outlook:
     """The success of searches in the next steps, less what planned searches find before them.
 
-    Args:
-        tracker: the beliefs; do not update it while the outlook is in use.
-        steps: the number of steps to look ahead.
-
-    Attributes:
-        success: the probability that a search of each cell is the first to find, as in
-            `BeliefTracker.success`; float64, shape (steps + 1, N, N), indexed
-            [steps from now, y, x].
+    `success` is the probability that a search of each cell is the first to find, as in
+    `BeliefTracker.success`: float64, shape (steps + 1, N, N), indexed [steps from now, y, x].
+    Do not update the tracker while the outlook is in use.
     """
 
     def __init__(self, tracker: BeliefTracker, steps: int) -> None:

@@ -15,18 +15,11 @@ MOVES: dict[Cell, Action] = dict(zip(rules.MOVES, Action, strict=True))
 
 
 def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:
-    """Every drone's next cell, given the cells that the drones want to enter.
+    """Every drone's next cell, the wanted or the current one; all different, as the current are.
 
     Drones that exchange cells or rotate in a ring always move; if one of them gave way, they would
     block each other forever. Of other drones that want the same cell, the first moves. A drone
     stays if the cell it wants is that of a drone that stays; drones may follow one another.
-
-    Args:
-        cells: every drone's cell, all different.
-        wanted: every drone's desired next cell; its current cell to stay.
-
-    Returns:
-        Every drone's next cell, the desired or the current one; all different.
     """
     rings = _in_rings(cells, wanted)
     order = [*rings, *(drone for drone in range(len(cells)) if drone not in rings)]

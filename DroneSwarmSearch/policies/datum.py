@@ -62,9 +62,7 @@ class Datum(NamedTuple):
 def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
     """The datums of a person's forecast at a step, the likeliest first.
 
-    Hypotheses whose areas meet share a datum, and so do those that others connect. A forecast
-    usually has one datum; two last known positions far apart have two. An array is a single
-    hypothesis, so that its datum is its mean.
+    Hypotheses whose areas meet share a datum, and so do those that others connect; usually all.
     """
     parts = zip(forecast.joint(step), forecast.weights.tolist(), strict=True)
     likely = [part for part in parts if part[0].any()]  # a weight may be too small for a float

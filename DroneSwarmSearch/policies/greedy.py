@@ -29,16 +29,14 @@ DISCOUNT = 0.7
 """Factor on the value of a success for every step that it comes later."""
 
 CLAIMED = 1e-3
-"""Factor on the value of a cell that another drone has claimed. It is not zero, so drones without
-another likely cell gather around the claimed one."""
+"""Factor on the value of a claimed cell; not zero, so drones without another one gather there."""
 
 FADING = 0.9
 """Factor per step on the memory of a search, since the person may drift back."""
 
 WORTHWHILE, WORTHWHILE_ON_ARRIVAL = 0.3, 0.2
-"""Fraction of the best cell's success, now and on arrival, that a cell needs to be a target. A
-posterior has wide flanks where searches hardly ever succeed, and a drone that stops there reaches
-the middle too late."""
+"""The share of the best cell's success, now and on arrival, that targets need: drones that stop on
+the wide flanks of a posterior reach the middle too late."""
 
 SLIGHT = 1e-20
 """Factor on the value of the other cells: enough to choose among them if all targets are taken."""
@@ -64,11 +62,8 @@ class _Greedy(SwarmPolicy):
     ) -> list[tuple[int, Cell]]:
         """Each drone's number and target, in the order in which the drones choose.
 
-        Args:
-            cells: every drone's cell.
-            values: of the cells as targets, shape (N, N), or (n_drones, N, N) for each drone.
-            claim: called with a drone, its target, and the drones that still choose; returns the
-                values for these, shape (drones, N, N). Without it, values stay.
+        The values of the cells have the shape (N, N), or (n_drones, N, N). `claim` gets a drone,
+        its target and the drones that still choose; it returns their new values, (drones, N, N).
         """
         size, scores = self.scenario.grid_size, self._scores(cells, values)
         targets, claimed = [], np.zeros(size**2)
@@ -96,24 +91,15 @@ class _Greedy(SwarmPolicy):
 
 
 def worthwhile(success: Floating, share: float) -> Floating:
-    """The values of cells as targets, which need a share of the best one's success.
-
-    Args:
-        success: of each cell, shape (..., N, N), at least 0.
-        share: see above.
-    """
+    """The values of cells, (..., N, N), as targets, which need a share of the best success."""
     best = success.max(axis=(-2, -1), keepdims=True)
     return np.where(success < share * best, SLIGHT * success, success)
 
 
 def claimed_in_turn(values: Singles) -> Ints:
-    """The array form of `_Greedy._targets` without `claim`, for many swarms.
+    """The array form of `_Greedy._targets` without `claim`: int64 cells, shape (swarms, n).
 
-    Args:
-        values: of each cell to each drone, discounted, at least 0; shape (swarms, n, N * N).
-
-    Returns:
-        Each drone's target, y * N + x: int64, shape (swarms, n).
+    The values of each cell to each drone are discounted, at least 0; shape (swarms, n, N * N).
     """
     swarms, n, _ = values.shape
     values = values.copy()

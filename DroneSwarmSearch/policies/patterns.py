@@ -53,13 +53,9 @@ CELLS_PER_LENGTH = 4 / math.pi
 
 @dataclass
 class _RouteProgress:
-    """A drone's progress along its route.
+    """A drone's progress along its route, which may be empty.
 
-    Attributes:
-        route: the cells to search in order; empty for a drone without a route.
-        at: the index of the next one.
-        is_done: whether no cell is left to be searched for the first time; the drone then flies
-            back along the route.
+    `at` is the index of the next cell. Once all are searched (`is_done`), the drone flies back.
     """
 
     route: Route
@@ -92,15 +88,10 @@ class PatternPolicy(SwarmPolicy):
 
     @abstractmethod
     def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
-        """The routes of the drones, with alternatives.
+        """Alternative routes for each drone, or for fewer, at least one: cells to search in order.
 
-        Args:
-            datum: where to search, and the effort available.
-            passes: how many times tracks have been laid out before.
-
-        Returns:
-            Alternative routes for each drone, or for fewer, but at least one: lists of the cells
-            to search in order. The nearest drone takes the one that starts nearest to it.
+        The nearest drone takes the one that starts nearest to it. `passes` is how many times tracks
+        have been laid out before.
         """
 
     def begin(self) -> _PatternMemory:
@@ -228,10 +219,7 @@ def _assigned(choices: Sequence[Sequence[Route]], cells: Sequence[Cell]) -> list
 def _wanted(
     progress: Sequence[_RouteProgress], cells: Sequence[Cell]
 ) -> tuple[list[Cell], set[int]]:
-    """Every drone's desired next cell, and the drones that search.
-
-    Drones that have finished let the others pass by exchanging cells with them.
-    """
+    """Every drone's desired next cell, and who searches; finished drones let others pass."""
     wanted = list(cells)
     searching = {
         drone

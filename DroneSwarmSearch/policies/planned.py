@@ -35,13 +35,10 @@ Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
 
 @dataclass
 class PlannedSearch:
-    """A search and its plan.
+    """A search and its plan, which searches share.
 
-    Attributes:
-        tracker: the beliefs.
-        plan: the steps of the plan; shared between searches, never changed.
-        situations: step, missing persons and drones' cells at every plan made in this search. With
-            the scenario, they determine the plan.
+    `situations`: step, missing persons and drones' cells at every plan made in this search. With
+    the scenario, they determine the plan.
     """
 
     tracker: BeliefTracker
@@ -68,13 +65,7 @@ class PlannedPolicy(SwarmPolicy):
     def plan(
         self, tracker: BeliefTracker, cells: list[Cell], report: Report | None
     ) -> list[PlannedStep]:
-        """A plan for the next steps, see `horizon`.
-
-        Args:
-            tracker: the beliefs now; do not update it.
-            cells: every drone's (x, y).
-            report: as for `PlannerPolicy.prepare`.
-        """
+        """A plan for the next steps (see `horizon`) from now on; `tracker` must not be updated."""
 
     def begin(self) -> PlannedSearch:
         return PlannedSearch(copy.deepcopy(self._tracker))
@@ -115,15 +106,9 @@ class PlannedPolicy(SwarmPolicy):
         tracker: BeliefTracker,
         cells: list[Cell],
     ) -> tuple[list[PlannedStep], Floats]:
-        """The next steps of a swarm that finds nobody.
+        """The next steps (see `horizon`) of a swarm that finds nobody, by the actions of `act`.
 
-        Args:
-            act: chooses the actions.
-            tracker: the beliefs now; not updated.
-            cells: every drone's (x, y).
-
-        Returns:
-            The steps, see `horizon`, and the probability that they find each missing person.
+        Also returns the probability that they find each missing person.
         """
         tracker, unfound = copy.deepcopy(tracker), np.ones(len(tracker.missing))
         steps: list[PlannedStep] = []

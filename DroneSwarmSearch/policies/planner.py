@@ -19,8 +19,8 @@ from DroneSwarmSearch.scenario import Cell, Scenario
 __all__ = ["PlannerPolicy"]
 
 EARLY_BONUS = 0.01
-"""How much more a find in the first step is worth than one in the last. Of several plans, the one
-with the largest probability of success by the limit is chosen, without the bonus."""
+"""How much more a find in the first step is worth than one in the last, in the choice of paths; of
+several plans, the one with the largest probability of success wins, without the bonus."""
 
 MIN_GAIN, MAX_ROUNDS = 5e-4, 8
 """Improvement of an initial plan stops after a round that gains less, or after so many."""
@@ -29,9 +29,8 @@ MIN_LENGTH = 3
 """Length of the shortest path segments to improve, in steps."""
 
 WORK, WORK_AFTER_FIND = 2.5e8, 2e6
-"""The most work for a first plan, to improve the best initial plan and explore from it, and for
-a plan after a find: about ten seconds, and a tenth of one. An evaluation plans after a find in
-almost every step."""
+"""The most work for a first plan, to improve the best initial plan and explore from it, and for a
+plan after a find: about ten seconds, and a tenth of one."""
 
 MAX_LENGTH_AFTER_FIND = 24
 """Length of the longest path segments to improve after a find."""
@@ -40,8 +39,8 @@ EXPLORED_ROUNDS = 500
 """Exploring takes at most as much work as this many rounds of improvement."""
 
 RANDOM_STARTS, RANDOM_BUDGET = 32, 400_000
-"""The most random initial plans, and the largest product of their number, drones, persons'
-hypotheses, steps and cells: about a second. Only small searches can afford them."""
+"""The most random initial plans, and the largest product of their number, drones, hypotheses, steps
+and cells: about a second. Only small searches can afford them."""
 
 FEW_DRONES = 4
 """The most drones for which idle drones are an initial plan, too."""

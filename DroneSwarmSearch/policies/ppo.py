@@ -1,8 +1,4 @@
-"""A policy trained by proximal policy optimisation (PPO): one small network, run in NumPy.
-
-`examples/train_ppo.py` trained the packaged weights, `ppo.npz`; docs/guides/training.md has the
-command, the training time and the learning curve.
-"""
+"""The policy "ppo": one small network trained by `examples/train_ppo.py`, run in NumPy."""
 
 from __future__ import annotations
 
@@ -75,13 +71,9 @@ class Network:
         self._layers = [(np.float32(weights), np.float32(biases)) for weights, biases in layers]
 
     def __call__(self, inputs: Singles) -> Singles:
-        """The logits of the moves and of searching, indexed by `Action`; idling has none.
+        """The logits of the moves and of searching, indexed by `Action`: float32, shape (n, 5).
 
-        Args:
-            inputs: see `Arrivals`: float32, shape (n, INPUTS).
-
-        Returns:
-            float32, shape (n, 5).
+        The inputs are those of `Arrivals`: float32, shape (n, INPUTS). Idling has no logit.
         """
         views = hidden = inputs[:, VIEWS]
         for weights, biases in self._layers[:-1]:

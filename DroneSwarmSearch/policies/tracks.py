@@ -2,8 +2,7 @@
 
 Source: International Aeronautical and Maritime Search and Rescue Manual, volume II, IMO and
 ICAO, chapter on search techniques; sweeps at equal spacing go back to B. O. Koopman, Search and
-Screening, 1946. A track is a list of turning points joined by straight legs; `cells_along` lists
-its cells.
+Screening, 1946. A track is a list of turning points joined by straight legs.
 
 Points are (x, y) in cells, whole numbers at the centres of cells; y grows downward. Headings are
 in degrees, clockwise from up.
@@ -61,12 +60,7 @@ def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
     """The turning points of parallel legs in alternating directions, one cell apart.
 
     With legs along the area's longer side this is the parallel sweep search, PS; along the
-    shorter side, the creeping line search, CS.
-
-    Args:
-        area: the area to search; legs begin and end half a cell from its edges.
-        along_x: whether the legs are parallel to the x axis.
-        corner: where the track starts.
+    shorter side, the creeping line search, CS. The track starts in a corner.
     """
     columns = range(area.x, area.x + area.width)[:: 1 if corner[0] == area.x else -1]
     rows = range(area.y, area.y + area.height)[:: 1 if corner[1] == area.y else -1]
@@ -120,15 +114,7 @@ def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Poin
     """The expanding square search, SS: legs of S, S, 2S, 2S, 3S, 3S…, turns of 90° to the right.
 
     The spacing S is one cell; turned by 45° it is the diagonal of a cell, so that the turning
-    points are at centres of cells again.
-
-    Args:
-        datum: the start of the track.
-        legs: the number of legs.
-        heading: the heading of the first leg.
-
-    Returns:
-        The turning points, with the datum and the end.
+    points, from the datum to the end, are at centres of cells again.
     """
     spacing = math.sqrt(2.0) if heading % 90.0 else 1.0
     lengths = [spacing * (leg // 2 + 1) for leg in range(legs)]
@@ -139,15 +125,7 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
     """The sector search, VS: three triangles through the datum, with nine legs of length R.
 
     All turns are 120° to the right; over the datum the track continues straight into the next
-    triangle.
-
-    Args:
-        datum: the point that the triangles share.
-        radius: the length of each leg, R.
-        heading: the heading of the first leg.
-
-    Returns:
-        The ten ends of the nine legs.
+    triangle. Returns the ten ends of the legs.
     """
     headings = [heading + 120.0 * turns for turns in (0, 1, 2, 2, 3, 4, 4, 5, 6)]
     return _ends_of_legs(datum, [radius] * 9, headings)
@@ -164,8 +142,7 @@ def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[flo
 def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
     """The cells (x, y) along a track, as often as it crosses them, each next to the one before.
 
-    Legs that are not parallel to an axis become staircases. Cells outside the grid are left out, so
-    successive cells may not be adjacent where the track leaves the grid.
+    Legs that are not parallel to an axis become staircases. Cells outside the grid are left out.
     """
     corners = [(math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in points]
     cells = corners[:1]

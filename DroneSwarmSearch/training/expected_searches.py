@@ -1,9 +1,8 @@
 """Searches in expectation: nobody is found, and each search pays its probability of success.
 
-With one person, everything before the find follows from the drones' actions, so a search can be
-simulated without drawing persons. What a search removes from the unnormalised belief is the
-probability that it finds the person at that moment. These rewards add up to the probability of
-success of the whole episode, without sampling error; with several persons, to the mean over them.
+With one person, everything before the find follows from the drones' actions. What a search
+removes from the unnormalised belief is the probability that it finds the person then. These
+rewards add up to the episode's probability of success; with several persons, the mean over them.
 """
 
 from __future__ import annotations
@@ -118,8 +117,7 @@ class ExpectedSearches:
             actions: see `Action`, shape (searches, n).
 
         Returns:
-            The probability of success that each drone's search adds, 0 for other actions:
-            float64, shape (searches, n).
+            The probability of success that each drone's action adds: float64, shape (searches, n).
         """
         rewards = np.zeros(actions.shape)
         search, drone = (actions == Action.SEARCH).nonzero()

@@ -2,16 +2,11 @@
 
     python tests/benchmarks/calibration.py
 
-plays 10,000 seeded episodes per setting without searches: a 40 x 40 grid, the person
-starts in the middle, 60 steps. At every step it compares the person's relative frequency in each
-cell with the matrix that the drones observe, by total variation: half the sum of the absolute
-differences. Relative frequencies of a finite sample differ even from the true distribution; the
-mean of that difference, the floor, is computed exactly and printed in parentheses.
-
-Each package is measured where it is installed, through its own constructor, `reset`, `step` and
-the person's position: this package, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the 2023 package.
-The latter needs a separate environment, because this package provides its import path, too.
-`--csv` saves the rows, and keeps those of other packages in the file.
+plays 10,000 seeded episodes per setting without searches (see "Calibration" in docs/model.md), and
+prints the distance at some steps, with its floor in parentheses. Each package is measured where it
+is installed: this one, DSSE 1.1.9 (`pip install DSSE==1.1.9`) and the 2023 package, which needs a
+separate environment, because this package provides its import path, too. `--csv` saves the rows,
+and keeps those of other packages in the file.
 """
 
 from __future__ import annotations
@@ -25,6 +20,7 @@ import math
 import random
 import warnings
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Cell = tuple[int, int]
 
 SIZE, START = 40, (20, 20)
 EPISODES, STEPS = 10_000, 60
@@ -46,19 +43,15 @@ class LeftOutError(Exception):
 
 
 class Setting(NamedTuple):
-    """Parameters of a package; None stands for its default disperse constant."""
-
     drift: tuple[float, float]
-    constant: float | None
+    constant: float | None  # None where the package has none
 
 
 class Seen(NamedTuple):
     """What the episodes showed at every step, from 0 on.
 
-    Attributes:
-        matrix: mean of the observed matrices, shape (steps + 1, N, N), indexed [t, y, x].
-        counts: number of episodes with the person in each cell, same shape.
-        outside: number of episodes with the person outside the grid, shape (steps + 1,).
+    The mean of the matrices and the number of persons in each cell, (steps + 1, N, N), indexed
+    [t, y, x]; and the number outside the grid, (steps + 1,).
     """
 
     matrix: Floats
@@ -76,7 +69,7 @@ def ours(setting: Setting, episodes: int, steps: int) -> Seen:
         grid_size=SIZE,
         vector=setting.drift,
         person_initial_position=START,
-        disperse_constant=10 if setting.constant is None else setting.constant,
+        disperse_constant=setting.constant,
         timestep_limit=steps + 1,
     )
     envs.reset(seed=0)
@@ -106,14 +99,12 @@ def dsse(setting: Setting, episodes: int, steps: int) -> Seen:
             person_initial_position=START,
             timestep_limit=steps + 1,
         )
-    idle = {"drone0": 0}  # a move off the grid, which DSSE ignores
 
-    def episode() -> Iterator[tuple[Floats, tuple[int, int]]]:
+    def episode() -> Iterator[tuple[Floats, Cell]]:
         observations, _ = env.reset()
-        yield observations["drone0"][1], next(iter(env.get_persons())).get_position()
-        for _ in range(steps):
-            observations, *_ = env.step(idle)
+        while True:
             yield observations["drone0"][1], next(iter(env.get_persons())).get_position()
+            observations, *_ = env.step({"drone0": 0})  # a move off the grid, which DSSE ignores
 
     return one_by_one(episode, episodes, steps)
 
@@ -126,16 +117,15 @@ def package_of_2023(setting: Setting, episodes: int, steps: int) -> Seen:
         grid_size=SIZE,
         vector=setting.drift,
         person_initial_position=list(START),
-        disperse_constant=10 if setting.constant is None else setting.constant,
+        disperse_constant=setting.constant,
         timestep_limit=steps + 1,
     )
 
-    def episode() -> Iterator[tuple[Floats, tuple[int, int]]]:
+    def episode() -> Iterator[tuple[Floats, Cell]]:
         observations = env.reset()
-        yield observations["drone0"]["observation"][1], (env.person_x, env.person_y)
-        for _ in range(steps):
-            observations, *_ = env.step({"drone0": 5})
+        while True:
             yield observations["drone0"]["observation"][1], (env.person_x, env.person_y)
+            observations, *_ = env.step({"drone0": 5})
 
     return one_by_one(episode, episodes, steps)
 
@@ -150,11 +140,7 @@ PACKAGES: dict[str, tuple[Play, list[Setting]]] = {
 
 
 def installed(name: str) -> Any:
-    """Import a module without its output.
-
-    Raises:
-        LeftOutError: it cannot be imported.
-    """
+    """Import a module without its output."""
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             return importlib.import_module(name)
@@ -168,14 +154,14 @@ def empty(steps: int) -> Seen:
 
 
 def one_by_one(
-    episode: Callable[[], Iterator[tuple[Floats, tuple[int, int]]]], episodes: int, steps: int
+    episode: Callable[[], Iterator[tuple[Floats, Cell]]], episodes: int, steps: int
 ) -> Seen:
     """Play the episodes of an environment that uses the global random generators."""
     seen = empty(steps)
     for seed in range(episodes):
         random.seed(seed)
         np.random.seed(seed)
-        for step, (matrix, (x, y)) in enumerate(episode()):
+        for step, (matrix, (x, y)) in enumerate(islice(episode(), steps + 1)):
             seen.matrix[step] += matrix
             if 0 <= x < SIZE and 0 <= y < SIZE:
                 seen.counts[step, y, x] += 1
@@ -209,18 +195,11 @@ def floor(matrix: Floats, episodes: int) -> float:
     return total / n / 2
 
 
-def measure(name: str, episodes: int, steps: int, settings: int | None) -> list[dict[str, Any]]:
-    """Measure a package; returns rows with `COLUMNS`.
-
-    Args:
-        name: of the package.
-        episodes: per setting.
-        steps: per episode.
-        settings: measure only the first ones; None measures all.
-    """
-    play, all_settings = PACKAGES[name]
+def measure(name: str, episodes: int, steps: int) -> list[dict[str, Any]]:
+    """Measure a package; returns rows with `COLUMNS`."""
+    play, settings = PACKAGES[name]
     rows = []
-    for setting in all_settings[:settings]:
+    for setting in settings:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # DSSE divides by a drift of 0
             seen = play(setting, episodes, steps)
@@ -258,14 +237,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", choices=PACKAGES, default=list(PACKAGES))
     parser.add_argument("--episodes", type=int, default=EPISODES, help=f"per setting ({EPISODES})")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"per episode ({STEPS})")
-    parser.add_argument("--settings", type=int, metavar="N", help="measure only the first N")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="save the rows")
     options = parser.parse_args(arguments)
     print(f"distance (floor) after {', '.join(map(str, PRINTED_STEPS))} steps")
     rows = []
     for name in options.only:
         try:
-            rows += measure(name, options.episodes, options.steps, options.settings)
+            rows += measure(name, options.episodes, options.steps)
         except LeftOutError as reason:
             print(f"{name:18}skipped: {reason}")
     if options.csv and rows:

@@ -40,12 +40,9 @@ class Size(NamedTuple):
 
 @dataclass(frozen=True)
 class BenchmarkCase:
-    """A case of the benchmark.
+    """A case that `make` prepares for a size and a number of searches, or raises `LeftOutError`.
 
-    Attributes:
-        name: in tables and files.
-        make: prepares the case for a size and a number of searches; raises `LeftOutError`.
-        batched: False if it runs one search whatever the number of searches.
+    If it is not `batched`, it runs one search whatever the number of searches.
     """
 
     name: str
@@ -65,10 +62,8 @@ def parameters(size: Size) -> dict[str, Any]:
 def spread_cells(grid_size: int, n_drones: int) -> list[tuple[int, int]]:
     """Distinct cells spread evenly over the grid, off the border if there is room."""
     side = int(np.ceil(np.sqrt(n_drones)))
-    if side <= grid_size - 2:
-        places = np.linspace(0, grid_size - 1, side + 2)[1:-1]
-    else:
-        places = np.linspace(0, grid_size - 1, side)
+    margin = int(side <= grid_size - 2)
+    places = np.linspace(0, grid_size - 1, side + 2 * margin)[margin : margin + side]
     along = places.round().astype(int).tolist()
     return [(x, y) for y in along for x in along][:n_drones]
 
@@ -114,8 +109,10 @@ def single(size: Size, **changes: Any) -> Run:
 
 
 def make_batch(size: Size, num_envs: int, **changes: Any) -> SearchBatch:
-    cells = spread_cells(*size)
-    batch = SearchBatch(num_envs, **parameters(size), drones_positions=cells, **changes)
+    task = {**parameters(size), "drones_positions": spread_cells(*size), **changes}
+    if "situations" in task:
+        del task["person_initial_position"]
+    batch = SearchBatch(num_envs, **task)
     batch.reset(range(num_envs))
     return batch
 
@@ -147,8 +144,10 @@ def batch_by_index(size: Size, num_envs: int) -> Run:
     return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
 
 
-def batch_with_matrices(size: Size, num_envs: int, **changes: Any) -> Run:
-    buffer = matrix_buffer(size, num_envs)
+def batch_with_matrices(
+    size: Size, num_envs: int, writes_matrices: bool = True, **changes: Any
+) -> Run:
+    buffer = matrix_buffer(size, num_envs) if writes_matrices else None
     batch = make_batch(size, num_envs, **changes)
 
     def step(actions: NDArray[np.int64]) -> object:
@@ -181,23 +180,10 @@ def situations(hypotheses: int, count: int, posterior: bool = False) -> Callable
             for _ in range(count * hypotheses)
         ]
         own = [drifts[first : first + hypotheses] for first in range(0, len(drifts), hypotheses)]
-        batch = SearchBatch(
-            num_envs,
-            grid_size=size.grid_size,
-            n_drones=size.n_drones,
-            timestep_limit=TIMESTEP_LIMIT,
-            bayesian_update=posterior,
-            situations=[[Person(hypotheses_of)] for hypotheses_of in own],
-            drones_positions=spread_cells(*size),
+        persons = [[Person(hypotheses_of)] for hypotheses_of in own]
+        return batch_with_matrices(
+            size, num_envs, posterior, bayesian_update=posterior, situations=persons
         )
-        batch.reset(range(num_envs))
-        buffer = matrix_buffer(size, num_envs) if posterior else None
-
-        def step(actions: NDArray[np.int64]) -> object:
-            batch.step(actions, buffer)
-            return batch.positions
-
-        return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
 
     return make
 
