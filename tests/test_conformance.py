@@ -258,26 +258,20 @@ def test_spaces_match_the_specification():
 # The names.
 
 
-def test_metadata():
+def test_metadata_and_agents():
     metadata = DroneSwarmSearch.metadata
     assert metadata["render_modes"] == ["human", "ansi", "rgb_array"]
-    assert metadata["render_fps"] > 0
     assert metadata["is_parallelizable"] is True
     assert metadata["name"] == "drone_swarm_search_v0"
-
-
-def test_agents():
     env = DroneSwarmSearch(n_drones=3)
     assert env.possible_agents == env.get_agents() == ["drone0", "drone1", "drone2"]
     assert env.max_num_agents == 3
     assert env.agents == [] and env.num_agents == 0
     env.reset()
-    assert env.agents == env.possible_agents
     env.get_agents().clear()
     env.agents.clear()
-    assert env.get_agents() == ["drone0", "drone1", "drone2"]
     env.reset()
-    assert env.agents == env.possible_agents
+    assert env.agents == env.possible_agents == env.get_agents()
 
 
 def test_the_classes_of_the_two_forms():
@@ -285,12 +279,11 @@ def test_the_classes_of_the_two_forms():
     assert type(parallel) is DroneSwarmSearch
     assert isinstance(parallel, pettingzoo.ParallelEnv)
     assert parallel.unwrapped is parallel
-    assert (parallel.n_drones, parallel.grid_size) == (2, 4)
     assert importlib.import_module("DroneSwarmSearch").parallel_env is env_module.parallel_env
     aec = env_module.env(n_drones=2, grid_size=4)
     assert isinstance(aec, pettingzoo.AECEnv)
     assert type(aec.unwrapped) is DroneSwarmSearch
-    assert aec.unwrapped.grid_size == 4
+    assert parallel.grid_size == aec.unwrapped.grid_size == 4
 
 
 def test_the_three_import_forms_give_one_class():
@@ -478,7 +471,10 @@ def test_infos_state_the_facts_of_the_episode():
     found = {**first, "Found": True, "persons_found": (True, False), "step": 1}
     assert infos == everyone(True) and facts(infos) == found
     assert facts(env.step({"drone0": 5, "drone1": 5})[4]) == {**found, "step": 2}
-    infos = env.step({"drone0": 2, "drone1": 5})[4]
-    assert facts(infos) == {**found, "ending": Ending.LEFT_GRID, "step": 3}
+    assert facts(env.step({"drone0": 2, "drone1": 5})[4]) == {
+        **found,
+        "ending": Ending.LEFT_GRID,
+        "step": 3,
+    }
     _, infos = env.reset()
     assert facts(infos) == facts(before) == first

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
-import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -167,16 +165,6 @@ def test_num_envs_counts_drones() -> None:
     ):
         with pytest.raises(error, match=words):
             gymnasium.make_vec(ID, **wrong)
-
-
-@pytest.mark.parametrize("layout", ["flat", "crops"])
-def test_copies_go_on_identically(layout: str) -> None:
-    env = SingleDroneEnv(**SMALL, observation=layout)
-    env.reset(seed=4)
-    env.step(Action.SEARCH)
-    copies = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
-    expected = [*episodes(env, 5)]
-    assert [[*episodes(each, 5)] for each in copies] == [expected, expected]
 
 
 def test_a_seed_determines_the_episodes_and_np_random() -> None:
