@@ -3,8 +3,7 @@
 For a stationary target and searches of equal cost, the optimal plan searches next where success
 is most likely (L. D. Stone, Theory of Optimal Search, 1975; M. C. Chew, Annals of Mathematical
 Statistics 38:494, 1967). A drone must also fly there, so the usual heuristic discounts success by
-`DISCOUNT` for each step of the way. It looks one target ahead; a planner can do better, especially
-with few drones in a wide area.
+`DISCOUNT` for each step of the way.
 """
 
 from __future__ import annotations
