@@ -63,7 +63,7 @@ suite:
 golden *options:
     python tests/golden/regenerate.py {{ options }}
 
-# regenerate the leaderboard; takes hours without stored results
+# regenerate the leaderboard; takes half an hour, or less if it was interrupted
 leaderboard *options:
     python -m DroneSwarmSearch leaderboard --out docs/leaderboard {{ options }}
 

@@ -96,17 +96,14 @@ OWN_POLICY = (
 )
 
 FORMAT: Any = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
-
 SEARCH = "of the suite, or a file of a search, .json"
-
 POSTERIOR = "show policies the posterior, not the prior"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command with the arguments, by default those of the process; returns the exit code.
 
-    Raises:
-        SystemExit: help was requested (code 0), or an argument is wrong (code 2).
+    Raises SystemExit for help (code 0) or if an argument is wrong (code 2).
     """
     if argv is None:
         argv = sys.argv[1:]
@@ -126,7 +123,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> int:
-    """Run a command; returns the exit code."""
     command, *rest = argv or ("play",)
     if command == "play":
         return demo.main(rest)
@@ -163,7 +159,6 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the options of commands that write episodes."""
     add = parser.add_argument
     add("search", metavar="SEARCH", help=SEARCH)
     policies = f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)"
@@ -180,7 +175,6 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the options of commands that compute results."""
     add = parser.add_argument
     if name == "leaderboard":
         parser.usage = "%(prog)s [options]"

@@ -24,22 +24,12 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = ["main"]
 
+# Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
-"""The policies whose results are compared with a flight by hand; all are quick."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the demo.
-
-    Args:
-        argv: the arguments of the command line; those of the process if None.
-
-    Returns:
-        The exit code: 0, 1 if the output cannot be written, or 130 after Ctrl-C.
-
-    Raises:
-        SystemExit: after `--help` (code 0), or if an option is invalid (code 2).
-    """
+    """Run the demo; returns 0, 1 if the output cannot be written, or 130 after Ctrl-C."""
     parser, options = parse(argv)
     try:
         _run(parser, options)

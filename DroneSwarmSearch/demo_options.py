@@ -1,7 +1,4 @@
-"""The options of the demo, and the search that they name or describe.
-
-A search is one of the suite, one in a file, a toy in cells and steps, or an incident at sea.
-"""
+"""The options of the demo, and the search that they name or describe."""
 
 from __future__ import annotations
 
@@ -50,13 +47,9 @@ A person, raft or boat that drifts with the wind, in metres and seconds. For exa
 --object-class PIW-1 --wind 240 20 --adrift 3600
 """
 
-USUAL_POLICY = "greedy-matrix"
-"""It needs only observations, so it also works while you fly drone 0."""
-
+USUAL_POLICY = "greedy-matrix"  # it needs only observations, so it also works while you fly drone 0
 OF_AN_INCIDENT = ("wind", "adrift", "cell", "drone_speed")
-
-TIMESTEP_LIMIT = 80
-"""Of every search without a name."""
+TIMESTEP_LIMIT = 80  # of every search without a name
 
 GRID_LEAST, GRID_MOST = 20, 100
 """The grid of an incident has as many cells along a side as hold its forecast, within these."""
@@ -135,11 +128,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def search_of(options: argparse.Namespace) -> NamedSearch:
-    """The search that the options name or describe.
-
-    Raises:
-        TypeError, ValueError: an option is invalid.
-    """
+    """The search that the options name or describe; raises TypeError or ValueError."""
     checks.integer("--seed", options.seed, 0)
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
     if options.search is not None:

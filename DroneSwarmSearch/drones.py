@@ -20,6 +20,7 @@ class Drones:
     """The drones of a search, in one episode after another.
 
     Args:
+        names: the drones' names.
         scenario: the search.
 
     Attributes:
@@ -31,8 +32,10 @@ class Drones:
             actions in it. Also holds the start.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
+        self._names = names
         self._scheme = scenario.reward_scheme
+        self._usual = dict.fromkeys(names, self._scheme.step)
         self._timestep_limit = scenario.timestep_limit
 
     def start(self, cells: list[int]) -> None:
@@ -45,12 +48,27 @@ class Drones:
 
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
-    ) -> tuple[list[float], Ending | None]:
+    ) -> tuple[dict[str, float], Ending | None]:
         """Let the drones search and move, given each one's action and target cell or OFF_GRID.
 
         Returns:
-            Each drone's reward, and the ending, or None.
+            Each drone's reward, for reading only, and the ending, or None.
         """
+        rewards, ending = self._usual, None
+        if _SEARCH in chosen or rules.affects_all(targets, world.step, self._timestep_limit):
+            rewards, ending = self._outcome(chosen, targets, world)
+        if ending:  # a drone that tries to leave the grid stays
+            moves = zip(self.cells, targets, strict=True)
+            targets = [cell if target == OFF_GRID else target for cell, target in moves]
+        self.chosen, self.cells = chosen, targets
+        self.returns = [*map(add, self.returns, rewards.values())]
+        self.history.append((targets, chosen))
+        return rewards, ending
+
+    def _outcome(
+        self, chosen: bytes, targets: list[int], world: WorldState
+    ) -> tuple[dict[str, float], Ending | None]:
+        """`resolve` searches, and apply the rules."""
         found: set[int] = set()
         observed: dict[int, float] = {}
         if _SEARCH in chosen:
@@ -59,11 +77,10 @@ class Drones:
             searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
             observed = world.observed(searches)
             found = world.search(searches)
-        rewards, ending = rules.outcome(
+        others, ending = rules.outcome(
             self._scheme,
             self._timestep_limit,
             world.is_rescue,
-            actions=chosen,
             targets=targets,
             observed=observed,
             found=found,
@@ -73,13 +90,10 @@ class Drones:
             all_found=not world.missing,
             covered=world.is_covered,
         )
-        if OFF_GRID in targets:  # a drone that tries to leave the grid stays
-            moves = zip(self.cells, targets, strict=True)
-            targets = [cell if target == OFF_GRID else target for cell, target in moves]
         self.finders |= found
-        self.chosen, self.cells = chosen, targets
-        self.returns = [*map(add, self.returns, rewards)]
-        self.history.append((targets, chosen))
+        rewards = self._usual.copy()
+        for drone, reward in others.items():
+            rewards[self._names[drone]] = reward
         return rewards, ending
 
     def trails(self) -> list[list[int]]:

@@ -1,8 +1,4 @@
-"""One moment of a search as plain data.
-
-The environment makes a `Frame`; `text`, `painter` and `window` draw it. They depend on
-nothing else of the environment, so drawing cannot change an episode.
-"""
+"""One moment of a search as plain data: drawing it cannot change an episode."""
 
 from __future__ import annotations
 
@@ -15,11 +11,8 @@ from DroneSwarmSearch.rules import Ending
 
 __all__ = ["Frame"]
 
-HISTORY_STEPS = 30
-"""Searches of this many steps are shown; older ones have faded."""
-
-TRAIL_STEPS = 12
-"""The moves in a drone's trail."""
+HISTORY_STEPS = 30  # searches of this many steps are shown; older ones have faded
+TRAIL_STEPS = 12  # the moves in a drone's trail
 
 
 @dataclass(frozen=True, eq=False)

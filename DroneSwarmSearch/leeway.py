@@ -316,7 +316,7 @@ def _hypotheses(
     kind: ObjectClass, wind: Pair, current: Pair, scale: Scale, count: int | None
 ) -> list[tuple[Pair, Pair, float]]:
     """The mean drift, its standard deviation, both (x, y) in cells per step, and the weight."""
-    speed = math.hypot(*wind)
+    speed = checks.real("the speed of wind", math.hypot(*wind), 0, _FASTEST)
     if speed == 0.0:
         return [(scale.vector(current), (0.0, 0.0), 1.0)]
     speeds = kind.speeds(speed)

@@ -46,6 +46,7 @@ __all__ = [
     "Action",
     "Ending",
     "RewardScheme",
+    "affects_all",
     "collisions",
     "ending",
     "is_success",
@@ -316,12 +317,16 @@ def ending(
     return Ending.TIME_LIMIT if time_limit_reached else None
 
 
+def affects_all(targets: Sequence[int], steps_before: int, timestep_limit: int) -> bool:
+    """Whether drones crash or the time limit is reached: else, only searches have an `outcome`."""
+    return steps_before == timestep_limit - 1 or len({OFF_GRID, *targets}) <= len(targets)
+
+
 def outcome(
     scheme: RewardScheme,
     timestep_limit: int,
     is_rescue: bool,
     *,
-    actions: Sequence[int],
     targets: Sequence[int],
     observed: Mapping[int, float],
     found: Collection[int],
@@ -330,14 +335,13 @@ def outcome(
     steps_before: int,
     all_found: bool,
     covered: bool,
-) -> tuple[list[float], Ending | None]:
-    """The drones' rewards in a step, and the ending if it is the last one.
+) -> tuple[dict[int, float], Ending | None]:
+    """The outcome of a step: drones' rewards, and the ending if it is the last one.
 
     Args:
         scheme: the figures of the table.
         timestep_limit: the number of steps in an episode.
         is_rescue: whether the mission is to find persons.
-        actions: each drone's action.
         targets: the cell that each drone tries to enter, or OFF_GRID.
         observed: the `probability` in `reward`, for each drone that searches.
         found: the drones whose searches find a person.
@@ -346,14 +350,15 @@ def outcome(
         steps_before: steps completed before this one.
         all_found: whether all persons have been found.
         covered: whether the coverage mission is complete, see `COVERED_AT`.
+
+    Returns:
+        Rewards by drone; those not named get `scheme.step`. The ending, or None.
     """
     is_last = steps_before == timestep_limit - 1
-    crashed = len({OFF_GRID, *targets}) <= len(targets)
-    rewards = [scheme.step] * len(targets)
-    if not (crashed or is_last or observed):
-        return rewards, None
-    shared = same_cell(targets)
-    for drone in range(len(targets)) if crashed or is_last else observed:
+    for_all = affects_all(targets, steps_before, timestep_limit)
+    shared = same_cell(targets) if for_all else set()
+    rewards = {}
+    for drone in range(len(targets)) if for_all else observed:
         rewards[drone] = reward(
             scheme,
             targets[drone] in shared,
@@ -361,7 +366,7 @@ def outcome(
             drone in found,
             is_last and is_rescue,
             drone in found_before,
-            actions[drone] == Action.SEARCH,
+            drone in observed,
             observed.get(drone, 0.0),
             steps_before,
             timestep_limit,

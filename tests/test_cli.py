@@ -11,9 +11,9 @@ import re
 import shutil
 import subprocess
 import sys
-import types
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,9 +27,6 @@ from DroneSwarmSearch.evaluation import SUITE, View, evaluate
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
-
-PATIENCE = 60.0
-"""Seconds after which a test fails that waits for another process."""
 
 OWN = """
 import os
@@ -100,10 +97,6 @@ def test_every_command_has_help(capsys):
         assert f"usage: python -m DroneSwarmSearch {name}" in output
         assert f"\n  python -m DroneSwarmSearch {name} " in output  # an example
         assert ("executed" in output) == (name != "bound")
-
-
-def test_an_unknown_command_is_refused(capsys):
-    assert "invalid choice: 'evalaute'" in refusal(capsys, "evalaute")
 
 
 @pytest.mark.parametrize("arguments", [[], ["play"], ["--text"]])
@@ -217,16 +210,13 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["evalaute"], "invalid choice: 'evalaute'"),
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
         (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
         (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
-        (["evaluate", "nofile.py:act", "pond"], "'nofile.py' does not exist"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
-        (["evaluate", "random", "pond", "--episodes", "x"], "--episodes: invalid int value: 'x'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
-        (["record", "all", "--out", "all.gif"], "search must be one of pond"),
-        (["bound"], "the following arguments are required: SEARCH"),
         (["bound", "no.json"], "search must name a file, but there is no 'no.json'"),
     ],
 )
@@ -236,13 +226,11 @@ def test_wrong_arguments_are_refused(capsys, arguments, message):
 
 def test_folders_and_damaged_weights_are_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("folder.npz", "folder.py"):
-        Path(name).mkdir()
+    Path("folder.py").mkdir()
     Path("text.npz").write_text("no weights", "utf-8")
     np.save("array.npy", np.zeros(3))
     shutil.copy("array.npy", "array.npz")
     for text, message in (
-        ("folder.npz", "'folder.npz' is a folder"),
         ("folder.py:act", "'folder.py' is a folder"),
         ("text.npz", "text.npz must hold a network's weights"),
         ("array.npz", "array.npz must hold a network's weights"),
@@ -300,11 +288,8 @@ def test_a_full_disk_is_reported_and_finished_results_are_kept(capsys, own, tmp_
         patch.setattr(os, "fsync", full)
         output = answer(capsys, *arguments, code=1)
     assert output.out == ""
-    assert "No space left on device" in output.err
-    assert output.err.endswith(
-        f"finished results are kept in {out}, and the same command resumes\n"
-    )
-    assert output.err.count("\n") == 1
+    kept = f"finished results are kept in {out}, and the same command resumes"
+    assert re.fullmatch(f".*No space left on device.*; {re.escape(kept)}\n", output.err)
     assert len(files_in(out / "finished")) == 1
     answer(capsys, *arguments)
     assert len(files_in(out / "finished")) == 2
@@ -315,42 +300,25 @@ def test_a_worker_that_dies_is_reported(own):
         command.main(["evaluate", f"{own}:dies", "pond", "--episodes", "2", "--workers", "2"])
 
 
-def test_a_closed_pipe_ends_the_command_quietly(own):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "DroneSwarmSearch", "evaluate", "--list"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert process.stdout is not None
-    assert process.stderr is not None
-    process.stdout.close()
-    output = process.stderr.read()
-    process.stderr.close()
-    assert process.wait(PATIENCE) == 1
-    assert output == b""
+def test_a_closed_pipe_ends_the_command_quietly():
+    command = [sys.executable, "-m", "DroneSwarmSearch", "evaluate", "--list"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(60) == 1
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device is always full")
 @pytest.mark.parametrize(
     ("arguments", "buffered"),
-    [
-        ("evaluate --list", True),
-        ("evaluate --list", False),
-        ("export pond --policies random --out {folder}/a.json", True),
-    ],
+    [("evaluate --list", False), ("export pond --policies random --out {folder}/a.json", True)],
 )
 def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered, tmp_path):
-    unbuffered = ["-u"] * (not buffered)
+    command = [sys.executable, "-m", "DroneSwarmSearch", *arguments.format(folder=tmp_path).split()]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
     with Path("/dev/full").open("w") as full:
-        process = subprocess.run(
-            [sys.executable, *unbuffered, "-m", "DroneSwarmSearch"]
-            + arguments.format(folder=tmp_path).split(),
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"},
-            check=False,
-        )
+        pipes = {"stdout": full, "stderr": subprocess.PIPE, "text": True}
+        process = subprocess.run(command, **pipes, env=environment, check=False)
     assert process.returncode == 1
     (line,) = process.stderr.splitlines()
     assert "No space left on device" in line
@@ -379,9 +347,8 @@ def test_bounds_are_shown_and_read_from_the_folder(capsys, bounds, tmp_path):
     assert lines[3].split()[:2] == ["fog", "100"]
     assert bounds == ["10:1", "20:4"]
     arguments = ("evaluate", "random", "pond", "--episodes", 20, "--bound", "--out", tmp_path)
-    output = answer(capsys, *arguments)
+    lines = answer(capsys, *arguments).out.splitlines()
     got = evaluate("random", "pond", episodes=20)
-    lines = output.out.splitlines()
     share, low, high = (100 * each for each in got.success)
     assert lines[0].split()[-6:] == ["bound,", "%", "share", "of", "it,", "%"]
     assert lines[2].split()[:2] == ["random", "pond"]
@@ -441,9 +408,7 @@ def test_the_error_of_a_policy_is_no_wrong_argument(arguments, tmp_path, monkeyp
     def failing(observations: object) -> None:
         raise ValueError("shapes differ")
 
-    module = types.ModuleType("failing_policies")
-    module.failing = failing  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(sys.modules, "failing_policies", SimpleNamespace(failing=failing))
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match="shapes differ"):
         command.main([*arguments, "failing_policies:failing", "--", "pond"])

@@ -99,19 +99,6 @@ def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...
     return tuple(cells)
 
 
-def test_different_seeds_differ():
-    env = make_env(EVERYTHING)
-    paths = {path(env, seed=seed) for seed in range(20)}
-    assert len(paths) >= 18
-
-
-def test_episodes_without_a_seed_differ_and_can_be_repeated():
-    env, twin = make_env(EVERYTHING), make_env(EVERYTHING)
-    paths = [path(env, seed=7), *(path(env) for _ in range(24))]
-    assert len(set(paths)) >= 22
-    assert [path(twin, seed=7), *(path(twin) for _ in range(24))] == paths
-
-
 def test_unseeded_environments_differ():
     env, other = make_env({}), make_env({})
     assert [path(env) for _ in range(3)] != [path(other) for _ in range(3)]
@@ -275,15 +262,8 @@ def test_copies_before_reset_and_after_the_end(copied):
     other = copied(env)
     assert other.render() == env.render()
     assert play(other, 1) == play(env, 1)
-
-
-@pytest.mark.parametrize("copied", [copy.deepcopy, reloaded])
-def test_matrices_of_copies_are_read_only(copied):
-    env = make_env(EVERYTHING)
-    env.reset(seed=1)
-    env.step(dict.fromkeys(env.agents, 4))
-    other = copied(env)
-    observations = other.step(dict.fromkeys(other.agents, 5))[0]
+    other.reset(seed=1)
+    observations = copied(other).step(dict.fromkeys(other.agents, 4))[0]
     assert not observations["drone0"]["observation"][1].flags.writeable
 
 
@@ -325,12 +305,8 @@ def test_changing_returned_arrays_does_not_change_the_episode():
                 for array in (shown, env.frame().matrix, env.state()):
                     touch(array)
                 for forecast in env.scenario.forecasts():
-                    for array in (
-                        forecast.at(3),
-                        forecast.exact(3),
-                        *forecast.marginals(3),
-                        *forecast.moves(3),
-                    ):
+                    across, along = forecast.marginals(3), forecast.moves(3)
+                    for array in (forecast.at(3), forecast.exact(3), *across, *along):
                         touch(array)
                 observations, *results = env.step(actions)
                 log.append(results)

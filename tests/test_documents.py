@@ -42,32 +42,23 @@ SLOW_PAGES = (
 )
 """Pages whose commands may take minutes or need optional packages."""
 
+# Sub-commands that take seconds, on these pages too.
 QUICK_COMMANDS = ("bound", "evaluate", "export", "play", "record")
-"""Sub-commands that take seconds, on these pages too."""
-
 FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
+MOST = {"--episodes": 10, "--searches": 1}  # at most so many are played, or sampled
 
-MOST = {"--episodes": 10, "--searches": 1}
-"""Commands play at most this many episodes, in at most this many sampled searches."""
-
+# A part of what these scripts print.
 OUTPUT = {
     "basic_env.py": "return",
     "examples/evaluate_your_own.py": "greedy-posterior: found",
     "examples/random_searches.py": "ppo ahead",
 }
-"""A part of what these scripts print."""
-
-LONG_PLAN = "whole_steps(45 * 60)"
-"""In the block of the incident, whose plan takes ten seconds."""
-
+LONG_PLAN = "whole_steps(45 * 60)"  # in the block of the incident, whose plan takes ten seconds
 BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"
-
-TIMEOUT = 120.0
-"""Seconds for one command; code blocks with an RL library get five times as long."""
+TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get five times as long
 
 
 def path_of(page: Path) -> str:
-    """A page's path in the repository."""
     return page.relative_to(ROOT).as_posix()
 
 
@@ -112,10 +103,7 @@ def blocks(language: str) -> list[Block]:
 
 
 def block_params() -> list[object]:
-    """The Python blocks as test parameters; those that start Ray or plan for long are slow.
-
-    Those of the tutorial share names: they are the cells of its notebook, see test_notebook.
-    """
+    """The Python blocks as test parameters, but those of the tutorial: see test_notebook."""
     params: list[object] = []
     for block in blocks("python"):
         if block.name.startswith("docs/tutorial.md"):
@@ -129,7 +117,7 @@ def block_params() -> list[object]:
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("block", block_params())
-def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_block(block, tmp_path, monkeypatch):
     """Every block runs in an empty folder and prints what the page shows."""
     for package in block.optional_packages:
         skip_without(package)
@@ -147,13 +135,12 @@ def test_python_block(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def skip_without(package: str) -> None:
-    """Skip the test if a package is not installed."""
     if importlib.util.find_spec(package) is None:  # importing it could be slow
         pytest.skip(f"{package} is not installed")
 
 
 @pytest.mark.parametrize("page", PAGES_WITH_LINKS, ids=path_of)
-def test_links_and_images_exist(page: Path) -> None:
+def test_links_and_images_exist(page):
     text = re.sub(r"^```(?!\{).*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
     targets = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'src(?:set)?="([^"]+)"', text)
     for target in targets:
@@ -212,10 +199,7 @@ def commands() -> list[Command]:
 
 
 def command_params(slow: bool) -> list[object]:
-    """Slow or quick commands as test parameters, each once.
-
-    Commands that start Ray and those that record MP4 videos are marked as slow.
-    """
+    """Slow or quick commands as test parameters, each once; Ray and MP4 videos are slow."""
     unique = {shlex.join(each.arguments): each for each in commands() if each.is_slow == slow}
     params: list[object] = []
     for text, each in unique.items():
@@ -227,13 +211,12 @@ def command_params(slow: bool) -> list[object]:
 
 @functools.cache
 def help_text(*start: str) -> str:
-    """Return the help of a script or a sub-command."""
     with pytest.MonkeyPatch.context() as patch:
         return run_here([*start, "--help"], ROOT, patch)
 
 
 @pytest.mark.parametrize("command", command_params(slow=True))
-def test_slow_commands_use_existing_options(command: Command) -> None:
+def test_slow_commands_use_existing_options(command):
     """Only the options are checked; other tests run the training scripts."""
     options = [argument for argument in command.arguments if argument.startswith("--")]
     known = ""
@@ -248,7 +231,7 @@ def test_slow_commands_use_existing_options(command: Command) -> None:
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", command_params(slow=False))
-def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command(command, tmp_path, monkeypatch):
     """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
     arguments = list(command.arguments)
     if "--ray" in command.arguments:
@@ -281,17 +264,12 @@ def test_command(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ],
     ids=["vector_rollout", "prior_or_posterior", "bench_step"],
 )
-def test_scripts_without_a_command_on_a_page(
-    script: list[str], shown: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_scripts_without_a_command_on_a_page(script, shown, monkeypatch):
     assert shown in run_here(script, ROOT, monkeypatch)
 
 
 def run_here(arguments: list[str], folder: Path, patch: pytest.MonkeyPatch) -> str:
-    """Do what `python` does with some arguments, in this process; return the output.
-
-    Starting a process costs more than most of the commands.
-    """
+    """Do what `python` does with some arguments, faster in this process; return the output."""
     hide_the_display(patch)
     patch.chdir(folder)
     code: object = 0
@@ -326,15 +304,8 @@ def run_python(arguments: list[str], folder: Path, timeout: float = TIMEOUT) -> 
     with pytest.MonkeyPatch.context() as patch:
         hide_the_display(patch)
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1", **QUIET_RAY}
-    run = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=timeout,
-        check=False,
-    )
+    how = {"cwd": folder, "env": environment, "timeout": timeout, "encoding": "utf-8"}
+    command, stdin = [sys.executable, *arguments], subprocess.DEVNULL
+    run = subprocess.run(command, stdin=stdin, capture_output=True, check=False, **how)
     assert run.returncode == 0, run.stderr
     return run.stdout

@@ -19,20 +19,11 @@ from DroneSwarmSearch import (
     Ending,
     Person,
     RewardScheme,
+    evaluation,
 )
-from DroneSwarmSearch.evaluation import (
-    Evaluation,
-    NamedSearch,
-    StorageError,
-    View,
-    compare,
-    evaluate,
-    run,
-    save_csv,
-)
+from DroneSwarmSearch.evaluation import NamedSearch, View, compare, evaluate, run, save_csv
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.layouts import LAYOUTS
-from DroneSwarmSearch.policies import GreedyPolicy
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
@@ -79,25 +70,13 @@ def steer(x: int, y: int, matrix: Any) -> int:
 
 
 def in_swarms(shown: Any) -> Any:
-    return np.array(
-        [
-            [steer(x, y, matrix) for x, y in cells]
-            for cells, matrix in zip(
-                shown["positions"].tolist(), shown["probability_matrix"], strict=True
-            )
-        ]
-    )
+    every = zip(shown["positions"].tolist(), shown["probability_matrix"], strict=True)
+    return np.array([[steer(x, y, matrix) for x, y in cells] for cells, matrix in every])
 
 
 def in_drones(shown: Any) -> Any:
-    return np.array(
-        [
-            steer(x, y, matrix)
-            for (x, y), matrix in zip(
-                shown["position"].tolist(), shown["probability_matrix"], strict=True
-            )
-        ]
-    )
+    every = zip(shown["position"].tolist(), shown["probability_matrix"], strict=True)
+    return np.array([steer(x, y, matrix) for (x, y), matrix in every])
 
 
 def in_parallel(shown: Any) -> dict[str, int]:
@@ -161,20 +140,13 @@ def test_episodes_are_those_of_the_single_environment(each):
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 def test_every_view_plays_the_same_episodes(bayesian_update):
-    results = [
-        evaluate(
-            policy,
-            named(),
-            episodes=30,
-            view=View(view, bayesian_update=bayesian_update),
-            progress=False,
-        )
-        for policy, view in ((in_swarms, "swarm"), (in_drones, "drone"), (in_parallel, "parallel"))
-    ]
-    first = data_of(results[0])
-    for other in results[1:]:
-        assert data_of(other) == first
-    assert results[0].search.scenario.bayesian_update is bayesian_update
+    played = []
+    for policy, form in ((in_swarms, "swarm"), (in_drones, "drone"), (in_parallel, "parallel")):
+        view = View(form, bayesian_update=bayesian_update)
+        result = evaluate(policy, named(), episodes=30, view=view, progress=False)
+        assert result.search.scenario.bayesian_update is bayesian_update
+        played.append(data_of(result))
+    assert played[0] == played[1] == played[2]
 
 
 def arrays_in(shown: Any, name: str = "") -> dict[str, np.ndarray]:
@@ -294,19 +266,6 @@ def test_the_size_of_portions_has_no_effect(policy, monkeypatch):
     assert parts == whole
 
 
-def test_a_class_is_instantiated_for_the_search():
-    class Mine:
-        def __init__(self, scenario: Scenario) -> None:
-            self.idle = scenario.n_drones * [int(Action.IDLE)]
-
-        def __call__(self, shown: Any) -> Any:
-            return [self.idle for _ in shown["row"]]
-
-    got = evaluate(Mine, named(), episodes=3, progress=False)
-    assert got.policy == "Mine"
-    assert got.endings[Ending.TIME_LIMIT] == 3
-
-
 SHAPE = r"the policy's actions must have the shape \(2, 3\), one for each drone of each search"
 WHOLE = "the policy's actions must be integers from 0 to 5, got"
 
@@ -318,9 +277,7 @@ WHOLE = "the policy's actions must be integers from 0 to 5, got"
         (np.ones((2, 3)), "swarm", TypeError, rf"{WHOLE} float64 of shape \(2, 3\)"),
         ({"drone0": 1}, "swarm", TypeError, "policy from dicts to dicts needs view=.parallel"),
         (np.arange(2, 8), "drone", ValueError, f"{WHOLE} 6 for sub-environment 4"),
-        (np.ones((2, 3), int), "drone", ValueError, r"the shape \(6,\).* got \(2, 3\)"),
         (np.ones(6, int), "parallel", TypeError, "the policy's actions must be a mapping from"),
-        ({"drone0": 1}, "parallel", ValueError, "the policy's .* got none for 'drone1'"),
     ],
 )
 def test_actions_are_validated(returned, view, error, message):
@@ -335,11 +292,9 @@ def test_actions_are_validated(returned, view, error, message):
         ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
         ({"view": 3}, TypeError, "view must be one of 'swarm', 'drone', 'parallel', got 3"),
         ({"policy": "ppo", "view": MASKED}, ValueError, "view must be .* without masks, for ppo"),
-        ({"workers": 0}, ValueError, "workers must be an integer of at least 1, got 0"),
         ({"ray": True}, TypeError, "ray must be 'local', an address or None, got True"),
         ({"policy": 4}, TypeError, "policy must be a policy's name or a callable .*, got 4"),
         ({"policy": "ppo", "view": FLAT}, ValueError, "view must be .* with observation='dict'"),
-        ({"policy": GreedyPolicy, "view": "drone"}, ValueError, "view must be 'swarm' or"),
         ({"policy": DEFAULT_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
     ],
 )
@@ -366,7 +321,7 @@ def test_a_view_is_validated(arguments, error, message):
 # What follows from the episodes.
 
 
-def made(found_at: Any, limit: int = 10, **changes: Any) -> Evaluation:
+def made(found_at: Any, limit: int = 10, **changes: Any) -> evaluation.Evaluation:
     """An evaluation of made-up episodes."""
     return made_evaluation(found_at, named(timestep_limit=limit), **changes)
 
@@ -377,22 +332,8 @@ def test_an_episode_succeeds_when_the_last_person_is_found():
     assert got.time.value == pytest.approx(9.25)
     assert got.success.value == 0.5
     assert got.success_by_time.tolist() == [0] * 7 + [0.25] * 3 + [0.5]
-    assert got.endings == {
-        Ending.FOUND: 2,
-        Ending.COLLISION: 0,
-        Ending.LEFT_GRID: 0,
-        Ending.TIME_LIMIT: 2,
-        Ending.COVERED: 0,
-    }
-
-
-def test_the_share_of_the_bound_is_that_at_the_limit():
-    got = made([[2, 7], [3, 0], [0, 0], [10, 1]])
-    assert got.share_of_bound is None
-    half = made([[2, 7], [3, 0], [0, 0], [10, 1]], bound=0.8)
-    assert half.share_of_bound is not None
-    assert half.share_of_bound == pytest.approx([figure / 0.8 for figure in got.success])
-    assert made([[1, 1]], bound=0.0).share_of_bound is None
+    counts = {Ending.FOUND: 2, Ending.TIME_LIMIT: 2}
+    assert got.endings == {ending: counts.get(ending, 0) for ending in Ending}
 
 
 def test_a_posterior_is_calibrated_and_a_prior_is_not():
@@ -409,10 +350,8 @@ def test_a_posterior_is_calibrated_and_a_prior_is_not():
         return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
 
     prior, posterior = (
-        evaluate(
-            stay, each, episodes=600, view=View(bayesian_update=flag), progress=False
-        ).reliability
-        for flag in (False, True)
+        evaluate(stay, each, episodes=600, view=view, progress=False).reliability
+        for view in (View(bayesian_update=False), View(bayesian_update=True))
     )
     assert (posterior.searches >= 100).sum() >= 3
     off = np.abs(posterior.found - posterior.forecast) / np.sqrt(posterior.forecast + 1)
@@ -448,10 +387,6 @@ def test_comparisons_are_paired():
     assert got.success.value == 0.0
     assert got.success.high == -got.success.low == pytest.approx(0.0095, abs=5e-5)
     assert got.policies == ("fast", "mine")
-    back = compare(slow, fast)
-    assert back.time.value == 5.0
-    never = made(np.zeros((400, 2), int), limit=100)
-    assert compare(fast, never).success.value == 1.0
     some = made(np.where(np.arange(400)[:, None] % 4, times, 0), limit=100)
     won = compare(fast, some).success
     assert won.value == 0.25
@@ -502,13 +437,9 @@ def test_a_finished_result_is_read_from_the_folder(played, tmp_path, changes):
     assert not played
     assert again.summary == first.summary
     assert data_of(again) == data_of(first)
-    evaluate("random", named(**changes), episodes=10, out=tmp_path)  # another policy may be added
-    assert played
     (tmp_path / "finished" / "greedy-matrix.small.npz").write_bytes(b"PK damaged")
-    assert (
-        evaluate("greedy-matrix", named(**changes), episodes=10, out=tmp_path).summary
-        == first.summary
-    )
+    anew = evaluate("greedy-matrix", named(**changes), episodes=10, out=tmp_path)
+    assert played and anew.summary == first.summary
 
 
 @pytest.mark.parametrize(
@@ -535,15 +466,14 @@ def test_the_folder_of_another_run_is_refused(played, tmp_path, changes, message
 
 def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
     (tmp_path / "file").write_text("", "utf-8")
-    with pytest.raises(StorageError, match="manifest"):
+    with pytest.raises(evaluation.StorageError, match="manifest"):
         evaluate("random", named(), episodes=2, out=tmp_path / "file" / "run")
     (tmp_path / "manifest.json").write_text("{", "utf-8")
     with pytest.raises(ValueError, match=r"manifest\.json must hold the manifest of a run"):
         evaluate("random", named(), episodes=2, out=tmp_path)
 
 
-@pytest.mark.parametrize("search", [named(), named(person_initial_position=(2, 2),
-                                                   probability_of_detection=0.8)])  # fmt: skip
+@pytest.mark.parametrize("search", [named(), named(**ALONE)])
 def test_workers_have_no_effect(search, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "PORTION", 4)
     (tmp_path / "mine.py").write_text(OWN.format(4), "utf-8")
@@ -570,3 +500,4 @@ def test_csv_has_a_row_for_each_evaluation(tmp_path):
     assert (plain["found"], plain["time_limit"], plain["collision"]) == ("1", "1", "0")
     assert (plain["share_of_bound"], plain["bound"]) == ("", "")
     assert float(bounded["share_of_bound"]) == 1.0
+    assert made([[1, 1]], bound=0.0).share_of_bound is None

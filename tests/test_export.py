@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -99,26 +100,23 @@ def check_persons(episode: dict[str, Any], frame: Frame, step: int) -> None:
 
 class TestFile:
     @pytest.mark.parametrize("changes", [{}, {"bayesian_update": True}, {"mission": "coverage"}])
-    def test_it_is_the_episode_of_the_environment(
-        self, tmp_path: Path, changes: dict[str, Any]
-    ) -> None:
+    def test_it_is_the_episode_of_the_environment(self, tmp_path, changes):
         search = storm(**changes)
         path = tmp_path / "storm.json"
         data = export(["greedy-posterior", "random"], search, path, seeds=[1, 5])
         assert json.loads(path.read_text("utf-8")) == json.loads(json.dumps(data))
         played = [(episode["policy"], episode["seed"]) for episode in data["episodes"]]
-        names = ("greedy-posterior", "random")
-        assert played == [(name, seed) for name in names for seed in (1, 5)]
+        assert played == [*product(("greedy-posterior", "random"), (1, 5))]
         check_against_the_environment(data, search)
 
-    def test_it_holds_finds(self, tmp_path: Path) -> None:
+    def test_it_holds_finds(self, tmp_path):
         search = storm()
         data = export(["greedy-posterior"], search, tmp_path / "a.json", seeds=range(6))
         persons = [person for episode in data["episodes"] for person in episode["persons"]]
         assert {person["found_by"] for person in persons} == {0, 1, None}
         assert {"found", "time_limit"} == {episode["ending"] for episode in data["episodes"]}
 
-    def test_equal_maps_are_stored_once(self, tmp_path: Path) -> None:
+    def test_equal_maps_are_stored_once(self, tmp_path):
         def idle(observations: Any) -> dict[str, int]:
             return dict.fromkeys(observations, int(Action.IDLE))
 
@@ -128,7 +126,7 @@ class TestFile:
         assert all(episode["posterior"] == episode["prior"] for episode in data["episodes"])
         assert {tuple(episode["actions"]) for episode in data["episodes"]} == {("555555",) * 2}
 
-    def test_the_search_is_described(self, tmp_path: Path) -> None:
+    def test_the_search_is_described(self, tmp_path):
         data = export(["random"], "man-overboard", tmp_path / "a.json")
         search = SUITE["man-overboard"]
         assert (data["format"], data["version"]) == ("DroneSwarmSearch episodes", 1)
@@ -143,24 +141,17 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("changed", "error", "words"),
         [
-            ({"policies": ["randon"]}, ValueError, "got 'randon'; did you mean random?"),
             ({"seeds": [-1]}, ValueError, "seeds must be an integer of at least 0, got -1"),
             ({"bayesian_update": 1}, TypeError, "bayesian_update must be True or False, got 1"),
         ],
     )
-    def test_bad_input_is_refused(
-        self, tmp_path: Path, changed: dict[str, Any], error: type[Exception], words: str
-    ) -> None:
-        given = {"policies": ["random"], "search": "pond", "path": "storm.json", **changed}
-        policies, search = given.pop("policies"), given.pop("search")
+    def test_bad_input_is_refused(self, tmp_path, changed, error, words):
         with pytest.raises(error, match=words):
-            export(policies, search, tmp_path / given.pop("path"), **given)
+            export(["random"], "pond", tmp_path / "storm.json", **changed)
         assert not list(tmp_path.iterdir())
 
     @pytest.mark.parametrize("below", ["file/a.json", "folder.json"])
-    def test_a_path_that_cannot_be_written_is_refused_before_the_search(
-        self, tmp_path: Path, below: str
-    ) -> None:
+    def test_a_path_that_cannot_be_written_is_refused_before_the_search(self, tmp_path, below):
         (tmp_path / "file").touch()
         (tmp_path / "folder.json").mkdir()
         searches: list[Any] = []
@@ -168,7 +159,7 @@ class TestErrors:
             export([searches.append], storm(), tmp_path / below)
         assert not searches
 
-    def test_an_existing_file_is_kept_if_a_policy_fails(self, tmp_path: Path) -> None:
+    def test_an_existing_file_is_kept_if_a_policy_fails(self, tmp_path):
         def failing(observations: Any) -> dict[str, int]:
             raise RuntimeError("no idea")
 
@@ -181,7 +172,7 @@ class TestErrors:
 
 
 class TestCommand:
-    def test_it_writes_the_file(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_it_writes_the_file(self, tmp_path, capsys):
         path, same = tmp_path / "pond.json", tmp_path / "same.json"
         policies = ["parallel-sweep", "greedy-matrix"]
         arguments = ["--policies", *policies, "--seeds", "0", "7", "--posterior"]
@@ -193,14 +184,11 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["pnd", "--out", "a.json"], "did you mean pond?"),
             (["pond", "--out", "a.gif"], "argument --out: must end in .json, got 'a.gif'"),
             (["pond", "--policies", "random", "--out", "/dev/null/a.json"], "/dev/null/a.json: "),
         ],
     )
-    def test_wrong_arguments_are_refused(
-        self, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-    ) -> None:
+    def test_wrong_arguments_are_refused(self, capsys, arguments, words):
         with pytest.raises(SystemExit) as stop:
             raise SystemExit(command.main(["export", *arguments]))
         assert stop.value.code == (1 if "/dev/null" in words else 2)
@@ -219,32 +207,28 @@ class TestDocumentation:
         data: dict[str, Any] = json.loads(text[len(start) : -2])
         return data
 
-    def test_the_index_has_the_colours_of_the_palette(self) -> None:
+    def test_the_index_has_the_colours_of_the_palette(self):
         assert self.committed("index") == json.loads(json.dumps(pages.index()))
         ramp = np.array(self.committed("index")["colours"]["map"])
         assert np.array_equal(ramp, PALETTES["sea"].stops)
 
     @pytest.mark.parametrize("name", pages.SEARCHES)
-    def test_they_are_complete(self, name: str) -> None:
+    def test_they_are_complete(self, name):
         data = self.committed(name)
-        assert (data["format"], data["version"], data["search"]["name"]) == (
-            *("DroneSwarmSearch episodes", 1),
-            name,
-        )
+        assert data["search"]["name"] == name
         played = [(episode["policy"], episode["seed"]) for episode in data["episodes"]]
-        assert played == [(policy, seed) for policy in pages.POLICIES for seed in pages.SEEDS]
+        assert played == [*product(pages.POLICIES, pages.SEEDS)]
         assert decoded(data).shape[0] == data["maps"]["count"]
 
-    def test_the_command_writes_the_same_today(self, tmp_path: Path) -> None:
+    def test_the_command_writes_the_same_today(self, tmp_path):
         policies, seeds = ["greedy-posterior", "parallel-sweep"], [0, 1]
         search = SUITE["harbour"]
         today = export(policies, search, tmp_path / "harbour.json", seeds=seeds)
         committed = self.committed("harbour")
         assert today["search"] == committed["search"]
+        wanted = {*product(policies, seeds)}
         chosen = [
-            episode
-            for episode in committed["episodes"]
-            if episode["policy"] in policies and episode["seed"] in seeds
+            each for each in committed["episodes"] if (each["policy"], each["seed"]) in wanted
         ]
         maps, committed_maps = decoded(today), decoded(committed)
         for one, other in zip(today["episodes"], chosen, strict=True):
@@ -255,16 +239,12 @@ class TestDocumentation:
                 assert one.pop(field) == pytest.approx(other.pop(field), abs=0.11)
             assert one == other
 
-    def test_the_script_writes_them(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_the_script_writes_them(self, tmp_path, monkeypatch, capsys):
         monkeypatch.setattr(pages, "EPISODES", tmp_path / "episodes")
         monkeypatch.setattr(pages, "POLICIES", {"parallel-sweep": "Parallel sweep"})
         pages.main(["harbour"])
-        assert {path.name for path in (tmp_path / "episodes").iterdir()} == {
-            "harbour.js",
-            "index.js",
-        }
+        written = {path.name for path in (tmp_path / "episodes").iterdir()}
+        assert written == {"harbour.js", "index.js"}
         assert "harbour.js" in capsys.readouterr().out
         with pytest.raises(SystemExit):
             pages.main(["harbor"])

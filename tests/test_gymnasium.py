@@ -18,7 +18,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import RecordEpisodeStatistics
 from helpers import plain
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.single_drone_env import SingleDroneEnv
@@ -80,50 +80,6 @@ def test_gymnasiums_checker_passes(
     check_env(env.unwrapped)
     assert isinstance(env.unwrapped, SingleDroneEnv)
     assert env.spec is not None and env.spec.id == ID
-
-
-@pytest.mark.parametrize(
-    ("layout", "separate"), [("dict", False), ("flat", True), ("planes", True)]
-)
-def test_it_steps_as_the_parallel_environment(layout: str, separate: bool) -> None:
-    env = made(observation=layout, separate_flags=separate, reward_scale=2.0**-17)
-    single = DroneSwarmSearch(**SMALL)
-    size, rng, met = SMALL["grid_size"], np.random.default_rng(0), set()
-    for episode in range(25):
-        seed = 7 if episode == 0 else None
-        seen, info = env.reset(seed=seed)
-        observations, infos = single.reset(seed=seed)
-        done = False
-        while True:
-            (x, y), matrix = observations["drone0"]["observation"]
-            assert seen in env.observation_space
-            if layout == "dict":
-                assert seen["position"].tolist() == [x, y]
-                assert plain(seen["probability_matrix"]) == plain(matrix)
-            elif layout == "flat":
-                assert seen[:2].tolist() == pytest.approx([x / (size - 1), y / (size - 1)])
-                assert seen[3:].argmax() == matrix.argmax()
-            elif layout == "planes":
-                assert plain(seen[0]) == plain(matrix / matrix.max())
-            allowed = [x > 0, x < size - 1, y > 0, y < size - 1, True, True]
-            assert info["action_mask"].tolist() == allowed
-            assert env.get_wrapper_attr("action_masks")().tolist() == allowed
-            for name in ("Found", "is_success", "step", "probability_of_success"):
-                assert info[name] == infos[name]
-            assert info["ending"] == (infos["ending"] or 0)
-            assert tuple(info["persons_found"]) == infos["persons_found"]
-            if done:
-                break
-            action = rng.choice(len(Action), p=CHANCES)
-            observations, rewards, dones, _, infos = single.step({"drone0": action})
-            seen, reward, terminated, truncated, info = env.step(action)
-            done = dones["drone0"]
-            assert reward == rewards["drone0"] * 2.0**-17
-            limit = infos["ending"] is Ending.TIME_LIMIT
-            assert terminated is (done and not (separate and limit))
-            assert truncated is (done and (limit or not separate))
-        met.add(infos["ending"])
-    assert met == {Ending.FOUND, Ending.LEFT_GRID, Ending.TIME_LIMIT}
 
 
 @all_arguments
@@ -251,7 +207,10 @@ def test_success_and_statistics_are_reported() -> None:
     how = {"person_initial_position": (0, 0), "disperse_constant": 0, "vector": (0, 0)}
     env = RecordEpisodeStatistics(made(**how))
     env.reset(seed=0)
-    assert env.step(Action.IDLE)[4]["is_success"] is False
+    info = env.step(Action.IDLE)[4]
+    assert info["is_success"] is False
+    masks = env.get_wrapper_attr("action_masks")()
+    assert (masks.dtype, masks.tolist()) == (np.bool_, info["action_mask"].tolist())
     info = env.step(Action.SEARCH)[4]
     assert info["is_success"] is True and info["episode"]["l"] == 2
     with pytest.raises(ResetNeeded):

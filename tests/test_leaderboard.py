@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,12 +15,7 @@ from helpers import bound_by_time, made_evaluation
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import (
-    SUITE,
-    View,
-    leaderboard,
-    run,
-)
+from DroneSwarmSearch.evaluation import SUITE, View, leaderboard, run
 from DroneSwarmSearch.evaluation.board import Leaderboard
 from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
 from DroneSwarmSearch.evaluation.tables import percent
@@ -73,7 +68,7 @@ def board_of(*rows: tuple[str, str, int, int], bound: float | None = None, **mad
     return Leaderboard(several)
 
 
-def test_searches_have_equal_weight_and_times_are_relative_to_the_limit() -> None:
+def test_searches_have_equal_weight_and_times_are_relative_to_the_limit():
     board = board_of(("planner", "pond", 80, 10), ("planner", "night", 40, 50), bound=0.9)
     success = mean_of(each.success for each in board.evaluations)
     pond, night = (SUITE[name].scenario.timestep_limit for name in ("pond", "night"))
@@ -86,7 +81,7 @@ def test_searches_have_equal_weight_and_times_are_relative_to_the_limit() -> Non
     assert bound == ["bound", "90.0", "", ""]
 
 
-def test_tables_show_the_best_first() -> None:
+def test_tables_show_the_best_first():
     board = board_of(
         *[("random", "pond", 20, 10), ("planner", "pond", 50, 10)],
         *[("random", "fog", 40, 10), ("planner", "fog", 30, 10)],
@@ -106,36 +101,25 @@ def test_tables_show_the_best_first() -> None:
     ]
 
 
-def test_a_rerun_reads_everything_from_the_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = dict.fromkeys(("play", "success_bound"), 0)
-
-    def counted(name: str) -> Callable[..., Any]:
-        honest = getattr(run, name)
-
-        def call(*arguments: Any, **how: Any) -> Any:
-            calls[name] += 1
-            return honest(*arguments, **how)
-
-        return call
-
-    for name in calls:
-        monkeypatch.setattr(run, name, counted(name))
+def test_a_rerun_reads_everything_from_the_folder(tmp_path, monkeypatch):
+    calls = {}
+    for name in ("play", "success_bound"):
+        calls[name] = Mock(wraps=getattr(run, name))
+        monkeypatch.setattr(run, name, calls[name])
 
     def board(*policies: str) -> Leaderboard:
         where = ["pond", "fog"]
         return leaderboard(policies, where, episodes=20, out=tmp_path, progress=False)
 
     first, again = board("random"), board("random")
-    assert [*calls.values()] == [2, 2]
+    assert [each.call_count for each in calls.values()] == [2, 2]
     for one, other in zip(first.evaluations, again.evaluations, strict=True):
         assert one.summary == other.summary
     board("random", "sector-search")
-    assert [*calls.values()] == [8, 2]
+    assert [each.call_count for each in calls.values()] == [8, 2]
 
 
-def test_every_policy_plays_the_same_episodes_and_has_the_bound() -> None:
+def test_every_policy_plays_the_same_episodes_and_has_the_bound():
     board = leaderboard(
         ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
     )
@@ -147,7 +131,7 @@ def test_every_policy_plays_the_same_episodes_and_has_the_bound() -> None:
         assert each.bound.by_time[-1] == 0.875
 
 
-def test_an_added_policy_can_see_the_posterior() -> None:
+def test_an_added_policy_can_see_the_posterior():
     def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
         return np.full(seen["positions"].shape[:2], int(Action.SEARCH))
 
@@ -165,18 +149,15 @@ def test_an_added_policy_can_see_the_posterior() -> None:
         ({"policies": []}, "policies must be at least one"),
         ({"policies": ["random", "random"]}, "different names, got random, random"),
         ({"searches": ["pond", "fog", "pond"]}, "different names, got pond, fog, pond"),
-        ({"policies": ["randm"]}, "did you mean random"),
         ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
     ],
 )
-def test_bad_input_is_refused(arguments: dict[str, Any], words: str) -> None:
+def test_bad_input_is_refused(arguments, words):
     with pytest.raises((TypeError, ValueError), match=words):
         leaderboard(**{"searches": ["pond"], "episodes": 1, **arguments}, progress=False)
 
 
-def test_it_prints_and_writes_everything(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_prints_and_writes_everything(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     out = tmp_path / "out"
     assert command.main(["leaderboard", *SHORT, *FEW, "--out", str(out)]) == 0
@@ -197,9 +178,7 @@ def test_it_prints_and_writes_everything(
 
 
 @pytest.mark.usefixtures("_no_plots")
-def test_an_added_policy_has_a_row(
-    tmp_path: Path, idler: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_added_policy_has_a_row(tmp_path, idler, capsys):
     out = tmp_path / "out"
     arguments = ["--episodes", "5", "--searches", "pond", "--workers", "1", "--no-bound"]
     assert command.main(["leaderboard", *arguments, *FEW, "--add", idler, "--out", str(out)]) == 0
@@ -208,11 +187,7 @@ def test_an_added_policy_has_a_row(
     assert re.search(rf"{re.escape(idler)} +0\.0 \(0\.0-43\.4\)", output)
 
 
-def test_without_matplotlib_there_are_tables_and_a_hint(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_without_matplotlib_there_are_tables_and_a_hint(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.delitem(sys.modules, "DroneSwarmSearch.evaluation.plots", raising=False)
     monkeypatch.delattr("DroneSwarmSearch.evaluation.plots", raising=False)

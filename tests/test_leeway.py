@@ -297,7 +297,7 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"start": (30.5, 30)}, ValueError, r"start\[0\] must be a whole number"),
         ({"position_sd": -1}, ValueError, "position_sd must .*at least 0, got -1"),
         ({"wind": 10}, TypeError, "wind must be two finite numbers"),
-        ({"wind": (2000, 0)}, ValueError, "wind_speed must .*at most 1000.0, got"),
+        ({"wind": (2000, 0)}, ValueError, "the speed of wind must .*at most 1000.0, got 2000"),
         ({"current": (1, 2, 3)}, ValueError, "current must be two finite numbers"),
         ({"diffusivity": -5}, ValueError, "diffusivity must .*at least 0, got -5"),
         ({"diffusivity": 1e6}, ValueError, "diffusivity must be at most 433 m²/s .*got 1000000.0"),

@@ -34,15 +34,9 @@ from DroneSwarmSearch.rendering.painter import HEAD, Painter  # noqa: E402 (need
 
 def small(**changed: Any) -> NamedSearch:
     """A short search."""
-    parameters: dict[str, Any] = {
-        "grid_size": 5,
-        "n_drones": 2,
-        "vector": (0.3, 0.0),
-        "person_initial_position": (1, 2),
-        "disperse_constant": 3,
-        "timestep_limit": 8,
-    }
-    return NamedSearch("puddle", "For tests.", Scenario(**{**parameters, **changed}))
+    place = {"vector": (0.3, 0.0), "person_initial_position": (1, 2), "disperse_constant": 3}
+    scenario = Scenario(5, n_drones=2, **{"timestep_limit": 8, **place, **changed})
+    return NamedSearch("puddle", "For tests.", scenario)
 
 
 class Watcher:
@@ -68,7 +62,7 @@ def frames(policy: Any, search: NamedSearch, seed: int = 0) -> list[Frame]:
 
 class TestFrames:
     @pytest.mark.parametrize("policy", ["random", "greedy-posterior", "parallel-sweep"])
-    def test_it_is_the_episode_that_evaluate_plays_with_the_seed(self, policy: str) -> None:
+    def test_it_is_the_episode_that_evaluate_plays_with_the_seed(self, policy):
         search = small(timestep_limit=25)
         episodes = evaluate(policy, search, episodes=3, seed=5, progress=False).episodes
         for place, seed in enumerate((5, 6, 7)):
@@ -77,17 +71,16 @@ class TestFrames:
             assert any(last.found) == bool(episodes.found_at[place, 0])
 
     @pytest.mark.parametrize("updates", [False, True])
-    def test_the_policy_sees_the_prior_or_the_posterior(self, updates: bool) -> None:
+    def test_the_policy_sees_the_prior_or_the_posterior(self, updates):
         watcher = Watcher()
-        for shown, frame in zip(
-            watcher.shown, frames(watcher, small(bayesian_update=updates), seed=3), strict=False
-        ):
+        played = frames(watcher, small(bayesian_update=updates), seed=3)
+        for shown, frame in zip(watcher.shown, played, strict=False):
             assert np.array_equal(shown, frame.matrix if updates else frame.prior)
         assert watcher.seeds == [3]
 
 
 class TestPicture:
-    def test_a_long_title_fits(self) -> None:
+    def test_a_long_title_fits(self):
         title = "a_package_with_a_name.and_a_module_with_another:AndAPolicyThatIsNamedToo"
         ended = make_frame(6, ending=Ending.COLLISION)
         painter = Painter(6, view="both")
@@ -100,7 +93,7 @@ class TestPicture:
 
 
 class TestVideo:
-    def test_a_gif_has_a_picture_for_each_step(self, tmp_path: Path) -> None:
+    def test_a_gif_has_a_picture_for_each_step(self, tmp_path):
         path = tmp_path / "video.gif"
         made = record(Watcher(), small(), path, name="lazy")
         assert made.path == path
@@ -110,9 +103,7 @@ class TestVideo:
             assert video.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
 
-    def test_a_video_holds_the_last_picture(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_video_holds_the_last_picture(self, tmp_path, monkeypatch):
         monkeypatch.setattr(recording, "HOLD", 1.0)
         path = tmp_path / "video.mp4"
         record(Watcher(), small(timestep_limit=3), path, fps=5.0)
@@ -123,9 +114,7 @@ class TestVideo:
     @pytest.mark.parametrize(
         ("name", "tag", "kind"), [("a.GIF", "img", "image/gif"), ("a.mp4", "video", "video/mp4")]
     )
-    def test_a_notebook_shows_the_video(
-        self, name: str, tag: str, kind: str, tmp_path: Path
-    ) -> None:
+    def test_a_notebook_shows_the_video(self, name, tag, kind, tmp_path):
         path = tmp_path / name
         path.write_bytes(b"the video")
         html = Video(path, make_frame(5))._repr_html_()
@@ -157,22 +146,19 @@ class TestWriting:
     def write(path: Path, pictures: Any, fps: float = 5, hold: float = 1) -> None:
         write_pictures(path, pictures, fps=fps, hold=hold, gif_width=600)
 
-    @pytest.mark.parametrize(("error", "place"), [(KeyboardInterrupt, 0), (RuntimeError, 29)])
-    def test_an_error_keeps_the_existing_video(
-        self, path: Path, error: type[BaseException], place: int
-    ) -> None:
+    def test_an_interrupt_keeps_the_existing_video(self, path):
         def failing() -> Iterator[NDArray[np.uint8]]:
-            yield from self.pictures(place, 200, 300)
-            raise error
+            yield from self.pictures(29, 200, 300)
+            raise KeyboardInterrupt
 
-        with pytest.raises(error):
+        with pytest.raises(KeyboardInterrupt):
             self.write(path, failing())
         assert path.read_bytes() == b"before"
         assert list(path.parent.iterdir()) == [path]
 
     @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
     @pytest.mark.parametrize("room", [0, 20_000])
-    def test_a_full_disk_keeps_the_existing_video(self, path: Path, room: int) -> None:
+    def test_a_full_disk_keeps_the_existing_video(self, path, room):
         resource = pytest.importorskip("resource")
         before = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
@@ -186,7 +172,7 @@ class TestWriting:
         assert list(path.parent.iterdir()) == [path]
 
     @pytest.mark.parametrize("fps", [4, 16.7, 49])
-    def test_a_gif_is_as_fast_as_asked(self, tmp_path: Path, fps: float) -> None:
+    def test_a_gif_is_as_fast_as_asked(self, tmp_path, fps):
         path = tmp_path / "video.gif"
         pictures = [np.full((20, 30, 3), 200 * (number % 2), np.uint8) for number in range(40)]
         self.write(path, pictures, fps=fps, hold=1.5)
@@ -201,7 +187,7 @@ class TestWriting:
         for picture, wanted in zip(shown[:40], pictures, strict=True):
             assert np.abs(picture.astype(int) - wanted).max() <= 8
 
-    def test_a_video_of_odd_lengths(self, tmp_path: Path) -> None:
+    def test_a_video_of_odd_lengths(self, tmp_path):
         path = tmp_path / "video.mp4"
         self.write(path, self.pictures(4, 61, 83), fps=4)
         assert ffmpeg.count_frames_and_secs(str(path)) == (8, 2.0)
@@ -209,9 +195,7 @@ class TestWriting:
 
 
 class TestCommand:
-    def test_it_writes_the_video_and_prints_the_outcome(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_it_writes_the_video_and_prints_the_outcome(self, tmp_path, capsys):
         path = tmp_path / "pond.gif"
         arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3", "--fps", "50"]
         assert command.main([*arguments, "--out", str(path)]) == 0
@@ -223,20 +207,12 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["pnd", "--out", "a.gif"], "got 'pnd'; did you mean pond?"),
+            (["all", "--out", "a.gif"], "search must be one of pond"),
             (["pond", "--out", "a.png"], "must end in .gif or .mp4, got 'a.png'"),
             (["pond", "--fps", "99", "--out", "a.gif"], "fps must be a finite number of at least"),
-            (["pond", "--seed", "-1", "--out", "a.gif"], "seed must be an integer of at least 0"),
         ],
     )
-    def test_wrong_arguments_are_refused(
-        self,
-        arguments: list[str],
-        words: str,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
+    def test_wrong_arguments_are_refused(self, arguments, words, tmp_path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         with pytest.raises(SystemExit) as stop:
             command.main(["record", "--policy", "random", *arguments])
@@ -244,12 +220,7 @@ class TestCommand:
         assert words in capsys.readouterr().err
         assert not list(tmp_path.iterdir())
 
-    def test_a_missing_package_is_named(
-        self,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
-    ) -> None:
+    def test_a_missing_package_is_named(self, tmp_path, monkeypatch, capsys):
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
         monkeypatch.setattr(recording, "play", lambda *_: pytest.fail("an episode was begun"))
         out = str(tmp_path / "video.gif")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -71,13 +72,13 @@ class TestLabels:
             (Ending.TIME_LIMIT, 1, "The target was not found", "not found in 3 steps"),
         ],
     )
-    def test_outcomes(self, ending: Ending | None, persons: int, outcome: str, brief: str) -> None:
+    def test_outcomes(self, ending, persons, outcome, brief):
         frame = make_frame(2, persons=((1, 1),) * persons, ending=ending)
         frame = replace(frame, probability_of_success=0.834)
         assert frame.outcome == outcome
         assert outcome_in_brief(frame) == brief
 
-    def test_numbers(self) -> None:
+    def test_numbers(self):
         assert [percent(value) for value in (0.123456, 0.0)] == ["12.3%", "0%"]
         for value, text in (
             *((-0.5, "-0.50"), (0.0, "+0.00"), (0.05, "+0.05"), (0.096, "+0.10")),
@@ -89,7 +90,7 @@ class TestLabels:
 
 
 class TestText:
-    def test_a_running_search(self) -> None:
+    def test_a_running_search(self):
         frame = make_frame(
             3,
             drones=((0, 0), (2, 1)),
@@ -108,48 +109,24 @@ class TestText:
             + ".:;=oO%#@ probability, 0 to 40%",
         ]
 
-    def test_a_collision_in_cells_of_persons(self) -> None:
-        frame = make_frame(
-            2,
-            drones=((1, 1), (1, 1)),
-            persons=((1, 1), (1, 1), (1, 1)),
-            found=(2,),
-            matrix=[[0.25, 0.25], [0.25, 0.25]],
-            ending=Ending.COLLISION,
-        )
-        assert render_text(frame).split("\n")[1:-1] == [
-            f"The target was not found ({Ending.COLLISION.description})",
-            "          0        1",
-            "0         @        @",
-            "1         @ 0+1P2F0@",
-        ]
-
-    def test_what_is_known_of_uncertain_persons(self) -> None:
+    def test_what_is_known_of_uncertain_persons(self):
         frame = replace(make_frame(2), probability_of_success=0.1234)
         assert render_text(frame).split("\n")[0].endswith(" | persons found 0/1 | POS 12.3%")
         eighteen = (0.235, *(0.045,) * 17)
-        for hypotheses, line in (
-            (((0.62, 0.38),), "hypotheses: 62% 38%"),
-            ((eighteen,), "hypotheses: 18, the likeliest 24%"),
-            (
-                ((1.0,), (0.5, 0.5), eighteen),
-                "hypotheses: person 1 50% 50% | person 2 18, the likeliest 24%",
-            ),
-            (
-                ((0.5, 0.5),) * 9,
-                "hypotheses: "
-                + " | ".join(f"person {person} 50% 50%" for person in range(4))
-                + " | 5 more persons",
-            ),
+        four = " | ".join(f"person {person} 50% 50%" for person in range(4))
+        for hypotheses, shown in (
+            (((0.62, 0.38),), "62% 38%"),
+            (((1.0,), (0.5, 0.5), eighteen), "person 1 50% 50% | person 2 18, the likeliest 24%"),
+            (((0.5, 0.5),) * 9, f"{four} | 5 more persons"),
         ):
-            persons = ((1, 1),) * len(hypotheses)
-            found_by = (None,) * len(hypotheses)
-            uncertain = replace(frame, hypotheses=hypotheses, persons=persons, found_by=found_by)
-            assert render_text(uncertain).split("\n")[1] == line
+            n = len(hypotheses)
+            persons = {"persons": ((1, 1),) * n, "found_by": (None,) * n}
+            uncertain = replace(frame, hypotheses=hypotheses, **persons)
+            assert render_text(uncertain).split("\n")[1] == f"hypotheses: {shown}"
         certain = replace(frame, hypotheses=((1.0,),))
         assert render_text(certain) == render_text(frame)
 
-    def test_hundreds_of_drones_and_numbered_columns(self) -> None:
+    def test_hundreds_of_drones_and_numbered_columns(self):
         drones = tuple((i % 100, 2 * (i // 100)) for i in range(300))
         frame = make_frame(100, drones=drones, searching=(299,), persons=((99, 99),))
         lines = render_text(frame).split("\n")
@@ -166,9 +143,7 @@ class TestText:
 class TestCells:
     @pytest.mark.parametrize("grid_size", SIZES)
     @pytest.mark.parametrize("gradient", [True, False])
-    def test_the_least_likely_cells_are_red_and_the_most_likely_green(
-        self, grid_size: int, gradient: bool
-    ) -> None:
+    def test_the_least_likely_cells_are_red_and_the_most_likely_green(self, grid_size, gradient):
         picture = Picture(bare(make_frame(grid_size)), gradient=gradient)
         r, g, b = picture.cell(0, 0).reshape(-1, 3).T
         assert (r > 2 * g).all() and (r > 2 * b).all()
@@ -176,13 +151,13 @@ class TestCells:
         assert (g > 1.5 * r).all() and (g > 1.5 * b).all()
 
     @pytest.mark.parametrize("palette", PALETTES)
-    def test_the_luminance_of_every_shade_differs_strictly(self, palette: str) -> None:
+    def test_the_luminance_of_every_shade_differs_strictly(self, palette):
         part = Look(palette=palette).ramp / 255
         light = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
         steps = np.diff(light @ np.array([0.2126, 0.7152, 0.0722]))  # as WCAG 2 defines it
         assert (steps > 0).all() if palette == "classic" else (steps < 0).all()
 
-    def test_environments_take_a_palette(self) -> None:
+    def test_environments_take_a_palette(self):
         pictures = []
         for palette in PALETTES:
             env = DroneSwarmSearch(render_mode="rgb_array", palette=palette)
@@ -191,7 +166,7 @@ class TestCells:
             assert (pictures[-1] == Picture(env.frame(), palette=palette).whole).all()
         assert (pictures[0] != pictures[1]).any()
 
-    def test_without_gradient_there_are_three_colours_with_the_limits_of_the_readme(self) -> None:
+    def test_without_gradient_there_are_three_colours_with_the_limits_of_the_readme(self):
         matrix = np.zeros((2, 2))
         colours = []
         for share in (0.0, 0.2499, 0.25, 0.7499, 0.75, 1.0):
@@ -204,7 +179,7 @@ class TestCells:
         assert yellow[0] > 200 and yellow[1] > 160 and yellow[2] < 120
 
     @pytest.mark.parametrize("grid_size", SIZES)
-    def test_grid_lines_are_between_cells_only(self, grid_size: int) -> None:
+    def test_grid_lines_are_between_cells_only(self, grid_size):
         frame = bare(make_frame(grid_size))
         one, other = Picture(frame, grid=True), Picture(frame)
         changed = differs(one.map, other.map)
@@ -215,7 +190,7 @@ class TestCells:
         assert (changed == expected).all()
         assert differs(one.whole, other.whole).sum() == changed.sum()
 
-    def test_more_cells_than_pixels_can_be_drawn(self) -> None:
+    def test_more_cells_than_pixels_can_be_drawn(self):
         matrix = np.zeros((1300, 1300))
         matrix[:200] = 1.0
         picture = Picture(make_frame(1300, matrix=matrix, drones=((1299, 1299),)), grid=True)
@@ -226,26 +201,18 @@ class TestCells:
 
 class TestSymbols:
     @pytest.mark.parametrize("grid_size", SIZES)
-    def test_drones_and_persons_are_visible_and_distinct(self, grid_size: int) -> None:
+    def test_drones_and_persons_are_visible_and_distinct(self, grid_size):
         at = ((0, 1),)
         frame = bare(make_frame(grid_size))
-        looks = [
-            Picture(replace(frame, **symbol)).cell(0, 1)
-            for symbol in (
-                {},
-                {"drones": at, "searching": (False,)},
-                {"drones": at, "searching": (True,)},
-                {"persons": at, "found_by": (None,)},
-                {"persons": at, "found_by": (0,)},
-                {"persons": at, "found_by": (1,)},
-            )
-        ]
+        symbols = [{}, *({"drones": at, "searching": (each,)} for each in (False, True))]
+        symbols += [{"persons": at, "found_by": (each,)} for each in (None, 0, 1)]
+        looks = [Picture(replace(frame, **symbol)).cell(0, 1) for symbol in symbols]
         for number, look in enumerate(looks):
             for other in looks[:number]:
                 assert differs(look, other, 60).mean() > 0.05
 
     @pytest.mark.parametrize("grid_size", [20, 48])
-    def test_25_adjacent_drones_differ(self, grid_size: int) -> None:
+    def test_25_adjacent_drones_differ(self, grid_size):
         drones = tuple((i % grid_size, i // grid_size) for i in range(25))
         picture = Picture(make_frame(grid_size, drones=drones, persons=()))
         half = len(picture.cell(0, 0)) // 2
@@ -258,13 +225,13 @@ class TestSymbols:
         assert distances[~np.eye(25, dtype=bool)].min() > 12
 
     @pytest.mark.parametrize("grid_size", SIZES)
-    def test_a_drone_over_a_person_hides_neither(self, grid_size: int) -> None:
+    def test_a_drone_over_a_person_hides_neither(self, grid_size):
         frame = make_frame(grid_size, drones=((1, 1), (0, 0)))
         another_drone = Picture(replace(frame, drones=((0, 0), (1, 1))))
         for other in (another_drone, Picture(replace(frame, found_by=(0,)))):
             assert differs(Picture(frame).cell(1, 1), other.cell(1, 1), 40).sum() >= 20
 
-    def test_trails_and_marks_of_searches_fade(self) -> None:
+    def test_trails_and_marks_of_searches_fade(self):
         frame = make_frame(20, drones=((9, 3),))
         trail = tuple((x, 3) for x in range(10))
         searched = ((4, 9, 25), (5, 9, 12), (6, 9, 1), (8, 9, 99))
@@ -277,7 +244,7 @@ class TestSymbols:
         assert change(8, 3) > change(4, 3) > change(0, 3) > 0 == change(9, 5)
         assert change(6, 9) > change(5, 9) > change(4, 9) > 0 == change(8, 9)
 
-    def test_drones_are_on_their_way_and_the_rest_waits(self) -> None:
+    def test_drones_are_on_their_way_and_the_rest_waits(self):
         before = make_frame(20, drones=((3, 3), (9, 9)))
         after = make_frame(20, drones=((4, 3), (9, 9)), ending=Ending.FOUND)
         after = replace(after, step=4, matrix=np.full((20, 20), 1 / 400, np.float32))
@@ -289,7 +256,7 @@ class TestSymbols:
         assert abs(rows - HEAD - TOP - 3.5 * side).max() <= side / 2 + 3
         assert abs(columns - LEFT - 4 * side).max() <= side + 3
 
-    def test_the_environment_knows_its_trails_searches_and_return(self) -> None:
+    def test_the_environment_knows_its_trails_searches_and_return(self):
         env = DroneSwarmSearch(9, n_drones=2, bayesian_update=True, mission="coverage")
         env.reset(seed=1)
         total = 0.0
@@ -300,8 +267,7 @@ class TestSymbols:
         assert frame.trails == (((0, 0), (0, 1), (0, 1), (1, 1)), ((1, 0), (2, 0), (3, 0), (3, 0)))
         assert frame.searched == ((0, 1, 1), (3, 0, 0))
         assert frame.total_return == total
-        assert frame.prior is not None and abs(frame.prior.sum() - 1.0) < 1e-6
-        assert (frame.prior != frame.matrix).any()
+        assert frame.prior is not None and (frame.prior != frame.matrix).any()
         env.reset(seed=2)
         frame = env.frame()
         assert (frame.trails, frame.searched) == ((((0, 0),), ((1, 0),)), ())
@@ -309,25 +275,20 @@ class TestSymbols:
 
 
 class TestPicture:
-    @pytest.mark.parametrize(
-        "change",
-        [
-            {"step": 4},
-            {"vector": (0.5, -0.5)},
-            {"found_by": (0,)},
+    def test_the_panel_shows_the_state(self):
+        frame, success = make_frame(), {"probability_of_success": 0.2}
+        panels = {Picture(frame).panel.tobytes()}
+        for change in (
+            *({"step": 4}, {"vector": (0.5, -0.5)}, {"found_by": (0,)}, success),
             {"drones": ((0, 0), (0, 0)), "searching": (False, False)},
             {"matrix": np.full((7, 7), 1 / 49, dtype=np.float32)},
-            {"probability_of_success": 0.2},
-            {"hypotheses": ((0.7, 0.3),)},
-            {"persons": (), "found_by": (), "probability_of_success": 0.2},
-        ],
-    )
-    def test_the_panel_shows_the_state(self, change: dict[str, Any]) -> None:
-        frame = make_frame()
-        assert differs(Picture(frame).panel, Picture(replace(frame, **change)).panel).any()
+            *({"hypotheses": ((0.7, 0.3),)}, {"persons": (), "found_by": (), **success}),
+        ):
+            panels.add(Picture(replace(frame, **change)).panel.tobytes())
+        assert len(panels) == 9
 
     @pytest.mark.parametrize("grid_size", [7, 50])
-    def test_many_persons_with_many_hypotheses_fit(self, grid_size: int) -> None:
+    def test_many_persons_with_many_hypotheses_fit(self, grid_size):
         hypotheses = tuple((1 / count,) * count for count in (18, 1, 400, 2, 18, 3))
         frame = make_frame(grid_size, drones=((1, 1),) * 40, persons=((1, 1),) * 6)
         frame = replace(frame, probability_of_success=0.5)
@@ -337,18 +298,13 @@ class TestPicture:
         assert (picture.whole[:, -20:] == picture.whole[-1, -1]).all()
 
     @pytest.mark.parametrize("ending", list(Ending))
-    @pytest.mark.parametrize(
-        ("grid_size", "palette", "persons"),
-        [(7, "classic", ((1, 1),)), (48, "sea", ((1, 1),)), (7, "classic", ())],
-    )
-    def test_the_end_is_framed_in_the_colour_of_the_outcome_and_hides_nothing(
-        self, grid_size: int, palette: str, persons: tuple[tuple[int, int], ...], ending: Ending
-    ) -> None:
-        frame = make_frame(grid_size, persons=persons)
+    @pytest.mark.parametrize(("grid_size", "palette", "n"), [(48, "sea", 1), (7, "classic", 0)])
+    def test_the_end_has_the_colour_of_the_outcome(self, grid_size, palette, n, ending):
+        frame = make_frame(grid_size, persons=((1, 1),) * n)
         before = Picture(frame, palette=palette)
         picture = Picture(replace(frame, ending=ending), palette=palette)
         colour = FOUND if ending in (Ending.FOUND, Ending.COVERED) else NOT_FOUND
-        if ending is Ending.TIME_LIMIT and not persons:
+        if ending is Ending.TIME_LIMIT and not n:
             colour = PROGRESS
         assert (picture.head == colour).all(axis=2).mean() > 0.4
         side = len(picture.map)
@@ -357,7 +313,7 @@ class TestPicture:
         assert not differs(before.map, picture.map).any()
         assert not differs(before.panel, picture.panel)[HEAD + TOP :].any()
 
-    def test_the_prior_is_left_of_the_posterior(self) -> None:
+    def test_the_prior_is_left_of_the_posterior(self):
         painter = Painter(20, view="both")
         matrix, prior = np.zeros((2, 20, 20), np.float32)
         matrix[1, 1] = prior[4, 4] = 1.0
@@ -370,13 +326,13 @@ class TestPicture:
         assert left.max() < 0.45 * painter.size[0] and right.min() > 0.4 * painter.size[0]
 
     @pytest.mark.parametrize("grid_size", [2, 3, 7, 47, 48, 49, 100, 481, 1001, 5000])
-    def test_sizes_are_even_and_reasonable(self, grid_size: int) -> None:
+    def test_sizes_are_even_and_reasonable(self, grid_size):
         width, height = Painter(grid_size).size
         assert width % 2 == 0 and height % 2 == 0
         assert 480 <= SearchMap(grid_size, Look()).side <= 1000
         assert width <= 1400 and height <= 1100
 
-    def test_text_needs_no_pygame_and_pictures_start_only_its_font(self) -> None:
+    def test_text_needs_no_pygame_and_pictures_start_only_its_font(self):
         code = (
             "import sys; import numpy as np\n"
             "from DroneSwarmSearch import DroneSwarmSearch\n"
@@ -388,10 +344,8 @@ class TestPicture:
             "assert not pygame.display.get_init() and not pygame.joystick.get_init()\n"
             "assert pygame.mixer.get_init() is None\n"
         )
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=False
-        )
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+        assert done.stdout == done.stderr == b""
 
 
 class TestLargeGrids:
@@ -404,7 +358,7 @@ class TestLargeGrids:
         matrix=np.pad(np.ones((6, 6)), ((67, 27), (67, 27))),
     )
 
-    def test_the_overview_leaves_drones_in_all_corners_visible(self) -> None:
+    def test_the_overview_leaves_drones_in_all_corners_visible(self):
         corners = ((54, 54), (85, 54), (54, 85), (85, 85))
         frame = replace(self.FRAME, drones=corners, persons=(), found_by=())
         quiet = Picture(replace(frame, searching=(False,) * 4))
@@ -413,13 +367,13 @@ class TestLargeGrids:
             assert differs(Picture(replace(frame, searching=searching)).map, quiet.map).any()
 
     @pytest.mark.parametrize("person", [(99, 99), (53, 86), (70, 70)])
-    def test_nothing_depends_on_a_hidden_person(self, person: tuple[int, int]) -> None:
+    def test_nothing_depends_on_a_hidden_person(self, person):
         frame = replace(self.FRAME, hide_persons=True)
         one, other = (Picture(replace(frame, persons=(at,))) for at in ((50, 50), person))
         assert not differs(one.whole, other.whole).any()
         assert differs(one.map, Picture(self.FRAME).map).any()
 
-    def test_a_wide_search_is_shown_whole(self) -> None:
+    def test_a_wide_search_is_shown_whole(self):
         matrix = np.full((100, 100), 1e-4)
         one, other = (
             Picture(make_frame(100, drones=(at,), matrix=matrix)) for at in ((0, 0), (99, 99))
@@ -444,7 +398,7 @@ def show(display: Display, **changes: Any) -> None:
 
 @pytest.mark.usefixtures("dummy_display")
 class TestWindow:
-    def test_it_shows_the_picture(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_it_shows_the_picture(self, monkeypatch):
         monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
         display = Display(7, fps=1000)
         assert not pygame.display.get_init()
@@ -452,21 +406,18 @@ class TestWindow:
         screen = pygame.display.get_surface()
         shown = pygame.surfarray.array3d(screen).transpose(1, 0, 2)
         assert np.array_equal(shown, Painter(7).pixels(make_frame(searching=(0,))))
-        assert not pygame.joystick.get_init()
-        assert pygame.mixer.get_init() is None
-        display.close()
         display.close()
         assert not pygame.display.get_init()
         show(display)
         assert pygame.display.get_init()
 
-    def test_it_fits_a_small_desktop(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_it_fits_a_small_desktop(self, monkeypatch):
         monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(800, 600)])
         show(Display(7, fps=1000))
         width, height = pygame.display.get_surface().get_size()
         assert 600 < width < 800 and 400 < height < 600
 
-    def test_a_reset_reopens_a_window_that_the_user_closed(self) -> None:
+    def test_a_reset_reopens_a_window_that_the_user_closed(self):
         env = DroneSwarmSearch(grid_size=5, render_mode="human")
         env.reset(seed=1)
         pygame.event.post(pygame.event.Event(pygame.QUIT))
@@ -478,7 +429,7 @@ class TestWindow:
         env.reset()
         assert pygame.display.get_init()
 
-    def test_key_events_stay_in_the_queue_and_others_are_removed(self) -> None:
+    def test_key_events_stay_in_the_queue_and_others_are_removed(self):
         display = Display(7, fps=1000)
         show(display)
         pygame.event.clear()
@@ -491,23 +442,16 @@ class TestWindow:
         assert [event.type for event in left] == [pygame.KEYDOWN, pygame.KEYUP]
         assert left[0].key == pygame.K_LEFT
 
-    def test_waits_for_a_frame_period_after_each_frame(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_waits_for_a_frame_period_after_each_frame(self, monkeypatch):
         ticks: list[float] = []
-
-        class Clock:
-            def tick(self, fps: float) -> int:
-                ticks.append(fps)
-                return 50
-
-        monkeypatch.setattr(pygame.time, "Clock", Clock)
+        clock = SimpleNamespace(tick=lambda fps: ticks.append(fps) or 50)
+        monkeypatch.setattr(pygame.time, "Clock", lambda: clock)
         display = Display(7, fps=20.0)
         for _ in range(3):
             show(display)
         assert ticks == [20.0] * 3
 
-    def test_copies_are_not_open(self) -> None:
+    def test_copies_are_not_open(self):
         display = Display(7, fps=1000)
         show(display)
         twin = copy.deepcopy(display)
@@ -515,19 +459,15 @@ class TestWindow:
         assert pygame.display.get_init()
         show(twin)
 
-    def test_without_a_display_a_reset_changes_nothing(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_a_display_a_reset_changes_nothing(self, monkeypatch):
         env = DroneSwarmSearch(grid_size=5, render_mode="human")
         env.reset(seed=1)
-        env.step({"drone0": 5})
-        env.close()
         before, twin = whole_state(env), copy.deepcopy(env)
         monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
-        for _ in range(2):
-            with pytest.raises(RuntimeError, match="no window can be opened"):
-                env.reset(seed=2, vector=(0.3, 0.3))
-            assert whole_state(env) == before
+        env.close()
+        with pytest.raises(RuntimeError, match="no window can be opened"):
+            env.reset(seed=2, vector=(0.3, 0.3))
+        assert whole_state(env) == before
         new = DroneSwarmSearch(render_mode="human")
         with pytest.raises(RuntimeError, match=r"rgb_array.*ansi.*SDL_VIDEODRIVER=dummy"):
             new.reset()
@@ -536,7 +476,7 @@ class TestWindow:
         monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
         assert plain(env.step({"drone0": 1})) == plain(twin.step({"drone0": 1}))
 
-    def test_an_episode_continues_without_its_window(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_an_episode_continues_without_its_window(self, monkeypatch):
         env = DroneSwarmSearch(grid_size=5, render_mode="human", vector=(0.2, 0.1))
         twin = DroneSwarmSearch(grid_size=5, vector=(0.2, 0.1))
         env.reset(seed=1)
@@ -547,15 +487,8 @@ class TestWindow:
             shown = env.step({"drone0": 1})
         assert plain(shown) == plain(twin.step({"drone0": 1}))
         assert plain(env.step({"drone0": 3})) == plain(twin.step({"drone0": 3}))  # no warning
-        monkeypatch.undo()
-        monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-        env.reset()
-        assert pygame.display.get_init()
-        env.close()
 
-    def test_a_hidden_display_is_used_only_on_request(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_hidden_display_is_used_only_on_request(self, monkeypatch):
         monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
         show(Display(7, fps=1000))
         pygame.quit()

@@ -15,6 +15,7 @@ from DroneSwarmSearch.rules import (
     Action,
     Ending,
     RewardScheme,
+    affects_all,
     collisions,
     ending,
     is_success,
@@ -150,14 +151,14 @@ def test_outcomes_of_a_batch_equal_those_of_each_search(scheme: RewardScheme, li
         pays = iter(observed.tolist())
         for row in range(rows):
             own = {drone: next(pays) for drone in searched[row].nonzero()[0].tolist()}
-            happens = own or limit - 1 == steps[row] or len({*targets[row], OFF_GRID}) <= n
+            happens = own or affects_all(targets[row].tolist(), int(steps[row]), limit)
             expected, reason = outcome(
-                scheme, limit, is_rescue, actions=actions[row].tolist(),
-                targets=targets[row].tolist(), observed=own, found=found[row].nonzero()[0],
+                scheme, limit, is_rescue, targets=targets[row].tolist(),
+                observed=own, found=found[row].nonzero()[0],
                 found_before=before[row].nonzero()[0], returns=returns[row].tolist(),
                 steps_before=int(steps[row]), all_found=all_found[row], covered=covered[row],
             )  # fmt: skip
-            assert rewards[row].tolist() == expected
+            assert rewards[row].tolist() == [expected.get(k, scheme.step) for k in range(n)]
             if happens:  # nobody is found otherwise
                 assert endings[row] == (reason or 0)
 

@@ -29,12 +29,12 @@ ROOT = Path(__file__).parents[1]
 
 pytestmark = [pytest.mark.slow, pytest.mark.pictures]
 
-PHONE, DESKTOP = 390, 1280
-"""Window widths in pixels."""
+PHONE, DESKTOP = 390, 1280  # window widths in pixels
 
+# Without a sandbox, which is required for root, as in containers.
 BROWSER = [
     "--headless=new",
-    "--no-sandbox",  # required for root, as in containers
+    "--no-sandbox",
     "--disable-gpu",
     "--disable-dev-shm-usage",
     "--no-first-run",
@@ -43,7 +43,7 @@ BROWSER = [
     "--disable-sync",
 ]
 
-
+# A script that returns a page's width, background colour and images.
 INSPECT = """
 const style = element => getComputedStyle(element);
 return {
@@ -54,7 +54,6 @@ return {
     ]),
 };
 """
-"""A script that returns a page's width, background colour and images."""
 
 
 @pytest.fixture(scope="session")
@@ -62,13 +61,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the built site; a warning fails the build."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(out)]
-    built = subprocess.run(
-        [*command, "-d", str(tmp_path_factory.mktemp("doctrees"))],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command += ["-d", str(tmp_path_factory.mktemp("doctrees"))]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     return out
 
@@ -83,11 +77,10 @@ def pages(site: Path) -> dict[Path, Any]:
 
 
 def is_external(address: str) -> bool:
-    """Whether an address leads out of the site."""
     return bool(urllib.parse.urlsplit(address).scheme)
 
 
-def test_every_source_has_a_page(site: Path) -> None:
+def test_every_source_has_a_page(site):
     sources = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("docs/**/*.rst")]
     assert len(sources) > 20
     for source in sources:
@@ -95,7 +88,7 @@ def test_every_source_has_a_page(site: Path) -> None:
         assert page.exists(), page
 
 
-def test_internal_links_have_targets(pages: dict[Path, Any]) -> None:
+def test_internal_links_have_targets(pages):
     names = {path: {tag["id"] for tag in page.find_all(id=True)} for path, page in pages.items()}
     followed = 0
     for path, page in pages.items():
@@ -112,23 +105,21 @@ def test_internal_links_have_targets(pages: dict[Path, Any]) -> None:
     assert followed > 1000
 
 
-def test_pages_load_nothing_external(pages: dict[Path, Any]) -> None:
+def test_pages_load_nothing_external(pages):
     for path, page in pages.items():
         for tag in page.find_all(["link", "img", "script", "source", "iframe"]):
             for address in (tag.get("src"), tag.get("href")):
                 assert not address or not is_external(address), f"{path}: {address}"
 
 
-def test_images_have_alternative_texts(pages: dict[Path, Any]) -> None:
-    images = [
-        (path, tag) for path, page in pages.items() for tag in page.select("article img[src]")
-    ]
+def test_images_have_alternative_texts(pages):
+    images = [tag for page in pages.values() for tag in page.select("article img[src]")]
     assert len(images) > 10
-    for path, tag in images:
-        assert len(tag.get("alt", "")) > 20, f"{path}: {tag}"
+    for tag in images:
+        assert len(tag.get("alt", "")) > 20, tag
 
 
-def test_images_are_smaller_than_a_megabyte(site: Path) -> None:
+def test_images_are_smaller_than_a_megabyte(site):
     for path in site.rglob("*"):
         if path.suffix in (".png", ".gif", ".svg", ".jpg"):
             assert path.stat().st_size < 1_000_000, path
@@ -183,15 +174,12 @@ def open_page(browser: Any, address: str, theme: str = "light", width: int = DES
 
 
 def console_messages(browser: Any) -> list[str]:
-    """The messages on the console since the last call."""
     return [f"{entry['level']}: {entry['message']}" for entry in browser.get_log("browser")]
 
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_pages_in_a_browser(
-    browser: Any, address: str, site: Path, pages: dict[Path, Any], theme: str, width: int
-) -> None:
+def test_pages_in_a_browser(browser, address, site, pages, theme, width):
     """Pages have no errors, fit the window, and show the images of the chosen theme."""
     for page in pages:
         name = page.relative_to(site).as_posix()
@@ -206,7 +194,7 @@ def test_pages_in_a_browser(
 
 
 @pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])
-def test_search(browser: Any, address: str, site: Path, served: bool) -> None:
+def test_search(browser, address, site, served):
     """The search finds pages, both on a server and from local files."""
     from selenium.webdriver.support.wait import WebDriverWait
 
@@ -223,7 +211,7 @@ def test_search(browser: Any, address: str, site: Path, served: bool) -> None:
     assert not served or errors == []
 
 
-def test_the_theme_can_be_chosen(browser: Any, address: str) -> None:
+def test_the_theme_can_be_chosen(browser, address):
     open_page(browser, f"{address}/index.html")
     browser.execute_script("localStorage.clear()")
     themes = set()
@@ -236,9 +224,10 @@ def test_the_theme_can_be_chosen(browser: Any, address: str) -> None:
 
 # The page "Play a search".
 
+# The state of the player, for tests: ready, search, step, playing.
 PLAY = "document.getElementById('player').dataset"
-"""The state of the player, for tests: ready, search, step, playing."""
 
+# A script that returns a canvas's width, its most common colour, and its picture.
 DRAWN = """
 const canvas = document.querySelector(arguments[0]);
 const {width, height} = canvas;
@@ -254,7 +243,6 @@ for (let at = 0; at < data.length; at += 4 * 7) {
 const [most] = Object.entries(colours).sort((one, other) => other[1] - one[1]);
 return [width, most[0], copy.toDataURL()];
 """
-"""A script that returns a canvas's width, its most common colour, and its picture."""
 
 
 class Player:
@@ -323,7 +311,7 @@ def most_common(name: str) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])
-def test_a_search_is_played(browser: Any, address: str, site: Path, served: bool) -> None:
+def test_a_search_is_played(browser, address, site, served):
     root = address if served else site.as_uri()
     player = Player(browser, f"{root}/play.html#man-overboard/planner/0")
     assert (player.step, player.text("[data-show=success]")) == (0, "0.0%")
@@ -344,15 +332,12 @@ def test_a_search_is_played(browser: Any, address: str, site: Path, served: bool
     assert console_messages(browser) == []
 
 
-def test_steps_keys_and_the_slider(browser: Any, address: str) -> None:
+def test_steps_keys_and_the_slider(browser, address):
     from selenium.webdriver.common.keys import Keys
 
     player = Player(browser, f"{address}/play.html#gale/parallel-sweep/1")
     top = browser.execute_script("return scrollY")
-    for key, step in (
-        *((Keys.ARROW_RIGHT, 1), (Keys.ARROW_RIGHT, 2), (Keys.ARROW_LEFT, 1)),
-        *((Keys.HOME, 0), (Keys.ARROW_LEFT, 0)),
-    ):
+    for key, step in ((Keys.ARROW_RIGHT, 1), (Keys.ARROW_LEFT, 0), (Keys.ARROW_LEFT, 0)):
         player.press(key)
         player.reach(step)
     player.press(Keys.SPACE)
@@ -368,13 +353,12 @@ def test_steps_keys_and_the_slider(browser: Any, address: str) -> None:
     player.wait(lambda: player.state("playing") == "no")
     player.scrub(40)
     player.reach(40)
-    player.one("[data-do=forward]").click()
-    player.reach(41)
-    player.one("[data-do=back]").click()
-    player.reach(40)
+    for button, step in (("forward", 41), ("back", 40), ("first", 0)):
+        player.one(f"[data-do={button}]").click()
+        player.reach(step)
     player.press(Keys.END)
     player.reach(int(player.one("input[type=range]").get_attribute("max")))
-    player.one("[data-do=first]").click()
+    player.press(Keys.HOME)
     player.reach(0)
     player.one("input[type=range]").send_keys(Keys.ARROW_RIGHT)
     player.reach(1)
@@ -385,7 +369,7 @@ def test_steps_keys_and_the_slider(browser: Any, address: str) -> None:
     assert console_messages(browser) == []
 
 
-def test_searches_policies_and_seeds_are_chosen(browser: Any, address: str) -> None:
+def test_searches_policies_and_seeds_are_chosen(browser, address):
     player = Player(browser, f"{address}/play.html")
     names = [option.get_attribute("value") for option in player.all(".searches option")]
     assert len(names) >= 5
@@ -407,7 +391,7 @@ def test_searches_policies_and_seeds_are_chosen(browser: Any, address: str) -> N
     assert console_messages(browser) == []
 
 
-def test_views_of_the_map(browser: Any, address: str) -> None:
+def test_views_of_the_map(browser, address):
     player = Player(browser, f"{address}/play.html#two-positions/planner/2")
     player.scrub(60)
     player.reach(60)
@@ -432,7 +416,7 @@ def test_views_of_the_map(browser: Any, address: str) -> None:
 
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_the_player_fits_the_page(browser: Any, address: str, theme: str, width: int) -> None:
+def test_the_player_fits_the_page(browser, address, theme, width):
     player = Player(browser, f"{address}/play.html#gale/ppo/0", theme=theme, width=width)
     other = "dark" if theme == "light" else "light"
     player.scrub(30)
@@ -451,7 +435,7 @@ def test_the_player_fits_the_page(browser: Any, address: str, theme: str, width:
     assert console_messages(browser) == []
 
 
-def test_nothing_moves_for_those_who_want_less_motion(browser: Any, address: str) -> None:
+def test_nothing_moves_for_those_who_want_less_motion(browser, address):
     from selenium.webdriver.common.keys import Keys
 
     reduce = {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
@@ -467,7 +451,7 @@ def test_nothing_moves_for_those_who_want_less_motion(browser: Any, address: str
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
-def test_the_map_does_not_move_during_an_episode(browser: Any, address: str) -> None:
+def test_the_map_does_not_move_during_an_episode(browser, address):
     player = Player(browser, f"{address}/play.html#wreck/planner/0")
     places = set()
     end = int(player.one("input[type=range]").get_attribute("max"))
@@ -479,7 +463,7 @@ def test_the_map_does_not_move_during_an_episode(browser: Any, address: str) -> 
     assert len(places) == 1
 
 
-def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Path) -> None:
+def test_a_file_of_the_export_is_played(browser, address, tmp_path):
     from DroneSwarmSearch import Scenario
     from DroneSwarmSearch.evaluation import NamedSearch, export
 
@@ -491,9 +475,7 @@ def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Pa
     player.one("input[type=file]").send_keys(str(path))
     player.wait(lambda: player.state("search") == "file mine.json")
     assert player.text(".reason").startswith("Mine. 5 x 5 cells; 1 drone")
-    assert [each.get_attribute("value") for each in player.all("[name=policy]")] == [
-        "parallel-sweep"
-    ]
+    assert player.one("[name=policy]").get_attribute("value") == "parallel-sweep"
     player.scrub(1000)
     player.wait(lambda: "ound in" in player.text(".outcome"))
     player.one("input[type=file]").send_keys(str(wrong))
@@ -503,7 +485,7 @@ def test_a_file_of_the_export_is_played(browser: Any, address: str, tmp_path: Pa
     assert console_messages(browser) == []
 
 
-def test_without_javascript_there_is_a_video(browser: Any, address: str) -> None:
+def test_without_javascript_there_is_a_video(browser, address):
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     try:
         open_page(browser, f"{address}/play.html")

@@ -134,11 +134,10 @@ class Twins:
         assert batch.positions.tolist() == drones
         assert batch.cells.tolist() == [[y * size + x for x, y in cells] for cells in drones]
         missing = batch.missing
-        if self.envs[0].scenario.mission == "rescue":
-            assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
-        else:
+        if self.envs[0].scenario.mission == "coverage":
             assert missing.all()
-        if self.envs[0].scenario.mission == "rescue":
+        else:
+            assert missing.tolist() == [[not f for f in frame.found] for frame in frames]
             persons = [[y * size + x for x, y in frame.persons] for frame in frames]
             assert (batch.person_cells == persons)[missing].all()
         success = [frame.probability_of_success for frame in frames]
@@ -421,3 +420,17 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was() -> None:
     batch.step([[Action.IDLE, Action.SEARCH]] * 3)
     assert batch.matrices_of([0])[0].tobytes() == before[0].tobytes()
     assert batch.probability_of_success.tolist() == [1.0, 0.5, 1.0]
+
+
+def test_a_wrong_array_for_the_matrices_changes_nothing() -> None:
+    batch = SearchBatch(2)
+    batch.reset([1, 2])
+    right = np.zeros((2, 7, 7), np.float32)
+    fixed = right.copy()
+    fixed.flags.writeable = False
+    for wrong in (right[:1], right.astype(float), fixed):
+        with pytest.raises(ValueError, match=r"writeable, float32 and of shape \(2, 7, 7\)"):
+            batch.step([[Action.RIGHT]] * 2, wrong)
+    assert batch.steps.tolist() == [0, 0]
+    batch.step([[Action.RIGHT]] * 2, right)
+    assert right.tobytes() == batch.matrices_of([0, 1]).tobytes()

@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import CATALOGUE, CONSTANT, PERSON, POD, seen
+from batches import CATALOGUE, CONSTANT, PERSON, POD
 from helpers import plain, without_history
 from test_vector_engine import Case, Twins, planned, play, random_case, use_tiles
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Scenario
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import (
-    DroneVectorEnv,
     SearchBatch,
     SwarmVectorEnv,
 )
@@ -162,22 +161,6 @@ def test_scenarios_of_rows_reproduce_their_episodes() -> None:
     assert batch.scenario == batch.scenario_of(3) == envs[0].scenario.replace(persons=CATALOGUE[1])
 
 
-def test_persons_and_a_catalogue_of_one_situation_are_the_same() -> None:
-    scenario = Scenario(**SIZES, persons=CATALOGUE[1])
-    batches = [
-        SearchBatch(4, scenario=scenario),
-        SearchBatch(4, persons=CATALOGUE[1][0], **SIZES),
-        SearchBatch(4, situations=CATALOGUE[1:2], **SIZES),
-        SearchBatch(4, situations=CATALOGUE, situation=1, **SIZES),
-    ]
-    for batch in batches:
-        assert batch.scenario == scenario
-        batch.reset(range(4))
-        batch.step(np.full((4, 2), Action.SEARCH))
-    kept = [[row[:10] for row in seen(batch)] for batch in batches]
-    assert kept[0] == kept[1] == kept[2] == kept[3]
-
-
 def test_a_given_situation_is_for_the_episode_alone() -> None:
     twins = Twins(5, {"situations": CATALOGUE, "bayesian_update": True, **SIZES})
     other = SearchBatch(5, situations=CATALOGUE, **SIZES)
@@ -252,19 +235,6 @@ def test_a_catalogue_has_a_table_of_matrices() -> None:
 
 
 # The probability of success, and the coverage mission.
-
-
-def test_success_is_known_only_with_beliefs() -> None:
-    for changes, known in (
-        ({}, False),
-        ({"bayesian_update": True}, True),
-        ({"reward_scheme": RewardScheme.expected()}, True),
-        ({"mission": "coverage"}, True),
-    ):
-        env = DroneVectorEnv(3, persons=CATALOGUE[0], **SIZES, **changes)
-        _, infos = env.reset(seed=1)
-        assert ("probability_of_success" in infos) == known
-        assert (env.batch.probability_of_success is not None) == known
 
 
 def test_a_drone_covers_the_only_cell_and_ends_the_mission() -> None:

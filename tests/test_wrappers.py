@@ -16,9 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
+from test_vector_views import SEVERAL_PERSONS as MISSION
+from test_vector_views import SMALL
 
 import DroneSwarmSearch.wrappers as all_wrappers
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
+from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.mappings import Infos, Rewards
@@ -72,21 +74,7 @@ WRAPPERS: dict[str, Wrap] = {
     "mask around others": lambda env: masked(OtherDrones(env)),
 }
 
-SMALL: dict[str, Any] = {
-    "grid_size": 4,
-    "n_drones": 3,
-    "vector": (0.3, -0.2),
-    "person_initial_position": (2, 1),
-    "timestep_limit": 9,
-}
 ALONE: dict[str, Any] = {**SMALL, "grid_size": 3, "n_drones": 1, "bayesian_update": True}
-MISSION: dict[str, Any] = {
-    **SMALL,
-    "person_initial_position": [(2, 1), (1, 2)],
-    "probability_of_detection": 0.7,
-    "bayesian_update": True,
-    "timestep_limit": 14,
-}
 CASES = [SMALL, ALONE, MISSION]
 
 each_wrapper = pytest.mark.parametrize("wrap", WRAPPERS.values(), ids=WRAPPERS)
@@ -243,19 +231,14 @@ def test_other_attributes_are_the_environments(wrap: Wrap) -> None:
     assert isinstance(env, BaseParallelWrapper)
     assert env.unwrapped is inner
     assert env.metadata is inner.metadata
-    assert env.possible_agents == env.get_agents() == inner.possible_agents
     assert (env.grid_size, env.n_drones, env.render_mode) == (4, 3, "ansi")
     assert (env.max_num_agents, env.num_agents) == (3, 0)
-    with pytest.raises(ResetNeeded):
-        env.step({})
     env.reset(seed=1)
     assert env.scenario is inner.scenario
     assert plain(env.state()) == plain(inner.state())
     assert env.state_space is inner.state_space
-    assert env.frame().drones == inner.frame().drones
     assert env.render() == inner.render()
-    assert env.agents == inner.agents
-    assert env.num_agents == 3
+    assert env.agents == inner.agents == env.possible_agents == env.get_agents()
     for agent in ("drone3", None):
         with pytest.raises(ValueError, match=r"agent must be one of drone0, \.\.\., drone2, got"):
             env.observation_space(agent)
@@ -400,43 +383,10 @@ def test_scaled_rewards_can_be_scaled_back_to_the_last_bit(
         assert "total_reward" not in list(rewards)
 
 
-def test_the_usual_scale_is_as_documented() -> None:
-    env = ScaledRewards(DroneSwarmSearch(grid_size=4, person_initial_position=(0, 0)))
-    assert env.scale == 2**-17 == 1 / 131072
-    env.reset(seed=0)
-    assert env.step({"drone0": Action.SEARCH})[1] == {"drone0": 20000 / 131072}
-    env.reset(seed=0)
-    assert env.step({"drone0": Action.LEFT})[1] == {"drone0": -100000 / 131072}
-
-
 @pytest.mark.parametrize(("scale", "error"), [(0, ValueError), ("1", TypeError)])
 def test_invalid_scales_are_rejected(scale: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match="scale must be a finite number above 0, got"):
         ScaledRewards(DroneSwarmSearch(), scale)
-
-
-@pytest.mark.parametrize(
-    ("last", "terminated"),
-    [
-        ((Action.SEARCH, Action.IDLE), True),
-        ((Action.IDLE, Action.UP), True),
-        ((Action.IDLE, Action.LEFT), True),
-        ((Action.IDLE, Action.IDLE), False),
-    ],
-    ids=["found", "left the grid", "collided", "time limit"],
-)
-def test_endings_in_the_last_step(last: tuple[Action, Action], terminated: bool) -> None:
-    env = SeparateFlags(
-        DroneSwarmSearch(
-            grid_size=3, n_drones=2, timestep_limit=2, vector=(0, 0), disperse_constant=0
-        )
-    )
-    env.reset(seed=0)
-    idle = {"drone0": Action.IDLE, "drone1": Action.IDLE}
-    assert not any(env.step(idle)[2].values())
-    _, _, terminations, truncations, _ = env.step(dict(zip(idle, last, strict=True)))
-    assert [*terminations.values()] == [terminated] * 2
-    assert [*truncations.values()] == [not terminated] * 2
 
 
 # Masks.
@@ -464,18 +414,6 @@ def test_masks_are_those_of_the_cells(case: dict[str, Any], right_of_way: bool) 
             actions = {agent: random_action(rng) for agent in agents}
             shown, *_, infos = env.step(actions)
             wanted, *_, plain_infos = plainly.step(actions)
-
-
-def test_actions_can_be_sampled_by_the_mask() -> None:
-    env = ActionMask(FlatObservation(DroneSwarmSearch(**SMALL)), True, right_of_way=True)
-    observations, _ = env.reset(seed=0)
-    while env.agents:
-        actions = {
-            agent: env.action_space(agent).sample(mask=observations[agent]["action_mask"])
-            for agent in env.agents
-        }
-        observations, *_ = env.step(actions)
-    assert env.frame().ending in (Ending.FOUND, Ending.TIME_LIMIT)
 
 
 def test_masks_require_a_reset_and_boolean_flags() -> None:

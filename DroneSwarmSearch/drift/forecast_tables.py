@@ -12,9 +12,7 @@ from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.model import Forecasts
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.tables import (
-    Drifter,
     Steps,
-    all_moves,
     joint_of,
     matrices_of,
     moves_of,
@@ -37,7 +35,10 @@ class ForecastTables(Forecasts):
         self._factors = np.zeros((0, *shape))
         self._moves = np.zeros((2, 0, *shape))  # to the next higher and to the next lower cell
         self._joint: Floats | None = None
-        self._drifter: Drifter | None = None
+        self._scratch = np.empty((2, 0))  # of `drift`
+        # The index of each state's column and row in the moves of its entry.
+        hypothesis, y, x = np.indices((self.hypotheses, self._size, self._size)).reshape(3, -1)
+        self._places = np.stack([x, self._size + y]) + hypothesis * (2 * self._size)
 
     # The tables.
 
@@ -84,23 +85,24 @@ class ForecastTables(Forecasts):
 
     def drift(self, mass: Floats, entries: Ints) -> None:
         moves = self._moves.take(entries, 1, mode="clip").transpose(0, 2, 3, 4, 1)
-        if self._drifter is None or self._drifter.shape != mass.shape:
-            self._drifter = Drifter(mass)
-        self._drifter(mass, all_moves(*np.ascontiguousarray(moves, mass.dtype)), mass)
+        moves = np.ascontiguousarray(moves, mass.dtype)
+        if self._scratch.shape[1:] != mass.shape:
+            self._scratch = np.empty((2, *mass.shape), mass.dtype)
+        cells, (higher, lower) = mass.reshape(-1), self._scratch.reshape(2, -1)
+        along_x, along_y = moves[:, :, 0, None], moves[:, :, 1, :, None]
+        for along, row in ((along_x, mass[0, 0, 0]), (along_y, mass[0, 0])):  # see `Drifter`
+            np.multiply(along, mass, self._scratch)
+            mass *= 1.0 - along[0] - along[1]
+            cells[row.size :] += higher[: -row.size]
+            cells[: -row.size] += lower[row.size :]
 
     # Persons.
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
-        size = self._size
-        rows = states // size  # hypothesis * N + y
-        hypotheses = rows // size
-        index = np.empty((2, *states.shape), np.int64)
-        np.subtract(states, rows * size, out=index[0])
-        np.subtract(rows, hypotheses * size, out=index[1])
-        index[1] += size
-        index += (entries * self.hypotheses + hypotheses) * (2 * size)
-        higher, either = (table.take(index, mode="clip") for table in self._moves)
+        index = self._places.take(states, 1, mode="clip")
+        index += entries * (self.hypotheses * 2 * self._size)
+        higher, either = self._moves.reshape(2, -1).take(index, 1, mode="clip")
         either += higher
         along_x, along_y = moves_of(draws, higher, either)
-        after: Ints = states + along_x + np.multiply(along_y, size, dtype=np.int64)
+        after: Ints = states + along_x + np.multiply(along_y, self._size, dtype=np.int64)
         return after

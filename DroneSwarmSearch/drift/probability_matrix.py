@@ -144,13 +144,11 @@ class ProbabilityMatrix(DriftModel):
         return expected
 
     def drift(self, mass: Floats, step: int) -> Floats:
-        after = np.empty_like(mass)
-        self._drifter(mass, self._moves(step), after)
-        return after
+        return self._drifter(mass, self._moves(step))
 
     @cached_property
     def _drifter(self) -> Drifter:
-        return Drifter(np.empty(self.state_shape))
+        return Drifter(self.state_shape)
 
     def matrices(self, step: int) -> tuple[Floats, Floats]:
         if step not in self._matrices:

@@ -266,12 +266,12 @@ def tabulate(
         joint[:-1] = joint_of(factors)
         for number, prior in priors:
             joint[0, number // most, number % most] = weights.flat[number] * prior
-        drift = Drifter(joint[0, 0])
+        drift = Drifter(joint.shape[2:])
         for person in {number // most for number, _ in priors}:
             if previous is not None and previous.joint is not None:
                 joint[0, person] = previous.joint[-1, person]
             for step in range(count):
-                drift(joint[step, person], moves[:, step, person], joint[step + 1, person])
+                joint[step + 1, person] = drift(joint[step, person], moves[:, step, person])
     return Steps(factors, moves, joint, followed[:, -1].copy())
 
 
@@ -296,40 +296,31 @@ def all_moves(higher: Array, lower: Array) -> Array:
 
 
 class Drifter:
-    """Lets mass drift by a step; it keeps scratch arrays, which take as long to make as to use.
+    """Lets a mass of the shape (M, N, N) drift by a step, in scratch arrays that it keeps."""
 
-    Args:
-        like: mass of the shape (M, N, N, ...) and the type to come.
-    """
-
-    def __init__(self, like: Array) -> None:
-        self.shape, row = like.shape, like[0, 0]
-        self._terms = np.empty((2, *like.shape), like.dtype)
-        higher, lower = self._terms.reshape(2, -1)
-        # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the next,
-        # and the arrays can be shifted as one run of memory.
-        self._shifted = [(d, higher[:-d], lower[d:]) for d in (row[0].size, row.size)]
+    def __init__(self, state_shape: tuple[int, ...]) -> None:
+        self._shape, self._axes = state_shape, []
+        for distance in (1, state_shape[-1]):
+            # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
+            # next, and the arrays can be shifted as one run of memory.
+            terms = np.empty((3, *state_shape))
+            cells, higher, lower = terms.reshape(3, -1)
+            to_higher = cells[distance:], higher[:-distance], cells[distance:]
+            to_lower = cells[:-distance], lower[distance:], cells[:-distance]
+            self._axes.append((terms, to_higher, to_lower))
 
     def __reduce__(self) -> tuple[object, ...]:  # the views must be those of the copy
-        return type(self), (self._terms[0],)
+        return type(self), (self._shape,)
 
-    def __call__(self, mass: Array, moves: Array, after: Array) -> None:
-        """Compute the mass one step later, of the same sum.
-
-        Args:
-            mass: of the shape given before.
-            moves: see `all_moves`: shape (3, M, 2, N, ...); nobody leaves the grid.
-            after: receives the result: C-contiguous; may be the mass itself.
-        """
-        cells = after.reshape(-1)
-        axes = moves[:, :, 0, None], moves[:, :, 1, :, None]
-        for along, (distance, higher, lower) in zip(axes, self._shifted, strict=True):
-            np.multiply(along[1:], mass, self._terms)
-            np.multiply(along[0], mass, after)
-            next_higher, next_lower = cells[distance:], cells[:-distance]
-            next_higher += higher
-            next_lower += lower
-            mass = after
+    def __call__(self, mass: Floats, moves: Floats) -> Floats:
+        """The mass one step later, of the same sum; `moves` are `all_moves`, (3, M, 2, N)."""
+        along_axes = moves[:, :, 0, None], moves[:, :, 1, :, None]
+        for along, (terms, to_higher, to_lower) in zip(along_axes, self._axes, strict=True):
+            np.multiply(along, mass, terms)
+            np.add(*to_higher)
+            np.add(*to_lower)
+            mass = terms[0]
+        return mass.copy()
 
 
 def moves_of(draws: Array, higher: Array, either: Array) -> NDArray[np.int8]:

@@ -22,11 +22,7 @@ __all__ = ["Leaderboard", "leaderboard"]
 
 @dataclass(frozen=True, eq=False)
 class Leaderboard:
-    """Policies evaluated on searches; what is sampled, in the same episodes.
-
-    Attributes:
-        evaluations: of every policy on every search, search by search.
-    """
+    """Policies evaluated on searches, search by search; what is sampled, in the same episodes."""
 
     evaluations: Sequence[Evaluation]
 
@@ -102,12 +98,11 @@ def leaderboard(
 
     Args:
         policies: names of policies of this package; None for all.
-        searches: names of searches of the suite, or `NamedSearch` objects; None for the
-            whole suite.
+        searches: names of the suite or `NamedSearch` objects; None for the whole suite.
         added: further policies, in any form that `evaluate` takes.
-        view: what the added policies see, see `evaluate`. If they see the posterior, their
-            returns depend on another matrix; success and time stay comparable.
-        deterministic: whether the added policies are, see `evaluate`.
+        view: what the added policies see. If they see the posterior, their returns depend on
+            another matrix; success and time stay comparable.
+        deterministic: whether the added policies are.
         episodes: of every policy on every search.
         seed: of the first episode.
         workers: see `evaluate`.

@@ -26,18 +26,12 @@ from DroneSwarmSearch.rules import Ending
 
 __all__ = ["run"]
 
-FAILED, INTERRUPTED = 1, 130
-"""Exit codes; 130 is the shells' code for Ctrl-C."""
-
+FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
 PACKAGE = Path(__file__).parents[1]
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a command, and return the exit code.
-
-    Errors that this package raises are reported in a line. Others, such as those of your own
-    policy, are raised.
-    """
+    """Run a command and return its exit code; errors that this package raises take one line."""
     code = FAILED
     try:
         _COMMANDS[options.command](options)
@@ -65,7 +59,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> None:
-    """Evaluate a policy on searches, print the results, and write them with --out."""
     if options.list:
         _print_suite()
         return
@@ -83,7 +76,6 @@ def _evaluate(options: argparse.Namespace) -> None:
 
 
 def _leaderboard(options: argparse.Namespace) -> None:
-    """Run the leaderboard, print its tables, and write its files."""
     found = _board(options, options.add)
     for title, (headers, *rows) in (
         ("Success in %; the best policy of each search has a star", found.search_table),
@@ -96,7 +88,6 @@ def _leaderboard(options: argparse.Namespace) -> None:
 
 
 def _bound(options: argparse.Namespace) -> None:
-    """Compute bounds and print them."""
     searches = _searches(options)
     folder, how = RunFolder(options.out, manifest(searches)), (options.workers, options.ray)
     bounds = bounds_of(searches, folder, *how, True)
@@ -111,7 +102,6 @@ def _bound(options: argparse.Namespace) -> None:
 
 
 def _record(options: argparse.Namespace) -> None:
-    """Record a video of one episode."""
     search = _search(options.search)
     video = recording.record(
         *(options.policy, search, options.out),
@@ -124,7 +114,6 @@ def _record(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    """Write episodes as JSON."""
     search = _search(options.search)
     data = exporting.export(
         *(options.policies, search, options.out),
@@ -174,10 +163,9 @@ def _searches(options: argparse.Namespace) -> list[NamedSearch]:
 
 
 def _search(name: str) -> NamedSearch:
-    """A search of the suite or of a file.
+    """A search of the suite or of a file; warns if persons at sea may drift beyond the grid.
 
-    A warning is printed if its persons may drift beyond the grid, for searches at sea. Elsewhere
-    the border is a part of the search: persons given by a cell and a vector stop there.
+    Elsewhere the border is a part of the search: persons given by a cell and a vector stop there.
     """
     found = suite.search(name)
     scenario, persons = found.scenario, found.scenario.persons
@@ -188,7 +176,6 @@ def _search(name: str) -> NamedSearch:
 
 
 def _print_suite() -> None:
-    """List the policies and the searches."""
     print("policies:\n")
     for name, make in policies.POLICIES.items():
         summary = (inspect.getdoc(make) or "").split("\n")[0]
@@ -200,7 +187,6 @@ def _print_suite() -> None:
 
 
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
-    """Print a table for each mission."""
     for is_coverage in (False, True):
         mine = [each for each in evaluations if each.is_coverage == is_coverage]
         rows = [_columns(each, options.bound) for each in mine]

@@ -31,10 +31,8 @@ class Reliability(NamedTuple):
     others. A. H. Murphy, A new vector partition of the probability score, Journal of Applied
     Meteorology 12, 1973.
 
-    Attributes:
-        searches: the number of searches in each bin of `POS_EDGES`: float64, (bins,).
-        forecast: the sum of their forecasts: float64, (bins,).
-        found: the persons they found: float64, (bins,).
+    Of each bin of `POS_EDGES`: the number of searches, the sum of their forecasts, and the persons
+    they found: float64, (bins,).
     """
 
     searches: Floats
@@ -103,11 +101,7 @@ class Episodes:
         return cls(*map(np.concatenate, columns))
 
     def with_common_curve(self) -> Episodes:
-        """The episodes of a deterministic policy, all of which have the same curve.
-
-        Raises:
-            ValueError: the curves differ.
-        """
+        """Episodes with one curve, of a deterministic policy; raises ValueError if they differ."""
         if np.ptp(self.curves, axis=0).max() > ROUNDING:
             raise ValueError(
                 "deterministic must be False for a policy that acts differently after the same "

@@ -1,7 +1,4 @@
-"""Write episodes to a file, for pages and scripts that play them without Python.
-
-The command `export` needs this module: the page "Play a search" opens the files of users.
-"""
+"""Write episodes to a file, for pages and scripts that play them without Python."""
 
 from __future__ import annotations
 
@@ -39,7 +36,7 @@ def export(
     seeds: Iterable[int] = (0,),
     bayesian_update: bool | None = None,
 ) -> dict[str, Any]:
-    """Write the episodes of some policies on a search as JSON.
+    """Write the episodes of some policies on a search as JSON, and return the content.
 
     These are the episodes that `evaluate` and `record` play with the same seeds. An existing
     file is only replaced when the new one is complete.
@@ -47,27 +44,22 @@ def export(
     The file is an object with these keys. Cells are numbers, y * grid_size + x. Lists over
     time begin with the state after `reset`, at step 0.
 
-    - "format", "version": "DroneSwarmSearch episodes" and 1; "package": the version of this
-      package.
-    - "search": "name", "reason", "outline", "mission", "grid_size", "timestep_limit", the
-      start cells of the drones, "drones", and "metres_per_cell" and "seconds_per_step", which
-      are null without a `Scale`.
-    - "maps": every different map of the file, once. "count" is their number, and "maxima"
-      lists the probability of the likeliest cell of each. "data" holds all cells in percent
-      of this maximum, as Base64 of zlib of uint8, shape (cells, count). Each value is the
-      difference, modulo 256, from the value of the map before it; the first map follows
-      zeros.
+    - "format", "version": "DroneSwarmSearch episodes", 1; "package": this package's version.
+    - "search": "name", "reason", "outline", "mission", "grid_size", "timestep_limit", start cells
+      "drones", "metres_per_cell" and "seconds_per_step", which are null without a `Scale`.
+    - "maps": every different map of the file. "count" is their number, "maxima" the probabilities
+      of their likeliest cells. "data" holds all cells in percent of this maximum, as Base64 of
+      zlib of uint8, shape (cells, count); each value is the difference, modulo 256, from that of
+      the map before it, the first from zero.
     - "episodes": a list of objects, by policy, then by seed:
 
       - "policy", "seed", "steps"; "ending": the name of the `Ending` in lower case.
       - "actions": a string for each drone, with the number of an `Action` for each step.
-      - "persons": for each person, their "cells" until they are found or the episode ends,
-        and the number of the drone that found them, "found_by", or null. The last cell of a
-        found person is that of the find.
+      - "persons": for each, their "cells" until they are found, the last one being that of the
+        find, or the episode ends; and the number of the drone that found them, "found_by", or null.
       - "success": the probability of success of all searches so far, to four decimals.
       - "returns": the sum of all drones' rewards so far, to one decimal.
-      - "prior", "posterior": the number of a map for each step. Both show the persons who
-        are still missing.
+      - "prior", "posterior": the number of a map for each step, of the missing persons.
 
     Args:
         policies: a list of policies, each as for `evaluate`; a callable sees one search, as
@@ -75,11 +67,7 @@ def export(
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
         path: the file, .json.
         seeds: of the episodes of each policy, integers >= 0.
-        bayesian_update: whether the policies see the posterior or the prior; None: as in
-            the search.
-
-    Returns:
-        The content of the file.
+        bayesian_update: whether the policies see the posterior; None: as in the search.
 
     Raises:
         OSError: the file cannot be written.
@@ -113,7 +101,6 @@ def export(
 
 
 def _description(search: NamedSearch) -> dict[str, Any]:
-    """The search, for people and for drawing."""
     scenario, scale = search.scenario, search.scale
     return {
         "name": search.name,
@@ -162,7 +149,6 @@ class _Maps:
         return self._numbers.setdefault(key, len(self._numbers))
 
     def data(self) -> dict[str, Any]:
-        """The maps as data for the file."""
         every = np.stack([np.frombuffer(cells, np.uint8) for _, cells in self._numbers], axis=1)
         differences = np.diff(every, axis=1, prepend=np.zeros((len(every), 1), np.uint8))
         packed = zlib.compress(differences.tobytes(), 9)

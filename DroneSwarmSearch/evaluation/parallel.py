@@ -21,14 +21,10 @@ def finished(
     ray: str | None,
     progress: bool,
 ) -> Iterator[tuple[int, Any]]:
-    """Make calls, show the progress, and yield the place and the result of each as it finishes.
+    """Make calls, show their progress, and yield the place and the result of each as it finishes.
 
-    Args:
-        calls: pickled if they run elsewhere.
-        what: a name for them, for the progress.
-        workers: see `evaluate`; 1 makes all calls in this process.
-        ray: see `evaluate`. All results are yielded when the last one is there.
-        progress: see `evaluate`.
+    `workers` and `ray` are those of `evaluate`; calls elsewhere are pickled, and Ray's results come
+    at the end.
     """
     count = checks.integer("workers", workers, 1)
     if ray is not None and not isinstance(ray, str):

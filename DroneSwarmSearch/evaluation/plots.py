@@ -25,30 +25,22 @@ from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
 
 __all__ = ["save", "success_by_search", "success_over_time"]
 
-WIDTH = 5.2
-"""The width of a plot in inches: narrow, so that its text is legible on a phone."""
-
+WIDTH = 5.2  # the width of a plot in inches: narrow, so that its text is legible on a phone
 STYLES = Path(__file__).parent
 
+# In the order of the colours of the styles, the same in every plot; others have those after.
 POLICIES = (
     *("planner", "ppo", "greedy-forecast", "greedy-posterior", "greedy-matrix"),
     *("parallel-sweep", "creeping-line", "expanding-square", "sector-search", "random"),
 )
-"""In the order of the colours of the styles, the same in every plot; others have those after."""
 
 MARKERS = "Dh>os^vpXPH<d8"
-
 Draw = Callable[[Sequence[Evaluation]], Figure]
-
-SHARES = np.linspace(0.0, 1.0, 101)
-"""The shares of the time limit at which curves of different searches are averaged."""
+SHARES = np.linspace(0.0, 1.0, 101)  # of the time limit, where curves of searches are averaged
 
 
 def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path]:
-    """Write a plot as `<path>-light.svg` and `<path>-dark.svg`; returns the two files.
-
-    The user's settings of Matplotlib are ignored.
-    """
+    """Write a plot as `<path>-light.svg` and `<path>-dark.svg`, whatever the user's settings."""
     written = []
     for theme in ("light", "dark"):
         content, sheets = io.BytesIO(), [STYLES / f"{each}.mplstyle" for each in ("plots", theme)]
@@ -62,11 +54,7 @@ def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path
 
 
 def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
-    """Plot the success over time, a curve for each policy: the mean over the searches.
-
-    The dashed line is the mean bound at the time limit, if every search has one. The legend lists
-    the policies by their success.
-    """
+    """Plot each policy's mean success over time, and the mean bound if every search has one."""
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = figure.add_subplot()
     bounds = known_bounds(evaluations)

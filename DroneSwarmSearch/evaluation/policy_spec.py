@@ -23,14 +23,10 @@ __all__ = ["PolicySpec"]
 
 @dataclass(frozen=True, eq=False)
 class PolicySpec:
-    """A policy to be evaluated. Make one with `PolicySpec.of`.
+    """A policy to be evaluated; make one with `PolicySpec.of`.
 
-    Attributes:
-        name: for tables and files.
-        source: the policy as given, and the SHA-256 of its file or weights, for a run's manifest;
-            None for a policy in memory.
-        policy: a file of weights; a class, which is instantiated with the `Scenario` of each
-            search; or a callable from observations to actions.
+    `source` is the policy as given, and the SHA-256 of its file, for manifests; None for one in
+    memory. `policy` is a file of weights, a class that takes a `Scenario`, or a callable.
     """
 
     name: str
@@ -48,11 +44,7 @@ class PolicySpec:
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
         """Make a spec from a policy as for `evaluate`; a string may begin with "name=".
 
-        Raises:
-            ImportError: the module does not exist.
-            TypeError: it is no policy.
-            ValueError: the policy, file or attribute does not exist, or the file does not hold
-                weights.
+        Raises ImportError, TypeError or ValueError if there is no such policy.
         """
         if isinstance(policy, PolicySpec):
             return policy

@@ -68,12 +68,8 @@ def record(
         path: the file, .gif or .mp4.
         seed: of the episode, an integer >= 0.
         name: the policy's name in the picture.
-        bayesian_update: whether the policy sees the posterior or the prior; None: as in
-            the search.
+        bayesian_update: whether the policy sees the posterior; None: as in the search.
         fps: steps shown per second, from 0.1 to 50.
-
-    Returns:
-        The video. A notebook shows it if it is the last expression of a cell.
 
     Raises:
         ImportError: the package of the extra "video" is missing.
@@ -106,12 +102,8 @@ def play(
 ) -> Iterator[tuple[Frame, tuple[int, ...]]]:
     """Play one episode in two environments, which show the prior and the posterior.
 
-    With the same seed and the same actions, both run through the same episode. The policy
-    observes the one that the search's `bayesian_update` selects.
-
-    Yields:
-        For every step, from that of `reset`: the frame with the posterior, the prior, and the
-        return in the environment that the policy observes; and the drones' actions.
+    Of every step, from `reset` on, yields a frame with both and the return under the one that the
+    policy observes, by the search's `bayesian_update`; and the drones' actions.
     """
     envs = [
         DroneSwarmSearch(scenario=search.scenario.replace(bayesian_update=flag), render_mode=None)

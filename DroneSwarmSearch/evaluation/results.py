@@ -91,10 +91,9 @@ class Evaluation:
 
     @property
     def times(self) -> Floats:
-        """The expected time to find given the path of each episode: float64, shape (n,).
+        """The expected time to find given each episode's path, the area above the curve: (n,).
 
-        It is the area above the curve; in the coverage mission the mean over persons. Failures
-        count with the time limit.
+        In the coverage mission, it is the mean over persons. Failures count with the time limit.
         """
         times: Floats = (1.0 - self.curves[:, :-1]).sum(axis=1)
         return times
@@ -104,8 +103,7 @@ class Evaluation:
         """The restricted mean time to find, the mean of `times`, exact or with Hall's interval.
 
         It is defined even where many episodes fail: P. Royston and M. Parmar, Restricted mean
-        survival time: an alternative to the hazard ratio, BMC Medical Research Methodology
-        13:152, 2013.
+        survival time, BMC Medical Research Methodology 13:152, 2013.
         """
         if self.is_exact:
             return Estimate.exact(math.fsum((1.0 - self.curves[0, :-1]).tolist()))
@@ -123,14 +121,10 @@ class Evaluation:
 
     @property
     def repetition_rate(self) -> Estimate:
-        """The mean number of searches of cells that any drone has searched, divided by the cells.
-
-        It may exceed 1.
-        """
+        """The mean number of repeated searches, of any drone, per cell; it may exceed 1."""
         return self._per_cell(self.episodes.searches - self.episodes.cells_searched)
 
     def _per_cell(self, counts: Ints) -> Estimate:
-        """The mean of some counts, divided by the number of cells."""
         scenario = self.search.scenario
         cells = scenario.grid_size**2
         if self.is_exact and self.is_coverage:  # all episodes are equal
@@ -208,16 +202,13 @@ class Comparison:
 
 
 def compare(first: Evaluation, second: Evaluation) -> Comparison:
-    """Compare two policies on one search.
+    """Compare two policies on one search; one may have seen the prior and the other the posterior.
 
-    If both evaluations are exact, so are the differences; if one is, the interval is that of the
-    other. Two samples use common random numbers: Hall's interval for their paired differences is
-    narrower than that of independent samples. One policy may have seen the prior and the other the
-    posterior.
+    Differences of exact values are exact; if one is, the interval is that of the other. Two samples
+    use common random numbers, so Hall's interval for their paired differences is narrow.
 
     Raises:
-        ValueError: the evaluations are of different searches; or one of them is not exact, and
-            they are of different episodes.
+        ValueError: they are of different searches; or of different episodes, and not both exact.
     """
     one, other = (each.search.with_posterior(False) for each in (first, second))
     if one.data != other.data:

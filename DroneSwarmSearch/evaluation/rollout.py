@@ -20,9 +20,7 @@ from DroneSwarmSearch.vector.observations import BatchObservations
 __all__ = ["PolicyLike", "play", "reset_policy"]
 
 PolicyLike = Callable[[Any], Any]
-
-TOP_CELLS = 8
-"""Cells in the layout "top-cells", as the vector environments show them by default."""
+TOP_CELLS = 8  # cells in the layout "top-cells", as the vector environments show them by default
 
 
 def play(
@@ -73,7 +71,6 @@ def _play(
     stage: _Stage,
     seeds: Sequence[int],
 ) -> Episodes:
-    """Play all episodes of a batch together."""
     batch.reset(seeds)
     record = _Recorder(batch)
     played: list[_Recorder | _Follower] = [record]
@@ -92,8 +89,6 @@ def _play(
 
 
 class _Recorder:
-    """Records the episodes of a batch."""
-
     def __init__(self, batch: SearchBatch) -> None:
         scenario, n = batch.scenario, batch.num_rows
         self._batch, self._detections = batch, np.array(scenario.detections)

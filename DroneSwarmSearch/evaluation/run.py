@@ -27,9 +27,8 @@ __all__ = [
     *("evaluate", "evaluate_cases", "manifest"),
 ]
 
+# Episodes played together by a fresh copy of the policy: results are the same for any workers.
 PORTION = 500
-"""Episodes that are played together, by a fresh copy of the policy. The results are therefore
-identical for any number of workers and after any interruption."""
 
 
 def evaluate(
@@ -88,10 +87,7 @@ def evaluate(
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A policy to be evaluated on a search, which has `bayesian_update` as it is evaluated.
-
-    `is_exact` states whether all episodes have the same curve of success.
-    """
+    """A policy and a search as it is evaluated; `is_exact`: all episodes have the same curve."""
 
     spec: PolicySpec
     search: NamedSearch
@@ -146,10 +142,7 @@ def evaluate_cases(
     *how: Any,
     bounded: Sequence[NamedSearch] = (),
 ) -> list[Evaluation]:
-    """Evaluate several cases together, which keeps all workers busy, with bounds of some searches.
-
-    `how` holds the arguments `workers`, `ray` and `progress` of `evaluate`.
-    """
+    """Evaluate cases together, with bounds of some searches; `how`: workers, ray and progress."""
     end = checks.integer("seed", seed, 0) + checks.integer("episodes", episodes, 1)
     portions = [range(first, min(first + PORTION, end)) for first in range(seed, end, PORTION)]
     folder = RunFolder(out, manifest([case.search for case in cases], cases, episodes, seed))
@@ -212,7 +205,6 @@ def manifest(
 
 
 def _prepared(case: Case) -> Callable[..., Any]:
-    """Make a policy for a search, and call its `prepare`."""
     policy = case.spec.make(case.search.scenario)
     prepare = getattr(policy, "prepare", None)
     if prepare is not None:
@@ -221,7 +213,6 @@ def _prepared(case: Case) -> Callable[..., Any]:
 
 
 def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:
-    """Play a portion of episodes with a copy of the policy."""
     if not case.is_exact or case.search.scenario.mission == "coverage":
         return play(_copied(policy), case.search, seeds, case.view)
     player = _copied(policy)

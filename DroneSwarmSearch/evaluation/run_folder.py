@@ -17,23 +17,16 @@ __all__ = ["RunFolder", "file_name"]
 
 Result = TypeVar("Result")
 
-MANIFEST, FINISHED = "manifest.json", "finished"
-"""The file with the manifest, and the folder for finished results."""
+MANIFEST, FINISHED = "manifest.json", "finished"  # a file, and the folder of results
 
 
 class RunFolder:
     """The manifest of a run, and one file for each finished result, a dataclass of arrays.
 
-    The manifest holds everything that results depend on. A run may add policies and searches to a
-    folder; it may not change what is there.
+    The manifest holds everything that results depend on. A run may add policies and searches, but
+    not change what is there. Without a path, nothing is kept.
 
-    Args:
-        path: created if necessary; None for a run that keeps nothing.
-        manifest: numbers, strings and None.
-
-    Raises:
-        StorageError: the folder cannot be written.
-        ValueError: the folder holds results of another run; the message names what differs.
+    Raises StorageError if the folder cannot be written, and ValueError if it holds another run.
     """
 
     def __init__(self, path: str | Path | None, manifest: Mapping[str, Any]) -> None:
@@ -67,11 +60,7 @@ class RunFolder:
             return None
 
     def save(self, name: str, result: object) -> None:
-        """Write a finished result.
-
-        Raises:
-            StorageError: it cannot be written. Earlier results are kept.
-        """
+        """Write a finished result; raises StorageError if that fails. Earlier results are kept."""
         if self.path is not None:
             content = io.BytesIO()
             np.savez_compressed(content, allow_pickle=False, **vars(result))

@@ -11,14 +11,9 @@ from numpy.typing import ArrayLike
 
 __all__ = ["ROUNDING", "Estimate", "bounded_mean", "difference", "mean_of"]
 
-Z = 1.959963984540054
-"""The quantile of the normal distribution for a confidence of 95%."""
-
-ROUNDING = 1e-9
-"""Values that differ by less are equal: they are sums of rounded numbers."""
-
-_SYMMETRIC = 1e-6
-"""Skewness below this counts as none, since its effect is lost in rounding."""
+Z = 1.959963984540054  # the quantile of the normal distribution for a confidence of 95%
+ROUNDING = 1e-9  # values that differ by less are equal: they are sums of rounded numbers
+_SYMMETRIC = 1e-6  # skewness below this counts as none, since its effect is lost in rounding
 
 
 class Estimate(NamedTuple):
@@ -46,9 +41,9 @@ class Estimate(NamedTuple):
 def mean_of(estimates: Iterable[Estimate]) -> Estimate:
     """Estimate the mean of independent quantities from the estimate of each, at least one.
 
-    The distances from the values to their limits are added in squares (MOVER): G. Y. Zou and
-    A. Donner, Construction of confidence limits about effect measures: a general approach,
-    Statistics in Medicine 27:1693-1702, 2008.
+    The distances to their limits are added in squares (MOVER): G. Y. Zou and A. Donner,
+    Construction of confidence limits about effect measures: a general approach, Statistics in
+    Medicine 27, 2008.
     """
     every = list(estimates)
     n = len(every)
@@ -59,10 +54,7 @@ def mean_of(estimates: Iterable[Estimate]) -> Estimate:
 
 
 def difference(first: Estimate, second: Estimate) -> Estimate:
-    """Estimate the difference of two independent quantities, first minus second, as `mean_of`.
-
-    Two exact values that differ by less than `ROUNDING` are equal.
-    """
+    """Estimate first minus second as `mean_of`; exact values within `ROUNDING` are equal."""
     value = first.value - second.value
     below = math.hypot(first.value - first.low, second.high - second.value)
     above = math.hypot(first.high - first.value, second.value - second.low)
@@ -72,20 +64,15 @@ def difference(first: Estimate, second: Estimate) -> Estimate:
 
 
 def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Estimate:
-    """Estimate the mean of a bounded quantity, which may be skewed.
+    """Estimate the mean of values, shape (n,), of a bounded quantity, which may be skewed.
 
     Student's statistic is transformed so that its distribution has no skewness: P. Hall, On the
     removal of skewness by transformation, Journal of the Royal Statistical Society B 54, 1992.
     Other intervals too often miss the mean of small, skewed probabilities.
 
-    If all values are equal, the sample does not show its variance. The interval then allows for
-    other values in a share of all trials: the upper limit of Wilson's interval for 0 of n (E. B.
-    Wilson, Journal of the American Statistical Association 22, 1927).
-
-    Args:
-        sample: real numbers from `least` to `most`, shape (n,), n >= 1.
-        least: the least possible value.
-        most: the greatest possible value.
+    Equal values do not show their variance: the interval then allows for others in a share of all
+    trials, the upper limit of Wilson's interval for 0 of n (E. B. Wilson, Journal of the American
+    Statistical Association 22, 1927).
     """
     values = np.asarray(sample, np.float64)
     n, mean = len(values), float(values.mean())

@@ -1,7 +1,6 @@
-"""The suite: named searches on which policies are compared.
+"""The suite: named searches on which policies are compared, which never change.
 
-`docs/make_suite.py` wrote their file, `suite_v1.json`. They never change, so that results stay
-comparable; other parameters make another version of the suite, in another file.
+`docs/make_suite.py` wrote `suite_v1.json`; other parameters make another version, in another file.
 """
 
 from __future__ import annotations
@@ -143,7 +142,6 @@ def as_named(value: object) -> NamedSearch:
 
 
 def _named(data: Mapping[str, Any]) -> NamedSearch:
-    """A search from the content of a file."""
     rest = dict(data)
     name, reason, scale = rest.pop("name"), rest.pop("reason"), rest.pop("scale", None)
     drones = checks.items("drones_positions", rest.pop("drones_positions", []), "a list of cells")

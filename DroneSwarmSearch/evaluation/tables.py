@@ -9,8 +9,7 @@ from DroneSwarmSearch.evaluation.statistics import Estimate
 
 __all__ = ["figure", "percent", "print_table", "signed"]
 
-MOST_DECIMALS = 4
-"""Decimals of figures with a narrow interval; those with a wide one have one."""
+MOST_DECIMALS = 4  # decimals of figures with a narrow interval; those with a wide one have one
 
 
 def percent(estimate: Estimate | None) -> str:

@@ -1,7 +1,6 @@
 """Rendering of a search: a `Frame` as text, image, window or video.
 
-`text` needs NumPy alone; `painter` and `window` draw with pygame; `video` writes files with the
-packages of the extra "video". Importing this package does not import pygame.
+Importing this package does not import pygame.
 """
 
 import os

@@ -47,14 +47,9 @@ class Display:
         return {name: value for name, value in vars(self).items() if name not in not_copied}
 
     def render(self, frame: Frame, mode: str) -> Any:
-        """Render a frame.
+        """Text for "ansi", uint8 of shape (H, W, 3) for "rgb_array", None for "human".
 
-        Returns:
-            "ansi": text. "rgb_array": uint8, shape (H, W, 3). "human": None; the window
-            shows the frame.
-
-        Raises:
-            RuntimeError: "human", and no window can be opened.
+        Raises RuntimeError if no window can be opened.
         """
         if mode == "ansi":
             return render_text(frame)
@@ -74,8 +69,7 @@ class Display:
     def open(self) -> None:
         """Open the window, even if the user has closed it before; do nothing if it is open.
 
-        Raises:
-            RuntimeError: no window can be opened.
+        Raises RuntimeError if no window can be opened.
         """
         self._window.open()
         self._is_dismissed = False

@@ -25,10 +25,8 @@ from DroneSwarmSearch.rules import Ending
 
 __all__ = ["Painter", "to_array"]
 
+# The views, with about the side of a map in pixels: what drones observe; prior and posterior.
 SIDES = {"matrix": 720, "both": 660}
-"""The views with the approximate side of a map in pixels: "matrix" is one map, of what the drones
-observe; "both" has the prior left of the posterior."""
-
 GAP = 6  # between the map's margin and the panel, in pixels
 HEAD = 52  # the height of the headline
 TITLE_FONT, CAPTION_FONT, OUTCOME_FONT = 32, 24, 38
@@ -36,11 +34,7 @@ CAPTIONS = "prior: the drift alone", "posterior: given the searches"
 
 
 class Painter:
-    """Draws frames of one grid size in a view of `SIDES`; needs no display and starts none.
-
-    Attributes:
-        size: width and height of the pictures in pixels; both even, as video codecs require.
-    """
+    """Draws frames of one grid size in a view of `SIDES`, without a display; `size` is even."""
 
     def __init__(self, grid_size: int, look: Look | None = None, *, view: str = "matrix") -> None:
         self._look = look or Look()
@@ -57,13 +51,7 @@ class Painter:
     def paint(
         self, frame: Frame, *, towards: Frame | None = None, progress: float = 0.0
     ) -> pygame.Surface:
-        """A new surface of `size` with the picture of a frame, or of a moment after it.
-
-        Args:
-            frame: the frame.
-            towards: the frame one step later, to which drones and persons are on their way.
-            progress: how much of that step has passed, 0 to 1.
-        """
+        """A new picture of a frame, or of the way `towards` the next one at `progress`, 0 to 1."""
         canvas = pygame.Surface(self.size, 0, 32)
         canvas.fill(PAPER)
         shown = [frame]
@@ -85,7 +73,6 @@ class Painter:
     def pixels(
         self, frame: Frame, *, towards: Frame | None = None, progress: float = 0.0
     ) -> NDArray[np.uint8]:
-        """`paint` as a new uint8 array of shape (height, width, 3)."""
         return to_array(self.paint(frame, towards=towards, progress=progress))
 
     def _draw_head(self, canvas: pygame.Surface, frame: Frame) -> None:

@@ -32,22 +32,17 @@ LIFE_RING: Colour = (255, 112, 32)
 SKIN: Colour = (255, 214, 178)
 SPOTLIGHT: Colour = (226, 244, 255)
 COLLISION: Colour = (255, 236, 140)
+N_SHADES = 129  # shades of a ramp; odd, so that one is in the middle
 
-N_SHADES = 129
-"""Shades of a ramp; odd, so that one is in the middle."""
-
-MIDDLE_FROM, HIGH_FROM = 0.25, 0.75
-"""Without a gradient, the fractions of the maximum at which the middle and last shades start."""
+MIDDLE_FROM, HIGH_FROM = 0.25, 0.75  # shares of the maximum from which two of three colours hold
 
 
 class Palette(NamedTuple):
     """The colours of a map.
 
-    Attributes:
-        stops: evenly spaced colours of the ramp, from the least to the most likely cell.
-            The luminance of the ramp rises or falls strictly, so that it reads in greyscale.
-        drones: the colours of drones, hexadecimal. Each was chosen as the farthest, in OKLab,
-            from the ramp and from those before it.
+    `stops` are evenly spaced colours of the ramp, from the least to the most likely cell; its
+    luminance is strictly monotonic, to read in greyscale. `drones` are hexadecimal, each chosen as
+    the farthest, in OKLab, from the ramp and from those before it.
     """
 
     stops: tuple[Colour, ...]
@@ -80,13 +75,7 @@ def shares_of_maximum(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Look:
-    """How the cells of a map are drawn.
-
-    Attributes:
-        grid: with lines between them.
-        gradient: in smooth colours; otherwise in three.
-        palette: a name in `PALETTES`.
-    """
+    """How cells are drawn: with lines between them, in smooth or three colours, from a palette."""
 
     grid: bool = False
     gradient: bool = True

@@ -27,19 +27,15 @@ from DroneSwarmSearch.rendering.sprites import text_line, write
 __all__ = ["draw_panel", "panel_size"]
 
 WIDTH, LEAST_HEIGHT = 232, 704
+HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42  # font sizes
 
-HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42
-"""Font sizes."""
-
+# Of the sections; those below grow with their content.
 RESULTS_TOP, RESULTS_HEIGHT, DRIFT_HEIGHT, SCALE_HEIGHT, SYMBOLS_HEIGHT = 92, 68, 112, 88, 144
-"""Of the sections; those below grow with their content."""
-
 HYPOTHESES_HEAD, HYPOTHESES_ROW, HYPOTHESES_ROWS = 44, 22, 3
 DRONES_HEAD, DRONE_ROW, DRONE_COLUMNS, DRONE_SYMBOL = 22, 27, 5, 20
 COMPASS = 62
 SYMBOL_LEAST, SYMBOL_MOST = 15, 24
 LABEL_GAP = 6
-
 FINDERS_NAMED = 4  # of more drones that found somebody, only the first ones are named
 
 
@@ -49,10 +45,7 @@ def panel_size(least_height: int) -> tuple[int, int]:
 
 
 def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) -> None:
-    """Draw all sections, one below the other, on a surface of `panel_size`.
-
-    The legend shows symbols in about the size that they have on the map, `symbol`.
-    """
+    """Draw all sections on a surface of `panel_size`; `symbol` is the size of those on the map."""
     symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
     write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
     _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
@@ -214,7 +207,6 @@ def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygam
 
 
 def _minus(number: str) -> str:
-    """A number with a typographic minus sign."""
     return number.replace("-", "\N{MINUS SIGN}")
 
 

@@ -1,7 +1,4 @@
-"""A player of searches: the moment that it shows, and what its keys do. It needs no display.
-
-`player_window` draws a player, and gives it the keys and the time.
-"""
+"""A player of searches: what it shows, and what its keys do; `player_window` draws it."""
 
 from __future__ import annotations
 
@@ -16,11 +13,8 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 __all__ = ["KeyHelp", "Player", "Recording", "Score"]
 
-SLOWEST, FASTEST = 0.25, 8.0
-"""Factors on the steps per second."""
-
-STEP_RATE = 8.0
-"""Steps per second at which single steps and moves by hand are drawn."""
+SLOWEST, FASTEST = 0.25, 8.0  # factors on the steps per second
+STEP_RATE = 8.0  # steps per second at which single steps and moves by hand are drawn
 
 FLIGHT_KEYS = {
     **{"left": Action.LEFT, "a": Action.LEFT, "right": Action.RIGHT, "d": Action.RIGHT},
@@ -30,8 +24,7 @@ FLIGHT_KEYS = {
 """Actions of drone 0 by the names of keys, as pygame names them."""
 
 
-KeyHelp = tuple[str, str, str]
-"""Keys, what they do in a word or two, and in detail."""
+KeyHelp = tuple[str, str, str]  # keys, what they do in a word or two, and in detail
 
 WATCHING = (
     ("Space", "play, pause", "pause or resume; at the end, play again"),
@@ -63,21 +56,11 @@ class Score(NamedTuple):
 
 
 class Recording:
-    """The frames of an episode so far. A policy's episode is played by a thread.
+    """The frames of an episode so far; a thread plays on while a policy plans for seconds.
 
-    Some policies plan for seconds; meanwhile, the window stays alive.
-
-    Args:
-        frames: the frames of the episode, from that of the reset.
-        title: what is shown, in a few words.
-        fly: plays one step with an action for drone 0, and returns its frame, where the keys
-            fly that drone; `frames` is then that of the reset.
-        rivals: the results of others in the same search, taken at the end of a flight.
-
-    Attributes:
-        frames: those recorded so far; `seen` is the number of the latest that was shown.
-        is_flight: whether the keys fly drone 0.
-        scores: the results to show at the end; empty if there are no others.
+    `fly` plays a step with an action for drone 0, where keys fly it; `frames` then holds the first
+    one only, and `rivals` give the results of others in the same search, taken at the end. Of
+    `frames`, `seen` is the latest that was shown.
     """
 
     def __init__(
@@ -124,18 +107,13 @@ class Recording:
         return self.is_flight and not self.has_ended
 
     def fly(self, action: Action) -> None:
-        """Play one step."""
         assert self._fly is not None
         self.frames.append(self._fly(action))
         if self.has_ended and (rivals := list(self._rivals)):
             self.scores = [Score("you (drone 0)", self.frames[-1]), *rivals]
 
     def show(self, number: int) -> None:
-        """Note that a frame is shown. At the end, reveal the persons in all frames.
-
-        Raises:
-            Exception: the policy or the environment has failed after this frame.
-        """
+        """Note that a frame is shown; the end reveals persons. Raises what the policy raised."""
         self.seen = max(self.seen, number)
         if self.end_was_seen and self.frames[0].hide_persons:
             self.frames = [replace(frame, hide_persons=False) for frame in self.frames]
@@ -143,26 +121,13 @@ class Recording:
             raise self._error
 
     def stop(self) -> None:
-        """Record no further frames."""
         self._stopped = True
 
 
 class Player:
-    """Plays recordings: forward, step by step, and back.
+    """Plays recordings, which `begin` starts by their seed: forward, step by step, and back.
 
-    Args:
-        begin: starts the recording of the search with a seed.
-        seed: of the first search.
-        fps: steps per second at normal speed.
-
-    Attributes:
-        recording: of the search that is shown.
-        seed: its seed.
-        view: "matrix", what the drones see, or "both", the prior and the posterior.
-        speed: factor on the steps per second.
-        hint: why the last key did nothing; empty if it did something.
-        shows_keys: whether the list of keys is shown.
-        quits: whether the user has asked to quit.
+    `speed` is a factor on the steps per second, `fps`; `hint` says why the last key did nothing.
     """
 
     def __init__(self, begin: Callable[[int], Recording], *, seed: int, fps: float) -> None:
@@ -230,12 +195,7 @@ class Player:
     # Keys and time.
 
     def press(self, key: str, *, repeated: bool = False) -> None:
-        """React to a key.
-
-        Args:
-            key: its name, as `pygame.key.name` returns it.
-            repeated: whether it is held down and has acted before.
-        """
+        """React to a key by its name in pygame; if `repeated`, it is held down and has acted."""
         if repeated and key not in {*FLIGHT_KEYS, ","}:
             return
         self.hint = ""
@@ -281,7 +241,6 @@ class Player:
             self.speed = max(self.speed / 2, SLOWEST)
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
         by_hand = self.recording.is_flight and not self.recording.end_was_seen
         goal = min(math.inf if by_hand else self._goal, len(self.recording.frames) - 1)
         if by_hand or self.is_paused:
@@ -294,11 +253,7 @@ class Player:
 
 
 def _refusal(frame: Frame, action: Action) -> str:
-    """Why drone 0 may not take an action; empty if it may.
-
-    By the rules of the environment, leaving the grid and collisions end the episode. By hand,
-    both happen by mistake, so these moves are refused.
-    """
+    """Why drone 0 may not take an action, which would end the episode; empty if it may."""
     (x, y), *others = frame.drones
     ahead = neighbours(y * frame.grid_size + x, frame.grid_size)[action]
     if ahead == OFF_GRID:

@@ -20,8 +20,7 @@ PICTURES_PER_SECOND = 30
 LONGEST_PAUSE = 0.1
 """Seconds that pass at most between two pictures; a slower machine shows slower motion."""
 
-ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}
-"""The keypad's names of keys."""
+ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}  # the keypad's names of keys
 
 FONT, LINE, STRIP = 20, 30, 70
 """The size of the text, and the heights of a line with its margins and of the strip."""
@@ -40,11 +39,7 @@ class PlayerWindow(Window):
         return width, height + STRIP
 
     def play(self, player: Player) -> str:
-        """Show a player until the user quits, or to its end if the window is hidden.
-
-        Returns:
-            How the user quits.
-        """
+        """Show a player until the user quits, and return how; a hidden one only to its end."""
         self.open()
         pygame.key.set_repeat(300, 110)  # milliseconds, for keys that are held down
         held: set[str] = set()
@@ -100,7 +95,6 @@ class PlayerWindow(Window):
 
 
 def _score_row(score: Score) -> tuple[str, str, str, str]:
-    """A score as the cells of a table."""
     name, last = score
     success, total = last.probability_of_success, last.total_return
     return (

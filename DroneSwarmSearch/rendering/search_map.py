@@ -1,6 +1,6 @@
-"""The map: coloured cells with coordinates, searches so far, trails, drones and persons.
+"""The map: cells with coordinates, searches so far, trails, drones and persons.
 
-Of a large grid, the map shows the part where the search takes place, and a small overview.
+Of a large grid, the part where the search takes place, and a small overview.
 """
 
 from __future__ import annotations
@@ -32,70 +32,38 @@ from DroneSwarmSearch.rules import Ending, is_success
 
 __all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap", "outcome_colour"]
 
-# Lengths are in pixels, unless stated otherwise.
-
-LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24
-"""Margins around the cells; the first two hold the coordinates."""
-
-WHOLE_MOST = 48
-"""Of grids with more cells along a side than this, only a part may be shown."""
-
-PART_LEAST, PART_STEP, PART_MARGIN = 40, 10, 3
-"""In cells: the smallest side of a part, the multiple that its place and side are of, and
-what is around everything that it must show."""
-
-PART_FROM = 0.02
-"""A part contains all cells with at least this share of the maximum of the matrix."""
-
-OVERVIEW_SHARE, OVERVIEW_INSET = 0.2, 10
-"""The side of the overview as a share of the map's, and its distance from the corner."""
-
+# Lengths are in pixels, unless stated otherwise. A share is one of a cell's side.
+LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coordinates
+WHOLE_MOST = 48  # of grids with more cells along a side than this, only a part may be shown
+# In cells: a part's smallest side, the multiple that its place and side are of, and the margin
+# around what it must show: all cells with at least a share of the maximum of the matrix.
+PART_LEAST, PART_STEP, PART_MARGIN, PART_FROM = 40, 10, 3, 0.02
+OVERVIEW_SHARE, OVERVIEW_INSET = 0.2, 10  # its side as a share of the map's; from the corner
 TICK_ROOM, TICK_FONT = 26, 18
-
-LINES_APART, OPAQUE_FROM, GRID_OPACITY = 12, 16, 0.45
-"""Of lines closer than the first only every second, fifth, ... is drawn; lines closer than the
-second are fainter than the third."""
-
-SYMBOL_SHARE, SEARCHING_SHARE, PAIR_SHARE = 0.92, 0.76, 0.58
-"""The side of a symbol, and of a drone inside a search ring, as a share of its room; and the
-room of each of two symbols in a cell as a share of the cell's side."""
-
-SMALL_SHARE, SMALL_MOST = 1.15, 16
-"""In small cells, symbols up to this side are larger than their room."""
-
+LINES_APART = 12  # of closer lines, only every second, fifth, ... is drawn
+OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
+SYMBOL_SHARE, SEARCHING_SHARE = 0.92, 0.76  # of its room: a symbol, a drone inside a search ring
+PAIR_SHARE = 0.58  # the room of each of two symbols in a cell
+SMALL_SHARE, SMALL_MOST = 1.15, 16  # symbols up to this side are larger than their small room
+# Limits of sizes and distances, which hold even if symbols then leave their cell.
 DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST, LEAST_APART = 13, 14, 160, 8
-"""Limits of sizes and distances, which hold even if symbols then leave their cell."""
-
-RING_MARGIN, COLLISION_MARGIN = 9, 1.5
-"""How much larger than its drone a search ring is, in pixels, and the star of a collision, as a
-share of a drone."""
-
-NUMBER_FROM, NUMBER_SHARES = 24, (1.1, 1.0, 0.75)
-"""Drones of at least this side show their number; the font sizes of one, two and three digits as
-shares of the drone's body."""
-
-TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 3, 230
-"""The width of a trail as a share of a cell, its least width, and the opacity of the last move."""
-
-SEARCHED_SHARE, SEARCHED_LEAST, SEARCHED_MOST = 0.3, 5, 14
-"""The mark of a search as a share of a cell, and its limits."""
-
+RING_MARGIN = 9  # how much larger than its drone a search ring is
+COLLISION_MARGIN = 1.5  # the same of the star of a collision, as a share of the drone
+NUMBER_FROM = 24  # drones of at least this side show their number
+NUMBER_SHARES = (1.1, 1.0, 0.75)  # fonts of one, two, three digits as shares of a drone's body
+TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 3, 230  # width, least width, that of the last move
+SEARCHED_SHARE, SEARCHED_LEAST, SEARCHED_MOST = 0.3, 5, 14  # of the mark of a search
 FADES = 6  # the opacities of marks that fade
-
 Point = tuple[float, float]
 Places = Sequence[Sequence[float]]
-Sprite = tuple[pygame.Surface, Point]
-"""An image and the place of its middle."""
+Sprite = tuple[pygame.Surface, Point]  # an image and the place of its middle
 
 
 class SearchMap:
-    """Draws the map of one grid size on surfaces of its `size`.
+    """Draws the map of one grid size on surfaces of its `size`, margins included.
 
-    Attributes:
-        side: side of all shown cells together, in pixels: about that of the argument, so that
-            cells have whole pixels if the whole grid is shown.
-        size: width and height in pixels, margins included.
-        symbol: side of a drone alone in its cell, in pixels, at the largest scale.
+    `side` is that of all shown cells together, about the argument, so that cells have whole pixels
+    if the whole grid is shown; `symbol` the side of a drone alone in its cell at the largest scale.
     """
 
     def __init__(self, grid_size: int, look: Look, *, side: int = 720) -> None:
@@ -115,14 +83,7 @@ class SearchMap:
         self._pitch: float  # the side of a cell in pixels
 
     def draw(self, canvas: pygame.Surface, frame: Frame, end: Frame, progress: float) -> None:
-        """Draw the map of a moment between two frames.
-
-        Args:
-            canvas: a surface of `size`, filled with the background.
-            frame: the last frame.
-            end: the next frame, to which drones and persons are on their way; or `frame`.
-            progress: the part of the way that lies behind them, 0 to 1.
-        """
+        """Draw the moment at `progress`, 0 to 1, from a frame to `end`, the next one or itself."""
         self._canvas = canvas
         (part,) = _on_the_way([self._part(frame)], [self._part(end)], progress)
         self._left, self._top, self._cells = part
@@ -172,7 +133,6 @@ class SearchMap:
         return LEFT + (x - self._left) * self._pitch, TOP + (y - self._top) * self._pitch
 
     def _centre(self, x: float, y: float) -> Point:
-        """The middle of a cell in pixels."""
         return self._at(x + 0.5, y + 0.5)
 
     # Cells.
@@ -323,10 +283,7 @@ class SearchMap:
         _blit_all(self._canvas, marks + symbols)
 
     def _places(self, cell: Sequence[float], count: int) -> tuple[list[Point], float]:
-        """Middles of the symbols in one cell, and the side of the room of each, in pixels.
-
-        One symbol is in the middle, two are on the diagonal, more form a square.
-        """
+        """Middles of symbols in one cell, and the side of the room of each: 1, diagonal, square."""
         centre = self._centre(*cell)
         if count == 1:
             return [centre], self._pitch

@@ -43,9 +43,7 @@ __all__ = [
 # and a body.
 OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60
 LIFE_RING_FROM, BODY_FROM = 24, 40
-
 TEXT_SUPERSAMPLING = 4
-
 Point = tuple[float, float]
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
@@ -53,12 +51,7 @@ CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 class _Pen:
     """Draws a square symbol enlarged; scaling it down smooths the edges.
 
-    Coordinates and lengths are in half sizes: (-1, -1) is the upper left corner of the
-    symbol, (0, 0) its middle.
-
-    Args:
-        size: side of the finished symbol in pixels.
-        edge: the outermost colour of the symbol.
+    Coordinates and lengths are in half sizes: the upper left corner is (-1, -1), the middle (0, 0).
     """
 
     def __init__(self, size: int, edge: Colour) -> None:
@@ -96,7 +89,6 @@ class _Pen:
             self.disc(point, width / 2, colour)
 
     def finish(self) -> pygame.Surface:
-        """The symbol at its own size."""
         return pygame.transform.smoothscale(self._surface, (self._size, self._size))
 
     def _place(self, point: Point) -> Point:
@@ -138,11 +130,7 @@ def body_share(size: int) -> float:
 
 @lru_cache(maxsize=512)
 def drone(size: int, colour: Colour) -> pygame.Surface:
-    """A quadcopter: four rotors on crossed arms around a round body; an X if it is small.
-
-    A light rim separates it from dark cells; if there is room, a dark outline separates it from
-    light cells.
-    """
+    """A quadcopter, with a light rim and, if there is room, a dark outline; an X if it is small."""
     pen = _Pen(size, WHITE)
     rim, line = 1.2 * pen.pixel, max(pen.pixel, 0.035)
     layers = [(0.0, WHITE), (rim, INK), (rim + line, colour)]

@@ -17,35 +17,24 @@ from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 __all__ = ["print_frames", "render_text"]
 
+# From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"
-"""Probability from 0 (first) to the maximum of the matrix (last). Shares no character with
-the marks below, so that a cell's probability stays readable behind the marks."""
-
 SEARCHING, TOGETHER, MISSING, FOUND = "*+PF"
+WIDTH = 160  # characters in a line where the width of the terminal is unknown
 
-WIDTH = 160
-"""Characters in a line where the width of the terminal is unknown."""
-
+# Of more hypotheses, only the likeliest one is written; of more persons, only the first.
 WEIGHTS_NAMED, PERSONS_NAMED = 6, 4
-"""Of more hypotheses, only the likeliest one is written; of more persons, only the first."""
-
+# Without a terminal: the most frames between the first and the last, and the steps between them.
 PRINTED_FRAMES, PRINTED_STRIDE = 5, 10
-"""Without a terminal, the most frames printed between the first and the last one, and the
-fewest steps between them."""
 
 
 def render_text(frame: Frame, columns: int = WIDTH) -> str:
     """The frame as lines of ASCII without escape codes, without a newline at the end.
 
-    Every cell ends with the character of its probability. The contents of the cell come
-    before it: drones by their numbers, `*` after a drone that searches, `+` between drones that
-    share the cell, `P` for a missing person (with a count if there are several), `F1` for
-    a person found there by drone 1. `12*P@` is drone 12 searching the likeliest cell, in
-    which a person is.
-
-    Args:
-        frame: what to write.
-        columns: characters in a line; a space separates the cells if they then fit.
+    A cell ends with the character of its probability. Before it come drones by number, `*` after
+    one that searches, `+` between drones of a cell, `P` for a missing person (with a count of
+    several), `F1` for one found there by drone 1. Cells are separated by a space if they then fit
+    `columns`.
     """
     size, tokens = frame.grid_size, _tokens(frame)
     # Room for the mark of a search is reserved: the width of a cell then changes from
@@ -67,13 +56,9 @@ def render_text(frame: Frame, columns: int = WIDTH) -> str:
 
 
 def print_frames(frames: Iterable[Frame], fps: float) -> None:
-    """Draw the frames of an episode in place on a terminal, which cuts them off at its edges.
+    """Draw the frames of an episode in place on a terminal, at `fps`, cut off at its edges.
 
     To any other output, print a selection of whole frames.
-
-    Args:
-        frames: the frames, in order.
-        fps: frames per second on a terminal.
     """
     in_place, height = sys.stdout.isatty(), 0
     for frame in frames:

@@ -22,15 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["FPS_LEAST", "FPS_MOST", "SUFFIXES", "write_pictures", "write_video"]
 
 SUFFIXES = (".gif", ".mp4")
-
-FPS_LEAST, FPS_MOST = 0.1, 50.0
-"""The range of steps per second; a GIF cannot show more."""
-
-SMOOTH = 25.0
-"""Pictures per second of smooth motion."""
-
+FPS_LEAST, FPS_MOST = 0.1, 50.0  # the range of steps per second; a GIF cannot show more
+SMOOTH = 25.0  # pictures per second of smooth motion
 LOSSLESS = ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"]
-
 EVEN = "scale=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"  # as MP4 requires
 
 # Without dithering, what does not move keeps its colours and needs no bytes.
@@ -48,8 +42,7 @@ def write_video(
 ) -> None:
     """Write the frames of consecutive steps as a smooth video; `fps` is in steps per second.
 
-    There is at least one frame; the first one is taken after all checks. The other arguments and
-    the errors are those of `write_pictures`.
+    The first frame is taken after all checks. Otherwise as `write_pictures`.
     """
     per_step = max(1, round(SMOOTH / fps))
 
@@ -74,22 +67,14 @@ def write_pictures(
     hold: float,
     gif_width: int,
 ) -> None:
-    """Write pictures to a file, GIF or MP4 by its suffix.
+    """Write one or more pictures of shape (height, width, 3) to a file, GIF or MP4 by its suffix.
 
-    The file appears when it is complete; after an error or an interruption, a previous file
-    is still there. Memory does not grow with the number of pictures.
+    The last one stays for `hold` additional seconds; GIFs are at most `gif_width` pixels wide. The
+    file appears when it is complete; after an error, a previous file is still there. Memory does
+    not grow with the number of pictures.
 
-    Args:
-        path: the file; its folder is created if needed.
-        pictures: at least one, all of the same shape (height, width, 3).
-        fps: pictures per second.
-        hold: additional seconds for which the last picture stays.
-        gif_width: the most pixels across in a GIF; wider pictures are scaled down.
-
-    Raises:
-        ImportError: imageio-ffmpeg, of the extra "video", is missing.
-        OSError: the file cannot be written.
-        ValueError: the suffix is not one of `SUFFIXES`.
+    Raises ImportError without imageio-ffmpeg (the extra "video"), OSError if the file cannot be
+    written, and ValueError if the suffix is not one of `SUFFIXES`.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r:.100}")
@@ -120,11 +105,7 @@ def write_pictures(
 
 
 def _run(command: list[str], pictures: Iterable[NDArray[np.uint8]] = ()) -> None:
-    """Run ffmpeg, which reads pictures.
-
-    Raises:
-        OSError: it fails.
-    """
+    """Run ffmpeg, which reads pictures; raises OSError if it fails."""
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # its message says why it ended

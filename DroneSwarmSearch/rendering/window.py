@@ -11,19 +11,14 @@ from DroneSwarmSearch.rendering.palette import PAPER, Look
 
 __all__ = ["Window"]
 
-DESKTOP_SHARE = 0.92
-"""A window too large for the desktop takes this share of it; the rest is for title bars."""
-
+DESKTOP_SHARE = 0.92  # taken by a window too large for the desktop; the rest is for title bars
 HIDDEN_DRIVERS = ("dummy", "offscreen")
 
 
 class Window:
-    """A window for pictures, which the user can resize.
+    """A window for pictures, which the user can resize; smaller than `size` on a small desktop.
 
     pygame has one display per process, so all windows are the same one.
-
-    Args:
-        size: width and height in pixels when the window opens; less if the desktop is smaller.
     """
 
     def __init__(self, size: tuple[int, int]) -> None:
@@ -32,7 +27,6 @@ class Window:
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a window."""
         return pygame.display.get_init() and bool(pygame.display.get_surface())
 
     @property
@@ -48,11 +42,7 @@ class Window:
         return pygame.display.get_driver() in HIDDEN_DRIVERS
 
     def open(self) -> None:
-        """Open the window; do nothing if it is open.
-
-        Raises:
-            RuntimeError: no window can be opened.
-        """
+        """Open the window if it is not; raises RuntimeError if that is impossible."""
         if self.is_open:
             return
         try:
@@ -86,7 +76,6 @@ class Window:
         return self._clock.tick(fps) / 1000
 
     def close(self) -> None:
-        """Close the window if it is open."""
         if self.is_open:
             pygame.display.quit()
 

@@ -1,4 +1,4 @@
-"""The task of the training examples, and the comparison of what was trained with the baselines."""
+"""The task of the training examples, and the comparison with the baselines."""
 
 from __future__ import annotations
 
@@ -27,12 +27,10 @@ TRAINING_TASK: dict[str, Any] = {
 }
 """Parameters of `DroneSwarmSearch`: two drones search a 10 x 10 grid for a drifting person.
 
-The matrix is the posterior, so a policy without memory sees where the drones have searched. The
-task is small enough to learn in minutes.
+The matrix is the posterior, so a policy needs no memory; the task takes minutes to learn.
 """
 
-SEED = 1_000_000
-"""Seed of the first episode; training usually starts from small seeds."""
+SEED = 1_000_000  # seed of the first episode; training usually starts from small seeds
 
 
 def compare_with_baselines(
@@ -53,14 +51,11 @@ def compare_with_baselines(
         view: what the policy sees and returns, as for `evaluate`.
         episodes: number of episodes; at least 1.
         name: the policy's name in the table.
-        folder: the run's folder; evaluation.csv is written there, one row per policy.
+        folder: evaluation.csv is written there, one row per policy.
         baselines: names of policies of the package.
 
     Returns:
         The evaluation of the policy, then those of the baselines in order.
-
-    Raises:
-        Exception: as `evaluate`.
     """
     given = dict(parameters)
     drones = given.pop("drones_positions", ())

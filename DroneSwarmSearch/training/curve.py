@@ -15,12 +15,7 @@ __all__ = ["log_row", "moving_mean", "plot_curve", "read_columns"]
 
 
 def log_row(path: str | Path, **values: float) -> None:
-    """Append a row to a CSV file, and print it; the first row also writes the header.
-
-    Args:
-        path: the file; its folder exists.
-        values: the columns, the same in every row.
-    """
+    """Append a row of named columns, the same each time, to a CSV file, and print it."""
     cells = {
         name: f"{value:.6g}" if value % 1 else f"{value:.0f}" for name, value in values.items()
     }
@@ -37,7 +32,7 @@ def plot_curve(
 ) -> None:
     """Plot columns of CSV files over the training steps, as a PNG beside the first file.
 
-    Thin lines show the rows, bold lines their moving means.
+    Thin lines show the rows, bold ones their moving means.
 
     Args:
         paths: the files; several are the parts of one training that was resumed.
@@ -46,7 +41,6 @@ def plot_curve(
 
     Raises:
         ImportError: Matplotlib, of the extra "evaluation", is not installed.
-        KeyError: a file has no such column.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter

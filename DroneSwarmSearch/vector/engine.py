@@ -303,14 +303,19 @@ class SearchBatch:
             ResetNeeded: before the first `reset`, after an interrupted step or reset, or for
                 rows that have ended if `autoreset` is False.
             TypeError: the actions are not integers.
-            ValueError: an action is out of range, or their shape is wrong. After these errors
-                the batch is unchanged.
+            ValueError: an action is out of range, or `matrices` or their shape is wrong. After
+                these errors the batch is unchanged.
         """
         if self._changing:
             raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")
         if not self._seeded.all():
             raise ResetNeeded("step: not all episodes have begun; call reset() first")
         chosen = checked_actions(actions, self.cells.shape, np.int64)
+        if matrices is not None:
+            shape = (self.num_rows, *2 * (self._scenario.grid_size,))
+            given = matrices.shape, matrices.dtype, matrices.flags.writeable
+            if given != (shape, np.dtype(np.float32), True):
+                raise ValueError(f"matrices must be writeable, float32 and of shape {shape}")
         beginning = self.ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(

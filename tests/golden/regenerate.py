@@ -25,22 +25,12 @@ import numpy as np
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
 
 FOLDER = Path(__file__).parent
-RELEASED = FOLDER / "released.txt"
-"""The released episodes: in each line an id, a scenario and a digest."""
-
+RELEASED = FOLDER / "released.txt"  # in each line an id, a scenario and a digest
 ID = str(DroneSwarmSearch.metadata["name"])
 
-LETTERS = {
-    "L": Action.LEFT,
-    "R": Action.RIGHT,
-    "U": Action.UP,
-    "D": Action.DOWN,
-    "S": Action.SEARCH,
-    "I": Action.IDLE,
-}
+LETTERS = {action.name[0]: action for action in Action}
 
-CORNERS = np.zeros((6, 6))
-"""A prior: the corner cells, two of them less likely."""
+CORNERS = np.zeros((6, 6))  # a prior: the corner cells, two of them less likely
 CORNERS[::5, ::5] = [[3, 1], [1, 3]]
 
 
@@ -208,10 +198,9 @@ def trace(scenario: Scenario, frames: bool = True) -> str:
 
 def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
     """Take a step; returns what it was and what it led to."""
-    actions = {
-        agent: int(LETTERS[letter]) for agent, letter in zip(env.agents, letters, strict=True)
-    }
-    observations, rewards, terminations, truncations, infos = env.step(actions)
+    actions = [int(LETTERS[letter]) for letter in letters]
+    taken = dict(zip(env.agents, actions, strict=True))
+    observations, rewards, terminations, truncations, infos = env.step(taken)
     assert terminations == truncations
     name = "probability_of_success"
     success = [f"success  {infos[name]:.4f}"] if name in infos else []
@@ -247,12 +236,10 @@ def framed(env: DroneSwarmSearch, frames: bool) -> list[str]:
 
 
 def path_of(name: str) -> Path:
-    """The file that holds a scenario's trace."""
     return FOLDER / f"{name}.txt"
 
 
 def digest(scenario: Scenario) -> str:
-    """A digest of a scenario's episodes."""
     return hashlib.sha256(trace(scenario, frames=False).encode()).hexdigest()
 
 
@@ -264,19 +251,12 @@ def released() -> dict[str, str]:
 
 def broken() -> list[str]:
     """The scenarios whose episodes differ from those released under this id."""
-    return [
-        name
-        for name, was in released().items()
-        if name not in SCENARIOS or digest(SCENARIOS[name]) != was
-    ]
+    now = {name: digest(scenario) for name, scenario in SCENARIOS.items()}
+    return [name for name, was in released().items() if now.get(name) != was]
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Regenerate every trace, and remove those without a scenario.
-
-    Raises:
-        SystemExit: episodes of a released id would change.
-    """
+    """Regenerate every trace, unless episodes of a released id change; remove obsolete ones."""
     parser = argparse.ArgumentParser(description="Regenerate the traces of the named episodes.")
     parser.add_argument("--release", action="store_true", help="enter them as released")
     options = parser.parse_args(arguments)
