@@ -32,14 +32,7 @@ from DroneSwarmSearch.policies.ppo import PPOPolicy
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = [
-    "POLICIES",
-    "BatchPolicy",
-    "GreedyPolicy",
-    "PPOPolicy",
-    "SwarmPolicy",
-    "make",
-]
+__all__ = ["POLICIES", "BatchPolicy", "GreedyPolicy", "PPOPolicy", "SwarmPolicy", "make"]
 
 
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
