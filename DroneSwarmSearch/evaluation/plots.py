@@ -130,6 +130,5 @@ def _looks(evaluations: Iterable[Evaluation]) -> dict[str, tuple[str, str]]:
 
 
 def _measure(evaluations: Iterable[Evaluation], rescue: str, coverage: str) -> str:
-    """What success is, depending on the missions."""
     missions = sorted({each.is_coverage for each in evaluations})
     return ", or ".join((rescue, coverage)[is_coverage] for is_coverage in missions)

@@ -36,7 +36,6 @@ class NamedSearch:
             results do not depend on it.
 
     Raises:
-        TypeError: `scenario` or `drones` is of the wrong type.
         ValueError: `drones` does not fit the scenario.
     """
 

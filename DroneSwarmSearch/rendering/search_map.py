@@ -330,7 +330,6 @@ def _symbol_cells(frame: Frame) -> list[tuple[int, int]]:
 
 
 def _on_the_way(starts: Places, ends: Places, progress: float) -> list[tuple[float, ...]]:
-    """Points between those of one frame and of the next one."""
     return [
         tuple(a + (b - a) * progress for a, b in zip(start, end, strict=True))
         for start, end in zip(starts, ends, strict=True)

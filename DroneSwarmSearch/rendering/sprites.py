@@ -69,7 +69,6 @@ class _Pen:
         pygame.draw.circle(self._surface, (*colour, alpha), place, radius * self._half)
 
     def discs(self, *radii: tuple[float, Colour]) -> None:
-        """Concentric discs around the middle, the outermost first."""
         for radius, colour in radii:
             self.disc((0, 0), radius, colour)
 
@@ -77,7 +76,6 @@ class _Pen:
         pygame.draw.polygon(self._surface, colour, [self._place(point) for point in points])
 
     def stroke(self, points: Sequence[Point], width: float, colour: Colour) -> None:
-        """A line through points, with round ends and corners."""
         for (x0, y0), (x1, y1) in pairwise(points):
             length = math.hypot(x1 - x0, y1 - y0)
             dx, dy = (x1 - x0) / length * width / 2, (y1 - y0) / length * width / 2
