@@ -14,19 +14,11 @@ import numpy as np
 import pytest
 from helpers import observed, plain, play, play_on, whole_state
 
-from DroneSwarmSearch import (
-    Action,
-    DroneSwarmSearch,
-    ResetNeeded,
-    RewardScheme,
-)
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, RewardScheme
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.wrappers import (
-    FlatObservation,
-    ScaledRewards,
-)
+from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -37,52 +29,30 @@ DRONES = "drones_positions"
 # (by default its repr). The grid has 7 x 7 cells.
 CONSTRUCTOR: list[tuple[Any, ...]] = [
     ("grid_size", 1, ValueError),
-    ("grid_size", np.True_, TypeError),
     ("grid_size", 7.0, TypeError),
-    ("grid_size", "7", TypeError),
-    ("grid_size", None, TypeError),
     ("n_drones", 0, ValueError),
     ("n_drones", 50, ValueError),
     ("timestep_limit", 0, ValueError),
-    ("timestep_limit", False, TypeError),
-    ("timestep_limit", INF, TypeError),
     ("timestep_limit", 10**40, ValueError, str(2**53)),
     ("vector", (NAN, 0), ValueError, "nan"),
-    ("vector", (-INF, 0), ValueError, "-inf"),
-    ("vector", (0.5,), ValueError),
     ("vector", np.zeros(3), ValueError, "array([0., 0., 0.])"),
-    ("vector", np.zeros((2, 2)), TypeError, "[0.0, 0.0]"),
     ("vector", (10**400, 0), ValueError, "1000"),
     ("vector", ("0.5", 0), TypeError, "'0.5'"),
     ("vector", (True, 0), TypeError, "True"),
-    ("vector", "ab", TypeError),
-    ("vector", {1, 2}, TypeError),
     (PERSON, (7, 0), ValueError, "7, 0"),
-    (PERSON, (0.5, 0), ValueError, "0.5, 0"),
-    (PERSON, (NAN, 0), ValueError, "nan, 0"),
     (PERSON, (1, 2, 3), ValueError, "1, 2, 3"),
     (PERSON, [], ValueError),
     (PERSON, [(0, 0), (0, 7)], ValueError, "(0, 7)"),
     (PERSON, [(0, 0), 5], TypeError),
-    (PERSON, (True, 0), TypeError, "True, 0"),
-    (PERSON, "00", TypeError),
-    (PERSON, np.zeros((1, 2, 2)), TypeError, "[0.0, 0.0]"),
     ("disperse_constant", -0.1, ValueError),
-    ("disperse_constant", INF, ValueError),
     ("disperse_constant", "10", TypeError),
-    ("disperse_constant", 10j, TypeError),
     (POD, 1.01, ValueError),
-    (POD, NAN, ValueError),
     (POD, (0.5, 0.5), ValueError),
     (POD, [2.0], ValueError, "2.0"),
     (POD, [None], TypeError, "None"),
-    (POD, True, TypeError),
     ("render_mode", "Human", ValueError),
-    ("render_mode", ["human"], TypeError),
     ("render_grid", 1, TypeError),
-    ("render_gradient", None, TypeError),
     ("palette", "ocean", ValueError, "one of 'classic', 'sea'"),
-    ("palette", None, ValueError),
     ("bayesian_update", 0, TypeError),
     ("reward_scheme", {"step": 1}, TypeError),
     ("mission", "picnic", ValueError, "one of 'rescue', 'coverage'"),
@@ -95,14 +65,11 @@ RESET: list[tuple[Any, ...]] = [
     ("seed", 1.0, TypeError),
     ("options", [("vector", (0, 0))], TypeError),
     ("vector", (0, NAN), ValueError, "nan"),
-    (DRONES, [(0, 0), (1, 0)], ValueError),
     (DRONES, [(0, 0), (1, 0), (0, 7)], ValueError, "(0, 7)"),
     (DRONES, [(3, 4), (1, 0), (3, 4)], ValueError, "(3, 4) for both drone0 and drone2"),
-    (DRONES, [0, 1, 2], TypeError, "0"),
     (DRONES, {"drone0": (0, 0)}, TypeError),
     (PERSON, (7, 7), ValueError, "7, 7"),
     (PERSON, [(0, 0)], ValueError),
-    (PERSON, 7, TypeError),
 ]
 
 GOOD = {"drone0": 4, "drone1": 4, "drone2": 5}
@@ -110,20 +77,14 @@ GOOD = {"drone0": 4, "drone1": 4, "drone2": 5}
 # Actions for three drones, the error, and a part of the message.
 STEP: list[tuple[Any, type[Exception], tuple[str, ...]]] = [
     ({**GOOD, "drone1": 6}, ValueError, ("actions['drone1']", "6", "from 0 to 5")),
-    ({**GOOD, "drone1": -1}, ValueError, ("actions['drone1']", "-1")),
-    ({**GOOD, "drone2": 256}, ValueError, ("actions['drone2']", "256")),
     ({**GOOD, "drone0": 10**30}, ValueError, ("actions['drone0']", str(10**30))),
     ({**GOOD, "drone0": np.int8(-1)}, ValueError, ("actions['drone0']", "-1")),
     ({**GOOD, "drone1": np.float64(4)}, TypeError, ("actions['drone1']", "4.0")),
     ({**GOOD, "drone1": True}, TypeError, ("actions['drone1']", "True")),
-    ({**GOOD, "drone1": np.False_}, TypeError, ("actions['drone1']", "False")),
-    ({**GOOD, "drone1": "4"}, TypeError, ("actions['drone1']", "'4'")),
     ({**GOOD, "drone1": np.array([4, 4])}, TypeError, ("actions['drone1']", "array([4, 4])")),
     ({"drone0": 4, "drone1": 4}, ValueError, ("actions", "'drone2'")),
     ({**GOOD, 0: 4}, ValueError, ("actions", "got one for 0")),
-    ({"Drone0": 4, "drone1": 4, "drone2": 4}, ValueError, ("actions", "'Drone0'")),
     ([4, 4, 5], TypeError, ("actions", "[4, 4, 5]")),
-    (None, TypeError, ("actions", "None")),
 ]
 
 
@@ -207,25 +168,8 @@ def test_constructor_rejects(name, value, error, shown):
 
 
 def test_the_constructor_names_the_person_of_a_bad_value():
-    persons = [(0, 0), (1, 1)]
-    for value, error in (([0.5, 1.5], ValueError), ([0.5, "a"], TypeError)):
-        refused(
-            lambda value=value: DroneSwarmSearch(
-                person_initial_position=persons, probability_of_detection=value
-            ),
-            error,
-            "probability_of_detection[1]",
-            repr(value[1]),
-        )
-    refused(
-        lambda: DroneSwarmSearch(
-            person_initial_position=persons, probability_of_detection=[0.1, 0.2, 0.3]
-        ),
-        ValueError,
-        "probability_of_detection",
-        "2",
-        "[0.1, 0.2, 0.3]",
-    )
+    values = {PERSON: [(0, 0), (1, 1)], POD: [0.5, 1.5]}
+    refused(lambda: DroneSwarmSearch(**values), ValueError, f"{POD}[1]", "1.5")
 
 
 @pytest.mark.parametrize(("name", "value", "error", "shown"), table(RESET))
@@ -245,17 +189,8 @@ def test_reset_changes_nothing_if_one_argument_is_bad(stage):
     """With one bad argument, the valid ones have no effect either."""
 
     def bad_reset(env: DroneSwarmSearch) -> None:
-        refused(
-            lambda: env.reset(
-                seed=1,
-                vector=(1, 1),
-                drones_positions=[(0, 0), (0, 1), (0, 2)],
-                options={PERSON: [(0, 0), (9, 9)]},
-            ),
-            ValueError,
-            PERSON,
-            "(9, 9)",
-        )
+        options = {PERSON: [(0, 0), (9, 9)], DRONES: [(0, 0), (0, 1), (0, 2)]}
+        refused(lambda: env.reset(1, vector=(1, 1), options=options), ValueError, PERSON, "(9, 9)")
         refused(lambda: env.reset(2, vector=(1, 1), drones_positions=[(0, 0)]), ValueError, DRONES)
 
     assert_untouched(stage(), bad_reset)
@@ -269,23 +204,6 @@ def test_step_rejects(actions, error, said):
         refused(lambda: env.step(actions), error, *said, "got")
 
     assert_untouched(in_mid_episode(), bad_step)
-
-
-@pytest.mark.parametrize(
-    ("actions", "error"),
-    [
-        ({"drone0": 6}, ValueError),
-        ({"drone0": True}, TypeError),
-        ({}, ValueError),
-        ([4], TypeError),
-        (b"\x04", TypeError),
-    ],
-)
-def test_step_rejects_bad_actions_of_a_single_drone(actions, error):
-    env = make_env(n_drones=1)
-    env.reset(seed=2)
-    env.step({"drone0": 3})
-    assert_untouched(env, lambda env: refused(lambda: env.step(actions), error, "actions", "got"))
 
 
 @pytest.mark.parametrize("use", ["step", "render", "state", "frame"])
@@ -305,13 +223,6 @@ def test_step_after_the_end(actions):
     )
 
 
-def test_the_last_state_is_readable_after_the_end():
-    env = after_the_end()
-    assert env.frame().ending is not None
-    assert env.state().shape == (3, 7, 7)
-    assert "not found" in env.render()
-
-
 @pytest.mark.parametrize("agent", ["drone3", 0])
 @pytest.mark.parametrize("space", ["observation_space", "action_space"])
 def test_spaces_of_unknown_agents(space, agent):
@@ -323,43 +234,21 @@ def test_spaces_of_unknown_agents(space, agent):
     )
 
 
-@pytest.mark.parametrize(
-    ("value", "error"),
-    [
-        ("1", TypeError),
-        (True, TypeError),
-        (NAN, ValueError),
-        (-INF, ValueError),
-        (1e308, ValueError),
-    ],
-)
 @pytest.mark.parametrize("figure", ["step", "collision"])
+@pytest.mark.parametrize(("value", "error"), [(True, TypeError), (1e308, ValueError)])
 def test_reward_scheme_rejects(figure, value, error):
     refused(lambda: RewardScheme(**{figure: value}), error, f"RewardScheme.{figure}", repr(value))
 
 
 # Every form of an argument is equivalent to its plain form.
 ALIKE = [
-    ("vector", (0.5, -2), [[0.5, -2], np.array([0.5, -2]), np.array([0.5, -2], "f4")]),
-    (
-        "vector",
-        (1, 0),
-        [[1.0, 0.0], np.array([1, 0]), (np.int8(1), np.float16(0))],
-    ),
-    (PERSON, (3, 4), [[3, 4], np.array([3, 4]), np.array([3.0, 4.0]), [(3, 4)]]),
-    (
-        PERSON,
-        ((3, 4), (2, 1)),
-        [[[3, 4], [2, 1]], np.array([[3, 4], [2, 1]]), [np.array([3, 4]), (2.0, np.uint8(1))]],
-    ),
-    ("grid_size", 9, [np.int64(9), np.uint8(9), np.array(9)]),
-    ("n_drones", 3, [np.int64(3), np.int8(3)]),
-    ("timestep_limit", 12, [np.int64(12), np.uint16(12)]),
-    ("disperse_constant", 2.5, [np.float64(2.5), np.float32(2.5), Fraction(5, 2)]),
-    ("disperse_constant", 3, [3.0, np.int64(3), np.float16(3)]),
-    (POD, 0.5, [np.float32(0.5), Fraction(1, 2), [0.5], np.array([0.5])]),
-    (POD, 0, [0.0, np.int64(0), (0,)]),
-    ("render_grid", True, [np.True_]),
+    ("vector", (0.5, -2), [[0.5, -2], np.array([0.5, -2], "f4")]),
+    (PERSON, (3, 4), [[3, 4], np.array([3.0, 4.0]), [(3, 4)]]),
+    (PERSON, ((3, 4), (2, 1)), [np.array([[3, 4], [2, 1]]), [np.array([3, 4]), (2.0, 1)]]),
+    ("grid_size", 9, [np.uint8(9), np.array(9)]),
+    ("timestep_limit", 12, [np.int64(12)]),
+    ("disperse_constant", 2.5, [np.float32(2.5), Fraction(5, 2)]),
+    (POD, 0.5, [Fraction(1, 2), np.array([0.5])]),
     ("bayesian_update", True, [np.True_]),
 ]
 
@@ -376,14 +265,11 @@ def test_constructor_accepts_every_form(name, usual, form):
     assert play(env, 1, seed=5) == play(usual_env, 1, seed=5)
 
 
-@pytest.mark.parametrize("make", [list, tuple, np.array])
+@pytest.mark.parametrize("make", [list, np.array])
 @pytest.mark.parametrize("as_option", [False, True])
 def test_reset_accepts_every_form(make, as_option):
     cells = [(6, 6), (0, 3), (2, 2)]
-    forms = {
-        "drones_positions": make([make(cell) for cell in cells]),
-        "vector": make([0.5, -1]),
-    }
+    forms = {DRONES: make([make(cell) for cell in cells]), "vector": make([0.5, -1])}
     usual = play(make_env(), seed=3, drones_positions=cells, vector=(0.5, -1))
     arguments = {"options": forms} if as_option else forms
     assert play(make_env(), seed=np.int64(3), **arguments) == usual
@@ -415,6 +301,10 @@ def test_step_accepts_any_mapping_in_any_order():
 # Memory limits.
 
 
+def forecast_of(grid_size):
+    return ProbabilityMatrix(grid_size, Drift((0, 0)))
+
+
 @pytest.fixture
 def small_machine(monkeypatch):
     """A system that reports 64 MiB of memory."""
@@ -424,13 +314,9 @@ def small_machine(monkeypatch):
 
 
 @pytest.mark.parametrize("grid_size", [10**6, 10**30])
-@pytest.mark.parametrize("make", [DroneSwarmSearch, lambda grid_size: forecast_of(grid_size)])
+@pytest.mark.parametrize("make", [DroneSwarmSearch, forecast_of])
 def test_huge_grids_are_rejected(make, grid_size):
     refused(lambda: make(grid_size), ValueError, "grid_size", f"grid_size={grid_size}", "GiB")
-
-
-def forecast_of(grid_size):
-    return ProbabilityMatrix(grid_size, Drift((0, 0)))
 
 
 @pytest.mark.parametrize(
@@ -438,12 +324,6 @@ def forecast_of(grid_size):
     [
         ("grid_size", lambda: DroneSwarmSearch(3000)),
         ("grid_size", lambda: DroneSwarmSearch(1700, bayesian_update=True)),
-        (
-            "grid_size",
-            lambda: DroneSwarmSearch(
-                800, bayesian_update=True, person_initial_position=[(0, 0)] * 9
-            ),
-        ),
         ("grid_size", lambda: forecast_of(4100)),
         ("n_drones", lambda: DroneSwarmSearch(1000, n_drones=10**6)),
         ("grid_size", lambda: action_masks([0], 2000)),
@@ -484,5 +364,4 @@ def test_forecasts_reject_invalid_steps(ask, step, error):
 
 
 def test_scales_that_make_rewards_infinite_are_rejected():
-    scale = 1e304
-    refused(lambda: ScaledRewards(DroneSwarmSearch(), scale), ValueError, "scale must", "got")
+    refused(lambda: ScaledRewards(DroneSwarmSearch(), 1e304), ValueError, "scale must", "got")

@@ -136,12 +136,8 @@ def test_the_truncated_normal_distribution(slope, offset, sd, wind):
 def test_a_class_without_errors_has_one_velocity():
     kind = leeway.ObjectClass("drifter", "", (3, 1, 0), (1, 0, 0), (-1, 0, 0))
     assert kind.speeds(10) == pytest.approx((0.31, 0, 0.1, 0, -0.1, 0))
-
-
-def test_leeway_against_the_wind_is_impossible():
-    """Its error is drawn again until there is none."""
-    kind = leeway.ObjectClass("drifter", "", (-3, 1, 1e-300), (1, 0, 0), (-1, 0, 0))
-    assert kind.speeds(10)[:2] == pytest.approx((0.31, 0))
+    against = leeway.ObjectClass("drifter", "", (-3, 1, 1e-300), (1, 0, 0), (-1, 0, 0))
+    assert against.speeds(10)[:2] == pytest.approx((0.31, 0))  # its error is drawn until it is not
 
 
 # Persons.
@@ -152,14 +148,8 @@ def test_leeway_against_the_wind_is_impossible():
 def test_a_person_drifts_like_the_full_model(name, direction, per_side):
     """Mean and variances are those of simulated objects; so is the covariance, but with one."""
     wind, current = leeway.wind_from(direction, 9.0), (0.2, -0.1)
-    person = leeway.person(
-        name,
-        start=(30, 30),
-        wind=wind,
-        current=current,
-        scale=SCALE,
-        hypotheses_per_side=per_side,
-    )
+    changes = {"wind": wind, "current": current, "hypotheses_per_side": per_side}
+    person = leeway.person(name, **{**USUAL, **changes})
     velocities = simulated(leeway.CLASSES[name], wind, 100_000, seed=1) + current
     mean, covariance = moments(person, SCALE)
     truth = np.cov(velocities.T)
@@ -205,14 +195,8 @@ def test_a_calm_leaves_the_current_alone():
 
 
 def test_metres_and_seconds_become_cells_and_steps():
-    person = leeway.person(
-        "PIW-1",
-        **{**USUAL, "start": (-3.5, 70)},
-        position_sd=260,
-        diffusivity=2,
-        adrift=3600,
-        probability_of_detection=0.8,
-    )
+    changes = {"start": (-3.5, 70), "position_sd": 260, "diffusivity": 2, "adrift": 3600}
+    person = leeway.person("PIW-1", **{**USUAL, **changes}, probability_of_detection=0.8)
     assert person.probability_of_detection == 0.8
     for drift in person.drifts:
         assert drift.start == (-3.5, 70) and drift.start_sd == (2.0, 2.0)
@@ -262,12 +246,8 @@ def test_the_advice_against_too_much_diffusion_works():
     usual = {"start": (3, 3), "wind": (5, 0), "diffusivity": 5.0}
     with pytest.raises(ValueError, match=r"must be at most 0\.333 m²/s") as error:
         leeway.person("PIW-1", **usual, scale=scale)
-    seconds, metres = map(
-        float,
-        re.search(
-            r"at most ([\d.]+) s, or cells of at least ([\d.]+) m", str(error.value)
-        ).groups(),
-    )
+    advice = r"at most ([\d.]+) s, or cells of at least ([\d.]+) m"
+    seconds, metres = re.search(advice, str(error.value)).groups()
     leeway.person("PIW-1", **usual, scale=Scale(10, float(seconds)))
     leeway.person("PIW-1", **usual, scale=Scale(float(metres), 100))
 
@@ -276,14 +256,7 @@ def test_the_advice_against_too_much_diffusion_works():
 
 
 @pytest.mark.parametrize(
-    ("name", "nearest"),
-    [
-        ("PIW", "PIW-1, Person in water, unknown"),
-        ("piw-3", "PIW-3"),
-        ("kayak", "PERSON-POWERED-VESSEL-1"),
-        ("quux", "the keys are PIW-1"),
-        ("", "the keys are PIW-1"),
-    ],
+    ("name", "nearest"), [("kayak", "PERSON-POWERED-VESSEL-1"), ("quux", "the keys are PIW-1")]
 )
 def test_an_unknown_class_names_the_nearest_ones(name, nearest):
     with pytest.raises(ValueError, match=rf"object_class must .*got '{name}'; .*{nearest}"):
@@ -298,13 +271,7 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"position_sd": -1}, ValueError, "position_sd must .*at least 0, got -1"),
         ({"wind": 10}, TypeError, "wind must be two finite numbers"),
         ({"wind": (2000, 0)}, ValueError, "the speed of wind must .*at most 1000.0, got 2000"),
-        ({"current": (1, 2, 3)}, ValueError, "current must be two finite numbers"),
-        ({"diffusivity": -5}, ValueError, "diffusivity must .*at least 0, got -5"),
-        ({"diffusivity": 1e6}, ValueError, "diffusivity must be at most 433 m²/s .*got 1000000.0"),
-        ({"adrift": "1 h"}, TypeError, "adrift must .*got '1 h'"),
-        ({"adrift": 1e300}, ValueError, "adrift must be an integer"),
         ({"scale": (130, 13)}, TypeError, r"scale must be a Scale, got \(130, 13\)"),
-        ({"probability_of_detection": 2}, ValueError, "probability_of_detection must .*got 2"),
         ({"hypotheses_per_side": 0}, ValueError, "hypotheses_per_side must .*from 1 to 9, got 0"),
         ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),
         ({"grid_size": 20, "timestep_limit": 9}, ValueError, r"start\[0\] must .*from 0 to 19"),
@@ -321,16 +288,7 @@ def test_bad_persons_are_rejected(changes, error, message):
         (lambda: leeway.wind_from("SW", 10), TypeError, "direction must .*got 'SW'"),
         (lambda: leeway.current_towards(90, -1), ValueError, "speed must .*at least 0, got -1"),
         (lambda: leeway.CLASSES["PIW-1"].speeds(-1), ValueError, "wind_speed must .*got -1"),
-        (
-            lambda: leeway.ObjectClass("A", "", (1, 2), (1, 2, 3), (1, 2, 3)),
-            ValueError,
-            "downwind must be three numbers",
-        ),
-        (
-            lambda: leeway.ObjectClass("A", "", (1, 2, 3), (1, 2, -3), ("1", 2, 3)),
-            ValueError,
-            r"right\[2\] must .*at least 0.*got -3",
-        ),
+        (lambda: leeway.ObjectClass("A", "", (1, 2), (), ()), ValueError, "downwind must be three"),
     ],
 )
 def test_bad_values_are_rejected(call, error, message):

@@ -231,15 +231,6 @@ def test_methods_of_2023():
     assert {re.match(r"env\.(\w+)", call)[1] for call in calls} == public
 
 
-def test_infos_and_total_reward_of_2023():
-    env = environment()
-    env.reset()
-    _, reward, *_, info = env.step({"drone0": 5, "drone1": 5})
-    assert info["Found"] is info["drone0"]["Found"] is False
-    assert list(info) == list(reward) == ["drone0", "drone1"]
-    assert sum(reward.values()) == reward["total_reward"] == 2
-
-
 # Statements of the DSSE guide about this package.
 
 

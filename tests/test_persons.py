@@ -65,16 +65,7 @@ def test_equal_values_in_other_forms_are_equal(one, other):
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [
-        {"start": (3.5, -1)},
-        {"start_sd": (2, 1)},
-        {"vector": (0.2, 0.2)},
-        {"vector_sd": (0.05, 0)},
-        {"diffusion": 0.2},
-        {"adrift": 1},
-        {"weight": 2},
-    ],
+    "changes", [{"start": (3.5, -1)}, {"vector_sd": (0.05, 0)}, {"adrift": 1}, {"weight": 2}]
 )
 def test_other_values_are_different(changes):
     other = Drift(**{**UNCERTAIN.to_dict(), **changes})
@@ -130,11 +121,7 @@ def test_the_start_must_fit_on_the_grid():
     person = Person([Drift((2, 1)), UNCERTAIN, Drift(PRIOR), Drift((99, -3.5), adrift=1)])
     person.check_grid(3)
     for drift, size, message in (
-        (
-            Drift((3, 1)),
-            3,
-            r"persons\[0\]\.drifts\[1\]\.start\[0\] must .*0 to 2 .*got .*3, 1",
-        ),
+        (Drift((3, 1)), 3, r"persons\[0\]\.drifts\[1\]\.start\[0\] must .*0 to 2 .*got .*3, 1"),
         (Drift((2.5, 3), start_sd=(1, 0)), 3, r"drifts\[1\]\.start\[1\] must .*0 to 2 .*2\.5"),
         (Drift(PRIOR), 4, r"drifts\[1\]\.start must .*shape \(4, 4\), got .*shape \(3, 3\)"),
     ):
@@ -170,14 +157,8 @@ def test_the_share_beyond_the_grid_is_that_of_the_gaussian(
         scale = math.sqrt(2 * (sd**2 + diffusion * tau + (vector_sd * tau) ** 2))
         mean = s + v * tau
         inside *= (math.erf((10.5 - mean) / scale) - math.erf((-0.5 - mean) / scale)) / 2
-    drift = Drift(
-        start,
-        start_sd=start_sd,
-        vector=vector,
-        vector_sd=vector_sd,
-        diffusion=diffusion,
-        adrift=adrift,
-    )
+    spread = {"start_sd": start_sd, "vector_sd": vector_sd, "diffusion": diffusion}
+    drift = Drift(start, vector=vector, adrift=adrift, **spread)
     assert drift.mass_beyond(11, step) == pytest.approx(1 - inside, abs=1e-12)
 
 
@@ -203,27 +184,17 @@ def test_huge_numbers_stay_numbers(huge):
 
 DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"start": 3}, TypeError, "start must be a cell"),
-    ({"start": (1, 2, 3)}, ValueError, "start must be a cell"),
-    ({"start": (NAN, 0)}, ValueError, r"start\[0\] must be a finite"),
     ({"start": (0.5, 0)}, ValueError, r"start\[0\] must be a whole .*unless start_sd or adrift"),
     ({"start": (0, -1)}, ValueError, r"start\[1\] must be a whole number of at least 0"),
-    ({"start": (0.5, 0), "start_sd": (0, 1)}, ValueError, r"start\[0\] must be a whole"),
     ({"start": np.zeros((3, 3))}, ValueError, "start must have a positive, finite sum, got 0"),
-    ({"start": np.full((3, 3), INF)}, ValueError, "start must have a positive, finite sum"),
     ({"start": np.eye(3) - 1}, ValueError, "start must be an array .*at least 0, got -1"),
-    ({"start": np.full((3, 3), NAN)}, ValueError, "start must be an array .*got nan"),
     ({"start": np.ones((3, 4))}, ValueError, r"start must be an array .*got \(3, 4\)"),
-    ({"start": np.ones((2, 3, 3))}, ValueError, "start must be a cell"),
     ({"start": [["a", "b"], ["c", "d"]]}, TypeError, "start must be a cell"),
     ({"start": np.eye(3), "adrift": 1}, ValueError, "adrift must be 0 if start is an array, got 1"),
-    ({"start": np.eye(3), "start_sd": (0, 1)}, ValueError, "start_sd must be 0 if start is an ar"),
-    ({"start_sd": "1"}, TypeError, "start_sd must be a number"),
     ({"start_sd": (1,)}, ValueError, "start_sd must be a number"),
     ({"start_sd": (1, -2)}, ValueError, "start_sd must be .*at least 0, got -2"),
-    ({"vector": (1, INF)}, ValueError, r"vector\[1\] must be a finite"),
     ({"vector_sd": -0.1}, ValueError, "vector_sd must be .*at least 0, got -0.1"),
     ({"diffusion": 0.7}, ValueError, "diffusion must be .* at most 0.666.*, got 0.7"),
-    ({"adrift": 1.5}, TypeError, "adrift must be an integer"),
     ({"weight": 0}, ValueError, "weight must be a finite number above 0, got 0"),
 ]
 
@@ -236,17 +207,10 @@ PERSONS: list[tuple[tuple[Any, ...], type[Exception], str]] = [
 
 FILES: list[tuple[Any, Any, type[Exception], str]] = [
     (Drift, [], TypeError, "must be a mapping"),
-    (Drift, {}, TypeError, "'start'"),
     (Drift, {"start": [0, 0], "speed": 1}, TypeError, "'speed'"),
-    (Person, 3, TypeError, "is not a mapping"),
     (Person, {"probability_of_detection": 1}, TypeError, "drifts must be a list of drifts"),
     (Person, {"drifts": [{"start": [0, 0]}], "name": "A"}, TypeError, "'name'"),
-    (
-        Person,
-        {"drifts": [{"start": [0, 0]}, {"start": [0, 0], "weight": 0}]},
-        ValueError,
-        r"drifts\[1\]: weight must be",
-    ),
+    (Person, {"drifts": [{"start": [0, 0], "weight": 0}]}, ValueError, r"drifts\[0\]: weight must"),
 ]
 
 
@@ -268,11 +232,8 @@ def test_bad_files_are_rejected(kind, data, error, message):
         kind.from_dict(data)
 
 
-@pytest.mark.parametrize("owner", [UNCERTAIN, Person(UNCERTAIN)])
-def test_bad_steps_and_grids_are_rejected(owner):
-    for arguments, error, message in (
-        ((1, 0), ValueError, "grid_size must be"),
-        ((7, 0.5), TypeError, "step must be"),
-    ):
-        with pytest.raises(error, match=message):
-            owner.mass_beyond(*arguments)
+def test_bad_steps_and_grids_are_rejected():
+    with pytest.raises(ValueError, match="grid_size must be"):
+        UNCERTAIN.mass_beyond(1, 0)
+    with pytest.raises(TypeError, match="step must be"):
+        Person(UNCERTAIN).mass_beyond(7, 0.5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import inspect
 import json
@@ -13,11 +12,10 @@ import numpy as np
 import pytest
 from helpers import plain, play
 
-from DroneSwarmSearch import DroneSwarmSearch, RewardScheme, Scenario
+from DroneSwarmSearch import Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
 from DroneSwarmSearch.evaluation import View, evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.training import compare_with_baselines
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 OTHER: dict[str, Any] = {
@@ -31,6 +29,7 @@ OTHER: dict[str, Any] = {
     "bayesian_update": True,
     "reward_scheme": RewardScheme(find=3.0),
 }
+TWO = [Person([Drift((1, 1)), Drift((2, 2))], 0.3), Person(Drift((3, 1)))]
 
 
 def test_names_and_defaults_match_the_environment():
@@ -42,7 +41,6 @@ def test_names_and_defaults_match_the_environment():
     assert Scenario() == DroneSwarmSearch().scenario
     keyword_only = [each.name for each in of_scenario.values() if each.kind is each.KEYWORD_ONLY]
     assert keyword_only == list(of_scenario)[6:]
-    assert keyword_only[0] == "probability_of_detection"
 
 
 @pytest.mark.parametrize(
@@ -74,8 +72,6 @@ def test_equal_values_in_different_forms_are_equal():
     assert [type(value) for value in dataclasses.astuple(forms[2])[:2]] == [int, int]
     with pytest.raises(dataclasses.FrozenInstanceError):
         forms[0].grid_size = 8  # type: ignore[misc]
-    for form in forms:
-        assert form == copy.deepcopy(form) == pickle.loads(pickle.dumps(form))
 
 
 def test_replace_changes_the_named_parameters():
@@ -86,11 +82,12 @@ def test_replace_changes_the_named_parameters():
         other.replace(drones=3)
 
 
-@pytest.mark.parametrize("parameters", [{}, OTHER, {**OTHER, "probability_of_detection": 0.5}])
+@pytest.mark.parametrize("parameters", [{}, OTHER, {"persons": TWO}])
 def test_dicts_round_trip(parameters):
     scenario = Scenario(**parameters)
     text = json.dumps(scenario.to_dict(), allow_nan=False)
-    assert Scenario.from_dict(json.loads(text)) == scenario
+    for same in (Scenario.from_dict(json.loads(text)), pickle.loads(pickle.dumps(scenario))):
+        assert same == scenario and hash(same) == hash(scenario)
     assert list(scenario.to_dict()) == [*OTHER, "persons", "mission"]
     assert Scenario.from_dict({"grid_size": 9}) == Scenario(9)
 
@@ -102,8 +99,6 @@ def test_dicts_round_trip(parameters):
         ({"gird_size": 9}, ValueError, r"parameters grid_size, .* got 'gird_size'"),
         ({"grid_size": "9"}, TypeError, "grid_size .* got '9'"),
         ({"reward_scheme": {"finds": 1}}, ValueError, r"reward_scheme .* got 'finds'"),
-        ({"reward_scheme": 3}, TypeError, "reward_scheme must be a RewardScheme"),
-        ({"persons": 3}, TypeError, "persons must be a list of persons, got 3"),
         (
             {"persons": [{"drifts": [{"start": [1, 1]}]}, {"drifts": [{"start": [1]}]}]},
             ValueError,
@@ -145,11 +140,8 @@ def test_parameters_together_with_a_scenario_are_rejected(name):
         DroneSwarmSearch,
         *(lambda each=each, **given: each(2, **given) for each in (SearchBatch, SwarmVectorEnv)),
     ):
-        with pytest.raises(
-            ValueError, match=rf"{name} .*together with a scenario.*replace\({name}="
-        ) as caught:
+        with pytest.raises(ValueError, match=rf"{name} .*with a scenario, got.*replace\({name}="):
             kind(scenario=scenario, **{name: value})
-        assert "got" in str(caught.value)
 
 
 def test_defaults_may_be_given_together_with_a_scenario():
@@ -186,16 +178,6 @@ def test_the_success_rates_of_the_example_are_as_documented() -> None:
     assert random < 0.1
     assert DroneSwarmSearch.example(n_drones=2).scenario == env.scenario.replace(n_drones=2)
     assert (round(prior, 2), round(posterior, 2)) == (0.89, 0.95)  # as in the docstring
-
-
-def test_the_comparison_after_training_accepts_a_scenario(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    of = {"scenario": Scenario(6, 1, (0, 0), (3, 3), 2, 6), "drones_positions": [(1, 1)]}
-    how: dict[str, Any] = {"view": "parallel", "episodes": 2}
-    mine, *_ = compare_with_baselines(lambda seen: {"drone0": 4}, of, **how)
-    assert mine.search.scenario == of["scenario"] and mine.search.drones == ((1, 1),)
-    assert capsys.readouterr().out
 
 
 def test_what_is_cached_is_not_pickled() -> None:
