@@ -183,6 +183,14 @@ def actions_after(seen: list[bytes]) -> list[int]:
     return [digest % 6, digest // 6 % 6]
 
 
+def identical(rows: int) -> dict[str, np.ndarray]:
+    """Identical observations of some searches."""
+    return {
+        "positions": np.tile(np.array([[0, 0], [1, 0]]), (rows, 1, 1)),
+        "probability_matrix": np.full((rows, 5, 5), 1 / 25, np.float32),
+    }
+
+
 @settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.data())
 def test_rows_have_separate_memories(data: st.DataObject) -> None:
@@ -198,28 +206,16 @@ def test_rows_have_separate_memories(data: st.DataObject) -> None:
         rows = data.draw(row_sets)
         # Few different views, so that many rows have identical observations.
         views = [data.draw(st.integers(0, 2)) for _ in rows]
-        positions = np.array([[[0, 0], [1, view % 2]] for view in views], np.int64)
-        matrices = np.array([np.full((5, 5), view // 2) for view in views], np.float32)
-        actions = policy(
-            {
-                "positions": positions.reshape(-1, 2, 2),
-                "probability_matrix": matrices.reshape(-1, 5, 5),
-                "row": np.array(rows, np.int64),
-            }
-        )
+        seen_by = identical(len(rows)) | {"row": np.array(rows, np.int64)}
+        positions, matrices = seen_by["positions"], seen_by["probability_matrix"]
+        for place, view in enumerate(views):
+            positions[place, 1, 1], matrices[place] = view % 2, view // 2
+        actions = policy(seen_by)
         assert actions.shape == (len(rows), 2) and actions.dtype == np.int64
         for place, row in enumerate(rows):
             seen = bytes([0, 0, 1, views[place] % 2]) + matrices[place].tobytes()
             histories.setdefault(row, []).append(seen)
             assert actions[place].tolist() == actions_after(histories[row])
-
-
-def identical(rows: int) -> dict[str, np.ndarray]:
-    """Identical observations of some searches."""
-    return {
-        "positions": np.tile(np.array([[0, 0], [1, 0]]), (rows, 1, 1)),
-        "probability_matrix": np.full((rows, 5, 5), 1 / 25, np.float32),
-    }
 
 
 def test_rows_with_identical_observations_share_one_choice() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import functools
 import importlib
 import importlib.util
@@ -121,6 +122,7 @@ def check_class(thing: type, name: str) -> None:
     """Check the docstrings of a class, its constructor's arguments and its methods."""
     owner = next((base for base in thing.__mro__ if "__init__" in vars(base)), thing)
     is_ours = owner.__module__.startswith("DroneSwarmSearch") and not hasattr(thing, "_fields")
+    is_ours &= not dataclasses.is_dataclass(owner.__base__)  # of another library
     text = f"{thing.__doc__}\n{owner.__doc__}"
     check_docstring(text, thing.__init__ if is_ours else None, name)
     for method, function in vars(thing).items():
