@@ -131,7 +131,7 @@ def gaussian(
 def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = None) -> Floats:
     """The share of some points in each cell, such as the particles of a drift simulation.
 
-    Points have the shape (n, 2), and weights of at least 0 the shape (n,); without weights, all are equal.
+    Points have the shape (n, 2), and weights of at least 0 the shape (n,): by default all equal.
     """
     size = _checked_size(grid_size)
     given = _positions("points", points, 1)

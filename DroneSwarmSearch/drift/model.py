@@ -189,7 +189,8 @@ class Forecasts:
     Models on one grid have numbers, and an *entry* is one step of one model: step * `count` +
     number. Tables of the entries grow up to the step `last`, see `reach`. This class handles any
     models, one row at a time; subclasses are faster for models of one kind. Models with fewer
-    hypotheses than others, or than `hypotheses` at first, are padded with mass 0. `keeps_matrices` keeps the matrices of all entries.
+    hypotheses than others, or than `hypotheses` at first, are padded with mass 0. With
+    `keeps_matrices`, the matrices of all entries are a table, too.
     """
 
     def __init__(
