@@ -28,12 +28,7 @@ class Reader:
     def __call__(
         self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
     ) -> tuple[bytes, list[int]]:
-        """Each drone's action and target cell; `cells` themselves if no drone moves.
-
-        Raises:
-            TypeError: `actions` is not a mapping, or an action is not an integer.
-            ValueError: an action is missing, out of range, or for an unknown drone.
-        """
+        """Each drone's action and target cell; `cells` themselves if no drone moves."""
         try:
             if len(actions) != len(cells):
                 raise TypeError
@@ -71,17 +66,7 @@ def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:
 
 
 def checked_actions(actions: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Validate the actions of many searches; returns them in a new array.
-
-    Args:
-        actions: integers from 0 to 5.
-        shape: the required shape: (rows, n_drones), or (rows * n_drones,).
-        dtype: an integer type for the result.
-
-    Raises:
-        TypeError: they are not integers.
-        ValueError: they are out of range, or of another shape.
-    """
+    """The actions of many searches, from 0 to 5, in a new array; else TypeError or ValueError."""
     what = f"actions must have the shape {shape}, one for each drone of each search"
     try:
         given = np.asarray(actions)

@@ -46,7 +46,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Play with these options, and print summaries."""
     try:
         with printed_warnings():
             search = search_of(options)

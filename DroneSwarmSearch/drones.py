@@ -19,17 +19,12 @@ _SEARCH = int(Action.SEARCH)
 class Drones:
     """The drones of a search, in one episode after another.
 
-    Args:
-        names: the drones' names.
-        scenario: the search.
-
     Attributes:
         cells: each drone's cell, y * N + x.
         chosen: each drone's last action.
         finders: the drones that have found a person in this episode.
         returns: each drone's sum of rewards.
-        history: the last steps, oldest first: all drones' cells after the step, and their
-            actions in it. Also holds the start.
+        history: the last steps, oldest first, and the start: all drones' cells, and their actions.
     """
 
     def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
@@ -51,8 +46,7 @@ class Drones:
     ) -> tuple[dict[str, float], Ending | None]:
         """Let the drones search and move, given each one's action and target cell or OFF_GRID.
 
-        Returns:
-            Each drone's reward, for reading only, and the ending, or None.
+        Returns each drone's reward, for reading only, and the ending, or None.
         """
         rewards, ending = self._usual, None
         if _SEARCH in chosen or rules.affects_all(targets, world.step, self._timestep_limit):

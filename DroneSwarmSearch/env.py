@@ -170,10 +170,7 @@ class DroneSwarmSearch(SearchSpaces):
         """A small search for first experiments: 15 x 15 cells, three drones, 60 steps.
 
         Drones that act at random hardly ever find the person. `GreedyPolicy` does in 89% of the
-        episodes, and in 95% with `bayesian_update=True`.
-
-        Args:
-            changes: constructor arguments that replace those of the example.
+        episodes, and in 95% with `bayesian_update=True`. `changes` replace its arguments.
         """
         example = {"grid_size": 15, "n_drones": 3, "timestep_limit": 60, "vector": (0.08, 0.05)}
         start = {"person_initial_position": (5, 5), "disperse_constant": 0.6}
@@ -324,11 +321,9 @@ class DroneSwarmSearch(SearchSpaces):
         self._display.close()
 
     def state(self) -> NDArray[np.float32]:
-        """The full state for a centralised critic, including the persons.
+        """The full state for a centralised critic: float32, (3, N, N), indexed [plane, y, x].
 
-        Returns:
-            float32, shape (3, grid_size, grid_size), indexed [plane, y, x]: the matrix, the
-            number of drones and the number of missing persons in each cell.
+        The matrix, the number of drones and the number of missing persons in each cell.
 
         Raises:
             ResetNeeded: before the first `reset`.
@@ -348,10 +343,7 @@ class DroneSwarmSearch(SearchSpaces):
 
     @property
     def scenario(self) -> Scenario:
-        """The parameters of the current episode, including those given to `reset`.
-
-        Before the first `reset`, the parameters of the constructor.
-        """
+        """The parameters of the current episode; before the first `reset`, of the constructor."""
         return self._scenario if self._search is None else self._search
 
     def frame(self) -> Frame:

@@ -51,16 +51,10 @@ def observe(
 
 
 def state_planes(matrices: Singles, drones: Ints, persons: Ints, missing: Flags) -> Singles:
-    """The global states of E searches as planes, see `DroneSwarmSearch.state`.
+    """The global states of E searches, float32, (E, 3, N, N); see `DroneSwarmSearch.state`.
 
-    Args:
-        matrices: the matrices that the drones observe, shape (E, N, N), indexed [y, x].
-        drones: each drone's cell, y * N + x: shape (E, n).
-        persons: each person's cell, shape (E, persons).
-        missing: whether the person is counted, shape (E, persons).
-
-    Returns:
-        float32, shape (E, 3, N, N).
+    `drones` and `persons` are cells, y * N + x, of shapes (E, n) and (E, persons); `missing` are
+    the persons that count.
     """
     planes = np.zeros((len(matrices), 3, *matrices.shape[1:]), np.float32)
     planes[:, 0] = matrices

@@ -22,9 +22,7 @@ The episode ends for all drones together if drones collide, a drone leaves the g
 persons are found, and with step number L. In the coverage mission nobody is found. The line on
 the time limit does not apply, and the episode also ends once less than 1% is left to find.
 
-`reward` implements the table for one drone; `RewardScheme` holds its figures. `outcome` decides a
-step given all that happens in it. Each rule has a scalar form and, beside it, an array form for
-many searches.
+Each rule has a scalar form, for one search, and beside it an array form, for many.
 """
 
 from __future__ import annotations
@@ -185,10 +183,7 @@ class RewardScheme:
 
 
 def neighbours(cell: int, grid_size: int) -> tuple[int, ...]:
-    """The target of each action from a cell, y * grid_size + x, indexed by `Action`.
-
-    OFF_GRID for moves that leave the grid.
-    """
+    """The target of each action from a cell, y * grid_size + x; OFF_GRID off the grid."""
     y, x = divmod(cell, grid_size)
     inside = range(grid_size)
     return tuple(
@@ -198,11 +193,7 @@ def neighbours(cell: int, grid_size: int) -> tuple[int, ...]:
 
 
 def neighbours_of_all(grid_size: int) -> Ints:
-    """`neighbours` of all cells: int64, shape (grid_size², 6), indexed [cell, action].
-
-    Raises:
-        ValueError: the table does not fit in memory.
-    """
+    """`neighbours` of all cells: int64, (grid_size², 6), or ValueError for lack of memory."""
     # Four such tables of eight bytes an entry: the result, x, y and the cells.
     needed = 32 * len(MOVES) * grid_size**2
     checks.fits("the table of the cells' neighbours", needed, grid_size=grid_size)
@@ -214,10 +205,9 @@ def neighbours_of_all(grid_size: int) -> Ints:
 
 
 def same_cell(targets: Sequence[int]) -> set[int]:
-    """The cells that hold two or more drones after moving; these drones collide.
+    """The cells that two or more drones enter; these drones collide.
 
-    A drone that tries to leave the grid is in no cell, so OFF_GRID is never in the result. Two
-    drones that exchange cells do not collide.
+    Drones that exchange cells do not, nor do those that try to leave the grid.
     """
     if len(set(targets)) == len(targets):
         return set()
@@ -226,13 +216,9 @@ def same_cell(targets: Sequence[int]) -> set[int]:
 
 
 def collisions(targets: Ints) -> Ints:
-    """The drones in a cell of `same_cell`, for many searches.
+    """The drones in a cell of `same_cell`, each as row * drones + drone, in ascending order.
 
-    Args:
-        targets: the cell that each drone tried to enter, or OFF_GRID: shape (rows, drones).
-
-    Returns:
-        row * drones + drone for each of them, in ascending order.
+    `targets` are the cells that the drones try to enter, or OFF_GRID: (rows, drones).
     """
     by_drone = np.ascontiguousarray(targets.T)  # comparing long rows is faster
     collided = np.zeros(by_drone.shape, np.bool_)
@@ -259,19 +245,8 @@ def reward(
 ) -> float:
     """The reward of one drone in one step: the first line of the table that applies.
 
-    Args:
-        scheme: the figures of the table.
-        collided: whether another drone is in its cell after moving.
-        left_grid: whether it tried to leave the grid.
-        found: whether its search found a person in this step.
-        time_limit_reached: whether this is step number `timestep_limit`.
-        found_before: whether it found a person in an earlier step of the episode.
-        searched: whether it searched.
-        probability: what the matrix that it observed holds for its cell; or, with
-            `expected_finds`, the probability of success that its search adds.
-        steps_before: steps completed before this one.
-        timestep_limit: the number of steps in an episode.
-        return_so_far: the sum of its rewards in the episode before this step.
+    `probability` is what the matrix that it observed holds for its cell; or, with
+    `expected_finds`, the probability of success that its search adds.
     """
     if collided:
         return scheme.collision
@@ -297,15 +272,7 @@ def ending(
     any_left_grid: bool,
     time_limit_reached: bool,
 ) -> Ending | None:
-    """How the episode ends with this step, or None; success takes precedence over crashes.
-
-    Args:
-        all_found: whether all persons have been found.
-        covered: whether the coverage mission is complete, see `COVERED_AT`.
-        any_collided: whether drones have collided.
-        any_left_grid: whether a drone has left the grid.
-        time_limit_reached: whether this is step number `timestep_limit`.
-    """
+    """How the episode ends with this step, or None; success takes precedence over crashes."""
     if all_found:
         return Ending.FOUND
     if covered:
@@ -427,11 +394,7 @@ def outcomes(
 
 
 def is_success(ending: Ending | None) -> bool:
-    """Whether an episode ends with success: all persons found, or the coverage mission complete.
-
-    Args:
-        ending: why it ended, or None if it continues.
-    """
+    """Whether an episode ends well: all persons found, or the coverage mission complete."""
     return ending in _WELL
 
 

@@ -110,14 +110,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         return observations[self._drone], self._info(infos)
 
     def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Let the drone act once; see `DroneSwarmSearch.step`.
-
-        Args:
-            action: an integer from 0 to 5, see `rules.Action`.
-
-        Returns:
-            Observation, reward, termination, truncation and info.
-        """
+        """Let the drone act once, with an action from 0 to 5; see `DroneSwarmSearch.step`."""
         name = self._drone
         action = checks.integer("action", action, 0, len(Action) - 1)
         observations, rewards, terminations, truncations, infos = self._env.step({name: action})
@@ -146,12 +139,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
 
 
 def make_drones(num_envs: int = 1, **keywords: Any) -> DroneVectorEnv:
-    """The batch that ``gymnasium.make_vec("DroneSwarmSearch-v0")`` makes.
-
-    Args:
-        num_envs: the number of sub-environments, which are drones; a multiple of `n_drones`.
-        keywords: the other arguments of `DroneVectorEnv`, with the defaults of `SingleDroneEnv`.
-    """
+    """The batch that ``gymnasium.make_vec`` makes: num_envs drones, a multiple of `n_drones`."""
     scenario, drones = keywords.get("scenario"), keywords.get("n_drones", Scenario.n_drones)
     if isinstance(scenario, Scenario):
         drones = scenario.n_drones

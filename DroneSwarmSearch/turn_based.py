@@ -17,8 +17,7 @@ __all__ = ["TurnBased"]
 class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
     """PettingZoo's conversion to the AEC form, with each action validated when it is given.
 
-    PettingZoo's own conversion passes the actions on after the last drone has chosen; an
-    invalid action then blocks every further step.
+    In PettingZoo's own conversion, an invalid action blocks every further step.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -42,10 +41,7 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
         self._is_ready = True
 
     def step(self, action: int | None) -> None:
-        """Choose the action of the drone whose turn it is.
-
-        Args:
-            action: an integer from 0 to 5; None once the drone's episode has ended.
+        """Choose the action, 0 to 5, of the drone whose turn it is; None after its episode.
 
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.

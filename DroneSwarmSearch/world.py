@@ -1,8 +1,7 @@
 """The world state: persons adrift, searches for them, and the matrix that the drones observe.
 
-Persons move lazily: nobody observes them, so they walk only when a search or a picture needs
-their cells. Every random draw belongs to an episode, a step and a person, so it does not matter
-when draws are made, or how many at a time.
+Persons walk only when a search or a picture needs their cells. Every draw belongs to an episode, a
+step and a person, so it does not matter when draws are made, or how many at a time.
 """
 
 from __future__ import annotations
@@ -30,16 +29,12 @@ class WorldState:
     mean of several forecasts; or the beliefs, once an episode with `bayesian_update` has seen a
     search. Beliefs may also be kept without being shown, see `Scenario.keeps_beliefs`.
 
-    Args:
-        scenario: the search.
-
     Attributes:
         persons: all persons, by number.
         missing: the persons not yet found.
         finds: for every person found, the drone that found them, and the cell.
         step: completed steps.
-        success: the cumulative probability of success (POS) of all searches so far, or None
-            without beliefs.
+        success: the cumulative probability of success (POS) of all searches so far, or None.
         is_rescue: whether the mission is to find the persons; else nobody is found.
         is_covered: whether a coverage mission is complete.
     """
@@ -153,8 +148,7 @@ class WorldState:
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
         """What each search pays for, by drone, before `search`.
 
-        What the matrix of the current step holds for the searched cell; or, with
-        `RewardScheme.expected_finds`, the probability of success that the search adds.
+        The matrix's value for the cell; or, with `RewardScheme.expected_finds`, the added success.
         """
         if self._pays_expectation:
             added = [belief.added_success([*searches]) for belief in self._begun_beliefs()]

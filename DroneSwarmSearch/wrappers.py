@@ -55,13 +55,10 @@ Step = tuple[Observations, Rewards, Flags, Flags, Infos]
 
 
 class SearchWrapper(BaseParallelWrapper[str, Any, int]):
-    """A wrapper of `DroneSwarmSearch`, or of a wrapper of it.
+    """A wrapper of `DroneSwarmSearch`, or of a wrapper of it; TypeError if `env` is something else.
 
     Attributes that the wrapper lacks are those of the wrapped environment: `scenario`,
     `frame`, `state_space` and so on.
-
-    Raises:
-        TypeError: `env` is not such an environment in its parallel form.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -125,18 +122,8 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
 class LayoutObservation(SearchWrapper):
     """Replaces each drone's observation by a layout of the current state.
 
-    Every observation is a new array. `DroneVectorEnv` returns the same arrays, bit for bit,
-    with the layout of the same name. Changes that inner wrappers made to the observations
-    are lost.
-
-    Args:
-        env: the environment.
-        layout: the class of the layout.
-        options: its arguments besides the grid size and the number of drones.
-
-    Raises:
-        TypeError: as for `SearchWrapper`, or an option is of the wrong type.
-        ValueError: an option is out of its limits, or `env` has masks in its observations.
+    Every observation is a new array, equal to that of `DroneVectorEnv` bit for bit. Changes that
+    inner wrappers made to the observations are lost; ValueError if these hold masks.
     """
 
     def __init__(
@@ -204,12 +191,8 @@ class PlanesObservation(LayoutObservation):
     """Each drone observes four planes: float32 in [0, 1], (4, N, N), indexed [plane, y, x].
 
     The matrix, with its maximum scaled to 1; 1 in the drone's own cell; 1 in the other
-    drones' cells; the remaining time fraction in every cell.
-
-    Args:
-        env: the environment.
-        channels_last: shape (N, N, 4), indexed [y, x, plane], as RLlib expects images. PyTorch
-            expects channels first.
+    drones' cells; the remaining time fraction in every cell. With `channels_last`, the shape is
+    (N, N, 4), as RLlib expects images; PyTorch expects channels first.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], channels_last: bool = False) -> None:
@@ -229,15 +212,10 @@ class PlanesObservation(LayoutObservation):
 class TopCellsObservation(LayoutObservation):
     """Each drone observes the likeliest cells: float32 in [-1, 1], length 3 k + 2 n_drones + 1.
 
-    For each of the k likeliest cells in descending order (ties row by row), its offset to the
-    right and down and its probability, with the maximum scaled to 1; the drone's own x and y;
-    for each of the other drones, the nearest in steps first (ties by name), its offset to the
-    right and down; the remaining time fraction. Offsets and positions have the grid scaled to
-    1.
-
-    Args:
-        env: the environment.
-        k: the number of cells; from 1 to grid_size².
+    For each of the k likeliest cells in descending order (ties row by row; k from 1 to N²), its
+    offset to the right and down and its probability, with the maximum scaled to 1; the drone's own
+    x and y; for each of the other drones, the nearest in steps first (ties by name), its offset to
+    the right and down; the remaining time fraction. The grid is scaled to 1.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
@@ -258,14 +236,8 @@ class OtherDrones(SearchWrapper):
     """Adds the positions of the other drones to each drone's observation.
 
     `observation["other_drones"]` is int32, shape (n_drones - 1, 2): the (x, y) of every
-    other drone, in the order of their names.
-
-    Args:
-        env: the environment, with its own observations or those of `DictObservation`.
-
-    Raises:
-        TypeError: as for `SearchWrapper`.
-        ValueError: its observations are of another form.
+    other drone, in the order of their names. The observations of `env` must be its own or those of
+    `DictObservation`; ValueError otherwise.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -292,19 +264,11 @@ class OtherDrones(SearchWrapper):
 
 
 class ScaledRewards(SearchWrapper):
-    """Multiplies all rewards by a constant.
+    """Multiplies all rewards by a constant above 0; ValueError if they would overflow.
 
     The default is a power of two, 2**-17 = 1/131072, which is exact in floating point:
     `rewards / scale` is the reward of the table in `rules`, bit for bit. Then -100000 becomes
     -0.763, and 20000 becomes 0.153. The scale does not change which policies are better.
-
-    Args:
-        env: the environment.
-        scale: the constant; above 0. Rewards are rounded unless it is a power of two.
-
-    Raises:
-        TypeError: as for `SearchWrapper`, or `scale` is not a number.
-        ValueError: `scale` is not finite, is not above 0, or makes rewards overflow.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], scale: float = 2**-17) -> None:
@@ -331,7 +295,7 @@ class SeparateFlags(SearchWrapper):
     `DroneSwarmSearch` sets both flags at every ending. With this wrapper, an episode is
     terminated if all persons are found, drones collide or a drone leaves the grid, even in
     the last step, and truncated if only the time limit ends it. Learners need this if they
-    bootstrap values. The vector environments do the same with separate_flags=True.
+    bootstrap values.
     """
 
     def step(self, actions: Mapping[str, int]) -> Step:
@@ -374,11 +338,7 @@ class ActionMask(SearchWrapper):
                 self._spaces[agent] = spaces.Dict(entries)
 
     def action_masks(self) -> dict[str, NDArray[np.int8]]:
-        """Every drone's mask in the current state: int8, shape (6,); new arrays.
-
-        Raises:
-            ResetNeeded: before the first `reset`.
-        """
+        """Every drone's mask in the current state: int8, (6,); new arrays."""
         return dict(zip(self._names, self._masks(), strict=True))
 
     def _masks(self) -> list[NDArray[np.int8]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -28,3 +29,13 @@ def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
     if request.node.get_closest_marker("good_plans") is None:
         monkeypatch.setattr(planner, "RANDOM_STARTS", 0)
         monkeypatch.setattr(planner, "EXPLORED_ROUNDS", 1)
+
+
+@pytest.fixture
+def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Quit pygame, and select the dummy video driver."""
+    pygame = pytest.importorskip("pygame")
+    pygame.quit()
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    yield
+    pygame.quit()

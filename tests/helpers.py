@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, demo
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, cli, demo
 from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
@@ -285,6 +285,16 @@ def few_pictures(patch: pytest.MonkeyPatch) -> None:
             write(path, painter, iter([every[0], every[-1]]), **how)
 
         patch.setattr(module, "write_video", write)
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The last line of what the command prints about wrong arguments."""
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(each) for each in arguments])
+    captured = capsys.readouterr()
+    assert (stop.value.code, captured.out) == (2, "")
+    return captured.err.splitlines()[-1]
 
 
 def tables_of(page: str) -> list[list[list[str]]]:

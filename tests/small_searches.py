@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any
@@ -182,7 +182,7 @@ def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
 
 
 def fly(
-    policy: SwarmPolicy, tracker: BeliefTracker, cells: Sequence[Cell], steps: int
+    policy: Callable[..., Any], tracker: BeliefTracker, cells: Sequence[Cell], steps: int
 ) -> list[Path]:
     """Return the drones' paths over the next steps without a find, and update the tracker.
 

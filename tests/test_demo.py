@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import refusal
 
 from DroneSwarmSearch import Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
@@ -52,28 +53,9 @@ def search_file(folder: Path, **changes: object) -> str:
     return str(path)
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """The last line of the demo's error message on invalid arguments."""
-    with pytest.raises(SystemExit) as stop:
-        demo.main(arguments)
-    captured = capsys.readouterr()
-    assert stop.value.code == 2
-    assert captured.out == ""
-    return captured.err.splitlines()[-1]
-
-
 def figures(output: str) -> dict[str, str]:
     """The summary at the end of the output, by heading."""
     return dict(re.findall(r"^(\w+(?: \w+)?) {2,}(.+)$", output, re.MULTILINE))
-
-
-@pytest.fixture
-def dummy_video(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Select the dummy video driver."""
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pygame.quit()
-    yield
-    pygame.quit()
 
 
 Script = Callable[[Player], Iterator[str]]
@@ -214,10 +196,10 @@ class TestOptions:
         ],
     )
     def test_bad_values(self, capsys, arguments, problem):
-        assert problem in refusal(capsys, *arguments.split(), "--text")
+        assert problem in refusal(capsys, "play", *arguments.split(), "--text")
 
     def test_manual_needs_the_usual_policy(self, capsys):
-        line = refusal(capsys, "--manual", "--policy", "greedy-posterior")
+        line = refusal(capsys, "play", "--manual", "--policy", "greedy-posterior")
         assert line.endswith("the other drones use greedy-matrix: leave out --policy")
 
     @pytest.mark.parametrize("drones", [1, 7, 92])
@@ -288,7 +270,7 @@ class TestIncident:
         assert mean == pytest.approx(middle, abs=1), "halfway, it is in the middle of the grid"
 
 
-@pytest.mark.usefixtures("dummy_video")
+@pytest.mark.usefixtures("dummy_display")
 class TestWindow:
     def test_it_plays_to_the_end_and_stays_open(self, capsys, monkeypatch):
         def script(player: Player) -> Iterator[str]:
@@ -350,7 +332,7 @@ class TestWindow:
         assert not pygame.display.get_init()
 
 
-@pytest.mark.usefixtures("dummy_video")
+@pytest.mark.usefixtures("dummy_display")
 class TestManual:
     def test_keys_fly_drone_0(self, capsys, monkeypatch):
         shown = perform(monkeypatch, keys("right", "s", "space", "i", ".", "left", "w", "left"))
@@ -392,7 +374,7 @@ class TestManual:
 
     def test_without_a_display(self, capsys, monkeypatch):
         monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
-        assert "--manual needs a display" in refusal(capsys, "--manual")
+        assert "--manual needs a display" in refusal(capsys, "play", "--manual")
 
 
 class TestVideo:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -58,13 +57,8 @@ ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of
 
 def steer(x: int, y: int, matrix: Any) -> int:
     """Climb to the likeliest cell nearby and search there; drones may collide."""
-    ways = {
-        int(Action.SEARCH): (x, y),
-        int(Action.RIGHT): (x + 1, y),
-        int(Action.DOWN): (x, y + 1),
-        int(Action.LEFT): (x - 1, y),
-        int(Action.UP): (x, y - 1),
-    }
+    ways = {Action.SEARCH: (x, y), Action.RIGHT: (x + 1, y), Action.DOWN: (x, y + 1)}
+    ways |= {Action.LEFT: (x - 1, y), Action.UP: (x, y - 1)}
     inside = {action: cell for action, cell in ways.items() if {*cell} <= {*range(len(matrix))}}
     return max(inside, key=lambda action: matrix[inside[action][::-1]])
 
@@ -80,17 +74,14 @@ def in_drones(shown: Any) -> Any:
 
 
 def in_parallel(shown: Any) -> dict[str, int]:
-    return {
-        name: steer(*each["observation"][0], each["observation"][1]) for name, each in shown.items()
-    }
+    seen = {name: each["observation"] for name, each in shown.items()}
+    return {name: int(steer(*cell, matrix)) for name, (cell, matrix) in seen.items()}
 
 
 def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int) -> dict[str, Any]:
     """What an evaluation records, played in a single environment."""
-    parameters = {**each.parameters}
-    drones = parameters.pop("drones_positions")
-    env = DroneSwarmSearch(**parameters)
-    observations, _ = env.reset(seed=seed, drones_positions=drones)
+    env = DroneSwarmSearch(scenario=each.scenario)
+    observations, _ = env.reset(seed=seed, drones_positions=each.drones)
     found_at, total, steps = [0] * len(each.scenario.situation), 0.0, 0
     while env.agents:
         observations, rewards, *_ = env.step(policy(observations))
@@ -307,7 +298,6 @@ def test_bad_arguments_are_refused(changes, error, message):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"form": "bird"}, ValueError, "view must be one of 'swarm', 'drone', 'parallel'"),
         ({"observation": "x"}, ValueError, "observation must be one of 'dict', 'flat', 'planes'"),
         ({"form": "parallel", "observation": "flat"}, ValueError, "needs observation='dict'"),
         ({"right_of_way": True}, ValueError, "right_of_way=True needs action_mask=True, got"),
@@ -397,8 +387,6 @@ def test_only_the_same_episodes_can_be_compared():
     times = np.ones((4, 2), int)
     with pytest.raises(ValueError, match="second must be of the same search as first"):
         compare(made(times), made(times, limit=11))
-    with pytest.raises(ValueError, match="4 from seed 0, got 4 from seed 1"):
-        compare(made(times), made(times, seed=1))
     with pytest.raises(ValueError, match="4 from seed 0, got 3 from seed 0"):
         compare(made(times), made(times[:3]))
 
@@ -464,10 +452,7 @@ def test_the_folder_of_another_run_is_refused(played, tmp_path, changes, message
     assert not played
 
 
-def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
-    (tmp_path / "file").write_text("", "utf-8")
-    with pytest.raises(evaluation.StorageError, match="manifest"):
-        evaluate("random", named(), episodes=2, out=tmp_path / "file" / "run")
+def test_a_damaged_manifest_is_refused(tmp_path):
     (tmp_path / "manifest.json").write_text("{", "utf-8")
     with pytest.raises(ValueError, match=r"manifest\.json must hold the manifest of a run"):
         evaluate("random", named(), episodes=2, out=tmp_path)
@@ -483,15 +468,10 @@ def test_workers_have_no_effect(search, tmp_path, monkeypatch):
         assert data_of(two) == data_of(one)
 
 
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def test_csv_has_a_row_for_each_evaluation(tmp_path):
     got, bounded = (made([[2, 7], [3, 0]], seed=5, bound=bound) for bound in (None, 0.5))
     save_csv(tmp_path / "summary.csv", [got, bounded])
-    plain, bounded = rows_of(tmp_path / "summary.csv")
+    plain, bounded = csv.DictReader((tmp_path / "summary.csv").read_text("utf-8").splitlines())
     assert (plain["policy"], plain["search"], plain["mission"]) == ("mine", "small", "rescue")
     assert (plain["episodes"], plain["seed"], plain["mean_return"]) == ("2", "5", "0.0")
     assert float(plain["success"]) == 0.5

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from small_searches import paths_of, search, success_of
 
 from DroneSwarmSearch import Drift, DroneSwarmSearch, Person
-from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.policies import make
 
 SIZE, STEPS = 11, 20
-STARTS = [(0, 0), (10, 0)]
 
 ACROSS_THE_WIND = Person(
     [
@@ -34,12 +30,6 @@ PRIOR_MAP = Person(
 )
 
 
-def search_for(*persons: Person, **changes: Any) -> NamedSearch:
-    return search(
-        STARTS, **{"grid_size": SIZE, "timestep_limit": STEPS, "persons": persons, **changes}
-    )
-
-
 @pytest.mark.parametrize(
     ("name", "persons", "bayesian_update"),
     [
@@ -54,7 +44,14 @@ def search_for(*persons: Person, **changes: Any) -> NamedSearch:
 def test_the_success_of_a_coverage_mission_is_that_of_its_paths(
     persons: tuple[Person, ...], name: str, bayesian_update: bool
 ) -> None:
-    of = search_for(*persons, mission="coverage", bayesian_update=bayesian_update)
+    of = search(
+        [(0, 0), (10, 0)],
+        grid_size=SIZE,
+        timestep_limit=STEPS,
+        persons=persons,
+        mission="coverage",
+        bayesian_update=bayesian_update,
+    )
     paths = paths_of(make(name, of.scenario), of)
     env = DroneSwarmSearch(scenario=of.scenario, render_mode=None)
     policy = make(name, env.scenario)

@@ -22,7 +22,8 @@ from DroneSwarmSearch.policies.greedy import (
     PosteriorGreedyPolicy,
 )
 
-Actions = dict[str, int]
+FAR = 0.1 / DISCOUNT**2
+"""As good a probability as .1, two steps farther away."""
 
 
 def seen(
@@ -33,65 +34,40 @@ def seen(
     for (x, y), probability in peaks.items():
         matrix[y, x] = probability
     matrix.flags.writeable = False
-    return {f"drone{i}": {"observation": (cell, matrix)} for i, cell in enumerate(cells)}
-
-
-def greedy(size: int, drones: int = 1) -> GreedyPolicy:
-    return GreedyPolicy(Scenario(grid_size=size, n_drones=drones))
+    return observations(cells, matrix)
 
 
 def choose(
     size: int, cells: list[tuple[int, int]], peaks: Mapping[tuple[int, int], float]
 ) -> list[Action]:
-    actions = greedy(size, len(cells))(seen(size, cells, peaks))
-    assert list(actions) == [f"drone{i}" for i in range(len(cells))]
-    assert all(type(action) is int for action in actions.values())
-    return [Action(action) for action in actions.values()]
-
-
-def make_env(size: int = 20, drones: int = 4, **changes: Any) -> DroneSwarmSearch:
-    parameters = {
-        "grid_size": size,
-        "n_drones": drones,
-        "vector": (0.2, 0.1),
-        "person_initial_position": (size // 2, size // 2),
-        "disperse_constant": 3,
-        "bayesian_update": True,
-    }
-    return DroneSwarmSearch(**{**parameters, **changes})
+    policy = GreedyPolicy(Scenario(grid_size=size, n_drones=len(cells)))
+    return [Action(action) for action in policy(seen(size, cells, peaks)).values()]
 
 
 class TestChoice:
     @pytest.mark.parametrize(
-        ("peak", "action"),
+        ("cell", "peaks", "action"),
         [
-            ((0, 3), Action.LEFT),
-            ((6, 3), Action.RIGHT),
-            ((3, 0), Action.UP),
-            ((3, 6), Action.DOWN),
-            ((3, 3), Action.SEARCH),
+            ((3, 3), {(0, 3): 1.0}, Action.LEFT),
+            ((3, 3), {(6, 3): 1.0}, Action.RIGHT),
+            ((3, 3), {(3, 0): 1.0}, Action.UP),
+            ((3, 3), {(3, 6): 1.0}, Action.DOWN),
+            ((3, 3), {(3, 3): 1.0}, Action.SEARCH),
+            # Probability is weighed against distance.
+            ((3, 3), {(2, 3): 0.1, (6, 3): 0.99 * FAR}, Action.LEFT),
+            ((3, 3), {(2, 3): 0.1, (6, 3): 1.01 * FAR}, Action.RIGHT),
+            # Through the likelier cells; in a tie, along the longer leg first.
+            ((1, 1), {(4, 4): 0.9, (1, 2): 0.01}, Action.DOWN),
+            ((1, 1), {(4, 4): 0.9, (2, 1): 0.01}, Action.RIGHT),
+            ((1, 1), {(2, 5): 1.0}, Action.DOWN),
+            ((1, 5), {(2, 1): 1.0}, Action.UP),
+            ((1, 1), {(5, 2): 1.0}, Action.RIGHT),
         ],
     )
     def test_moves_to_the_likely_cell_and_searches_it(
-        self, peak: tuple[int, int], action: Action
+        self, cell: tuple[int, int], peaks: dict[tuple[int, int], float], action: Action
     ) -> None:
-        assert choose(7, [(3, 3)], {peak: 1.0}) == [action]
-
-    @pytest.mark.parametrize(("margin", "action"), [(0.99, Action.LEFT), (1.01, Action.RIGHT)])
-    def test_weighs_probability_against_distance(self, margin: float, action: Action) -> None:
-        # One step to the left, three to the right: two steps more.
-        near = 0.1
-        far = near / DISCOUNT**2 * margin
-        assert choose(7, [(3, 3)], {(2, 3): near, (6, 3): far}) == [action]
-
-    def test_moves_through_the_likelier_cells(self) -> None:
-        assert choose(7, [(1, 1)], {(4, 4): 0.9, (1, 2): 0.01}) == [Action.DOWN]
-        assert choose(7, [(1, 1)], {(4, 4): 0.9, (2, 1): 0.01}) == [Action.RIGHT]
-
-    def test_moves_along_the_longer_leg_first_in_a_tie(self) -> None:
-        assert choose(7, [(1, 1)], {(2, 5): 1.0}) == [Action.DOWN]
-        assert choose(7, [(1, 5)], {(2, 1): 1.0}) == [Action.UP]
-        assert choose(7, [(1, 1)], {(5, 2): 1.0}) == [Action.RIGHT]
+        assert choose(7, [cell], peaks) == [action]
 
     def test_different_drones_take_different_cells(self) -> None:
         # Both are nearer to the left peak; the nearest one gets it.
@@ -117,7 +93,7 @@ class TestChoice:
 def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() -> None:
     here, there = (1, 3), (2, 3)
     peaks = {here: 0.2, there: 0.19, (6, 6): 0.01}
-    policy = greedy(7)
+    policy = GreedyPolicy(Scenario(grid_size=7, n_drones=1))
     search, away = {"drone0": int(Action.SEARCH)}, {"drone0": int(Action.RIGHT)}
     assert policy(seen(7, [here], peaks)) == search
     assert policy(seen(7, [here], peaks)) == away
@@ -131,23 +107,17 @@ def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() 
 
 def test_posterior_greedy_ignores_unlikely_cells() -> None:
     # Before the first search, forecast and posterior are equal.
-    env = make_env(
-        20,
-        1,
-        vector=(0, 0),
-        disperse_constant=50,
-        timestep_limit=60,
-        person_initial_position=(9, 9),
-    )
+    person = {"vector": (0, 0), "person_initial_position": (9, 9), "disperse_constant": 50}
+    env = DroneSwarmSearch(20, **person, timestep_limit=60, bayesian_update=True)
     policy = PosteriorGreedyPolicy(env.scenario)
-    observations, _ = env.reset(1)
+    shown, _ = env.reset(1)
     likely = []
     while env.agents:
-        actions = policy(observations)
-        (x, y), matrix = observations["drone0"]["observation"]
+        actions = policy(shown)
+        (x, y), matrix = shown["drone0"]["observation"]
         if actions["drone0"] == Action.SEARCH:
             likely.append(float(matrix[y, x] / matrix.max()))
-        observations, *_ = env.step(actions)
+        shown, *_ = env.step(actions)
     assert likely and min(likely) >= WORTHWHILE * (1 - 1e-6)
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
-import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -169,16 +167,6 @@ def test_num_envs_counts_drones() -> None:
             gymnasium.make_vec(ID, **wrong)
 
 
-@pytest.mark.parametrize("layout", ["flat", "crops"])
-def test_copies_go_on_identically(layout: str) -> None:
-    env = SingleDroneEnv(**SMALL, observation=layout)
-    env.reset(seed=4)
-    env.step(Action.SEARCH)
-    copies = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
-    expected = [*episodes(env, 5)]
-    assert [[*episodes(each, 5)] for each in copies] == [expected, expected]
-
-
 def test_a_seed_determines_the_episodes_and_np_random() -> None:
     env, other = made(), made()
     assert [*episodes(env, 6)] == [*episodes(other, 6)] == [*episodes(env, 6)]
@@ -222,11 +210,7 @@ def test_success_and_statistics_are_reported() -> None:
     [
         ({"n_drones": 2}, ValueError, "n_drones must be 1 in a SingleDroneEnv, got 2; for several"),
         ({"observation": "pixels"}, ValueError, "observation must be one of 'dict', 'flat'"),
-        (
-            {"observation": "top-cells", "top_cells": 17, "grid_size": 4},
-            ValueError,
-            "top_cells must be an integer from 1 to 16, got 17",
-        ),
+        ({"observation": "top-cells", "top_cells": 50}, ValueError, "top_cells must be .* 1 to 49"),
         ({"action_mask": True}, TypeError, "action_mask must be one of None, 'observation', 'inf"),
         ({"separate_flags": 1}, TypeError, "separate_flags must be True or False, got 1"),
         ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),

@@ -225,14 +225,8 @@ def test_the_expanding_square_is_repeated_turned_by_45_degrees() -> None:
     assert first[0] == second[0] == (20, 18)
     # Against the drift, which is mainly to the right; then by 45° further to the right.
     assert first[1] == (19, 18)
-    assert first == cells_along(expanding_square((20, 18), len_legs(first), 270), 40)
+    assert first == cells_along(expanding_square((20, 18), 23, 270), 40)
     assert second[:3] in ([(20, 18), (20, 17), (19, 17)], [(20, 18), (19, 18), (19, 17)])
-
-
-def len_legs(route: list[Cell]) -> int:
-    """The number of legs of a route along the axes."""
-    directions = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route)]
-    return 1 + sum(a != b for a, b in pairwise(directions))
 
 
 def test_the_sector_search_fits_the_effort() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import random
+from typing import Any
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from helpers import inside, target_of
+from helpers import careful_actions
 from hypothesis import given, settings
 from small_searches import (
     assert_legal,
+    fly,
     forecast_of,
     found_in_each_step,
     schedule_of,
@@ -17,10 +21,10 @@ from small_searches import (
     uncertain_persons,
 )
 
-from DroneSwarmSearch import Action
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, idle_paths
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
 def starts_of(of: NamedSearch) -> list[int]:
@@ -30,25 +34,12 @@ def starts_of(of: NamedSearch) -> list[int]:
 
 def random_paths(of: NamedSearch, steps: int, seed: int) -> list[Path]:
     """Legal paths that search in about every other step."""
-    rng, size = np.random.default_rng(seed), of.scenario.grid_size
-    positions, searches = [list(of.drones)], []
-    for _ in range(steps):
-        ahead: list[tuple[int, int]] = []
-        searched = []
-        for drone, cell in enumerate(positions[-1]):
-            taken = {*ahead, *positions[-1][drone + 1 :]}
-            choices = [Action.SEARCH] * 3 + [Action.IDLE]
-            for move in (Action.LEFT, Action.RIGHT, Action.UP, Action.DOWN):
-                target = target_of(cell, move)
-                if inside(target, size) and target not in taken:
-                    choices.append(move)
-            action = choices[rng.integers(len(choices))]
-            ahead.append(target_of(cell, action))
-            searched.append(action == Action.SEARCH)
-        positions.append(ahead)
-        searches.append(searched)
-    cells = np.array(positions) @ [1, size]
-    return [Path(*path) for path in zip(cells.T, np.array(searches).T, strict=True)]
+    rng, size = random.Random(seed), of.scenario.grid_size
+
+    def act(seen: dict[str, Any]) -> dict[str, int]:
+        return careful_actions(rng, seen, size)
+
+    return fly(act, BeliefTracker(of.scenario), of.drones, steps)
 
 
 @st.composite

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -382,15 +381,6 @@ class TestLargeGrids:
             assert along.min() < 20 and along.max() > 700
 
 
-@pytest.fixture
-def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Quit pygame and select the dummy video driver."""
-    pygame.quit()
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    yield
-    pygame.quit()
-
-
 def show(display: Display, **changes: Any) -> None:
     """Show a frame in the window of an environment."""
     display.render(make_frame(**changes), "human")
@@ -450,14 +440,6 @@ class TestWindow:
         for _ in range(3):
             show(display)
         assert ticks == [20.0] * 3
-
-    def test_copies_are_not_open(self):
-        display = Display(7, fps=1000)
-        show(display)
-        twin = copy.deepcopy(display)
-        twin.close()
-        assert pygame.display.get_init()
-        show(twin)
 
     def test_without_a_display_a_reset_changes_nothing(self, monkeypatch):
         env = DroneSwarmSearch(grid_size=5, render_mode="human")

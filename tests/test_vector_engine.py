@@ -314,17 +314,6 @@ def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone() ->
         assert twins.batch.situation.max() < 3
 
 
-def test_sequences_of_episodes_go_on_from_the_seeds_they_have() -> None:
-    twins = Twins(3, {"timestep_limit": 3})
-    twins.reset([1, 2, 3])
-    twins.reset([None, 4, None])
-    twins.reset([None, 5], [2, 0])
-    twins.reset()
-    assert twins.episodes == [1, 1, 3]
-    assert twins.seeds == [5, 4, 3]
-    play(twins, 12)
-
-
 def test_rows_without_a_seed_begin_from_entropy() -> None:
     def walks(seeds: list[int | None]) -> list[bytes]:
         batch = SearchBatch(2, person_initial_position=(3, 3), timestep_limit=40)

@@ -1,7 +1,6 @@
 """Ray RLlib (extra ``rllib``): a batch of drones, a masked network, and the success rate.
 
-`DroneBatch` steps thousands of drones that share one policy, on RLlib's single-agent path; see
-examples/train_rllib.py.
+See examples/train_rllib.py.
 """
 
 from __future__ import annotations
@@ -39,8 +38,9 @@ SEED_STRIDE = 10**9
 class DroneBatch(VectorWrapper):
     """A `DroneVectorEnv` for RLlib's ``gym_env_vectorize_mode="vector_entry_point"``.
 
-    Every sub-environment is a drone, so ``num_envs_per_env_runner`` is a multiple of the number
-    of drones in a swarm, and RLlib counts the steps of single drones.
+    Every sub-environment is a drone, and all share one policy, on RLlib's single-agent path.
+    ``num_envs_per_env_runner`` is a multiple of the number of drones in a swarm, and RLlib counts
+    the steps of single drones.
 
     Args:
         config: RLlib's `env_config`: keywords of `DroneVectorEnv`, with masks in the
@@ -123,11 +123,8 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 
     ``results["env_runners"]["success_rate"]`` is the fraction of the episodes since the last
     results that ended with success. If the infos hold it, "probability_of_success" is the mean at
-    the episodes' ends. With several env runners, both are means over the runners.
-
-    Args:
-        episode: an episode of one drone, or of all drones of a swarm.
-        metrics_logger: RLlib's logger.
+    the episodes' ends. With several env runners, both are means over the runners. `episode` is that
+    of one drone, or of all drones of a swarm, `metrics_logger` RLlib's.
     """
     infos = episode.get_infos(-1)
     if "is_success" not in infos:  # a dict with the infos of every drone
@@ -140,11 +137,10 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 def logits(
     checkpoint: str | Path, module_id: str = DEFAULT_MODULE_ID
 ) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
-    """The masked network in a checkpoint, for `TrainedPolicy`.
+    """The masked network in a `checkpoint`, for `TrainedPolicy`.
 
-    Args:
-        checkpoint: the folder that ``Algorithm.save_to_path`` has written.
-        module_id: the name of the RLModule; by default, that of the single-agent path.
+    ``Algorithm.save_to_path`` wrote the folder. `module_id` is the name of the RLModule; by
+    default, that of the single-agent path.
     """
     learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
     module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)

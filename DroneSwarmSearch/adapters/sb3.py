@@ -29,9 +29,9 @@ class SB3VecEnv(VecEnv):
 
     When an episode ends, the next one begins in the same step. The sub-environment's info then
     holds "terminal_observation" and "TimeLimit.truncated", which is True if the environment
-    truncates without terminating (separate_flags=True). Every info holds "is_success", from
-    which Stable-Baselines3 logs success rates, and "probability_of_success" if the
-    environment's infos do. ``VecMonitor`` adds episode returns.
+    truncates without terminating (separate_flags=True). Every info holds "is_success", of which
+    Stable-Baselines3 logs the rate, and "probability_of_success" if the environment's infos do.
+    ``VecMonitor`` adds episode returns.
 
     `env_method("action_masks")` returns a mask for each sub-environment, as sb3-contrib's
     ``MaskablePPO`` expects; `right_of_way` is the environment's.
@@ -128,9 +128,8 @@ class LogSuccess(BaseCallback):
 def logits(model: BaseAlgorithm) -> Callable[[Any], NDArray[Any]]:
     """The network of a trained model, for `TrainedPolicy`.
 
-    Args:
-        model: an actor-critic model of Stable-Baselines3 or sb3-contrib. MaskablePPO uses the masks
-            in the observations.
+    `model` is an actor-critic model of Stable-Baselines3, or sb3-contrib's MaskablePPO, which uses
+    the masks in the observations.
     """
     policy, space = model.policy, model.observation_space
     entries = [*space.spaces] if isinstance(space, spaces.Dict) else []

@@ -1,9 +1,8 @@
 """Tianshou (extra ``tianshou``): a batch of drones, masked networks, and the success rate.
 
-Every drone is a sub-environment, so that any algorithm for a single agent with discrete actions
-trains one policy that all drones share; see examples/train_tianshou.py. Tianshou's Q-learning
-policies take the masks from the observations. For actor-critic algorithms, `MaskedActor` and
-`MaskedCritic` do.
+Any algorithm for a single agent with discrete actions trains one policy that all drones share;
+see examples/train_tianshou.py. Q-learning policies take the masks from the observations by
+themselves, actor-critic algorithms by `MaskedActor` and `MaskedCritic`.
 """
 
 from __future__ import annotations
@@ -63,8 +62,8 @@ class DroneVenv(BaseVectorEnv):
 
         Args:
             env_id: the sub-environments to reset, all or none of each swarm; by default, all.
-            keywords: `seed` and `options` of `DroneVectorEnv.reset`. Without a seed, that of
-                `seed` counts once.
+            keywords: `seed` (by default, that of `seed` counts once) and `options` of
+                `DroneVectorEnv.reset`.
         """
         chosen = self._numbers("env_id", env_id)
         if keywords.get("seed") is None:
@@ -108,11 +107,9 @@ class DroneVenv(BaseVectorEnv):
         return [getattr(self.env, names.get(key, key)) for _ in self._wrap_id(id)]
 
     def render(self, **_: Any) -> list[Any]:
-        """Render every swarm; see `render_mode`."""
         return list(self.env.render() or ())
 
     def close(self) -> None:
-        """Close the environment."""
         self.env.close()
         self.is_closed = True
 
@@ -148,9 +145,8 @@ class SuccessStats(CollectStats):
     """Statistics of a collection, with success; a ``collect_stats_class`` for collectors.
 
     Attributes:
-        successes: whether the episode ended with success, for every collected episode of a drone.
-        probabilities: the probability of success (POS) of the searches until the episode's end,
-            if the infos hold it.
+        successes: whether each collected episode of a drone ended with success.
+        probabilities: the probability of success (POS) at its end, if the infos hold it.
     """
 
     successes: list[bool] = field(default_factory=list)
@@ -170,9 +166,7 @@ class SuccessStats(CollectStats):
 class MaskedActor(DiscreteActor):
     """A network with masked logits, for ``DiscreteActorPolicy``.
 
-    Args:
-        keywords: of ``DiscreteActor``. `preprocess_net` gets observations without masks;
-            `action_shape` is 6.
+    It takes the `keywords` of ``DiscreteActor``; `preprocess_net` gets observations without masks.
     """
 
     def __init__(self, **keywords: Any) -> None:
@@ -198,11 +192,9 @@ class MaskedCritic(DiscreteCritic):
 
 
 def logits(policy: Policy) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
-    """The network of a trained policy, for `TrainedPolicy`.
+    """The network of a policy trained with masks in the observations, for `TrainedPolicy`.
 
-    Args:
-        policy: of Tianshou, trained with masks in the observations. The logits of Q-learning
-            policies are their values: pass `TrainedPolicy` deterministic=True.
+    The logits of Q-learning policies are their values: pass `TrainedPolicy` deterministic=True.
     """
 
     def masked_logits(observations: Mapping[str, Any]) -> NDArray[Any]:

@@ -1,7 +1,6 @@
 """TorchRL (extra ``torchrl``): many searches as one batched environment, and masked policies.
 
-The drones form the group "drones", with the names and shapes of TorchRL's multi-agent
-environments; see examples/train_torchrl.py.
+See examples/train_torchrl.py.
 """
 
 from __future__ import annotations
@@ -77,8 +76,8 @@ PPO_KEYS: dict[str, Key] = {
 class SearchEnv(EnvBase):
     """Many searches as one TorchRL environment; its batch size is (num_swarms,).
 
-    Given the same seed and actions, each swarm reproduces `DroneSwarmSearch`. Entries, with n
-    drones in each swarm:
+    Given the same seed and actions, each swarm reproduces `DroneSwarmSearch`. The n drones of each
+    swarm form the group "drones", as in TorchRL's multi-agent environments. Entries:
 
     - ("drones", "observation"): each drone's observation in the layout, (num_swarms, n, ...).
     - ("drones", "action_mask"): the valid actions, see `wrappers.action_masks`: bool,
@@ -95,21 +94,19 @@ class SearchEnv(EnvBase):
     TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
     swarm i with s + i when it is reset next, and its later episodes follow from that.
 
-    The keywords `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale` and
-    those from `grid_size` on are the ones of `DroneVectorEnv`.
-
     Args:
         num_swarms: the number of swarms.
         observation: the layout: "flat", or "dict", "planes", "top-cells" or "crops".
         state: whether to write "state".
         seed: as for `set_seed`.
         device: of the tensors. The searches themselves run on the CPU.
+        keywords: `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale`
+            and those from `grid_size` on of `DroneVectorEnv`.
 
     Attributes:
         n_drones: the drones in each swarm.
         group_map: the names of the drones in the group "drones".
         vector_env: the `DroneVectorEnv`, whose `batch` knows the whole state of all searches.
-
     """
 
     def __init__(
@@ -236,8 +233,7 @@ def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:
 def masked_policy(network: TensorDictModuleBase) -> ProbabilisticActor:
     """A policy that samples valid actions, and writes their log-probabilities for PPO.
 
-    Args:
-        network: reads `OBSERVATION` and writes `LOGITS`, (..., n_drones, 6).
+    `network` reads `OBSERVATION` and writes `LOGITS`, (..., n_drones, 6).
     """
     return ProbabilisticActor(
         network,
@@ -268,9 +264,7 @@ def logits(
 ) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
     """The network of a policy of TorchRL or BenchMARL, for `TrainedPolicy`.
 
-    Args:
-        policy: reads `OBSERVATION` and `ACTION_MASK`, and writes `LOGITS`.
-        n_drones: the number of drones in each swarm.
+    `policy` reads `OBSERVATION` and `ACTION_MASK` of swarms of `n_drones`, and writes `LOGITS`.
     """
 
     def masked_logits(shown: Mapping[str, Any]) -> NDArray[Any]:

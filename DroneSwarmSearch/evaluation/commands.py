@@ -103,23 +103,16 @@ def _bound(options: argparse.Namespace) -> None:
 
 def _record(options: argparse.Namespace) -> None:
     search = _search(options.search)
-    video = recording.record(
-        *(options.policy, search, options.out),
-        seed=options.seed,
-        bayesian_update=options.posterior,
-        fps=options.fps,
-    )
+    how = {"seed": options.seed, "bayesian_update": options.posterior, "fps": options.fps}
+    video = recording.record(options.policy, search, options.out, **how)
     outcome = outcome_in_brief(video.last)
     print(f"{options.out}: {options.policy} searching {search.name}, {outcome}")
 
 
 def _export(options: argparse.Namespace) -> None:
     search = _search(options.search)
-    data = exporting.export(
-        *(options.policies, search, options.out),
-        seeds=options.seeds,
-        bayesian_update=options.posterior,
-    )
+    how = {"seeds": options.seeds, "bayesian_update": options.posterior}
+    data = exporting.export(options.policies, search, options.out, **how)
     count = len(data["episodes"])
     print(f"{options.out}: {count} episode{'s' * (count > 1)} of {search.name}")
 
@@ -202,7 +195,6 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
 
 
 def _columns(each: Evaluation, bound: bool) -> dict[str, str]:
-    """The figures of an evaluation by the heading of their column."""
     columns = {"policy": each.policy, "search": each.search.name}
     columns["POS, %" if each.is_coverage else "success, %"] = percent(each.success)
     columns["time, steps"] = figure(each.time)

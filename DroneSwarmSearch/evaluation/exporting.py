@@ -116,7 +116,6 @@ def _description(search: NamedSearch) -> dict[str, Any]:
 
 
 def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: _Maps) -> dict[str, Any]:
-    """One episode, whose maps are added to those of the file."""
     frames, actions = zip(*played, strict=True)
     last = frames[-1]
     persons = []

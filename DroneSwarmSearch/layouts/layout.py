@@ -55,12 +55,10 @@ class Layout(ABC):
 
         Args:
             positions: every drone's cell (x, y): integers, shape (S, n, 2).
-            matrices: the environments' matrices: float32, shape (S, N, N), indexed [y, x];
-                used as scratch and overwritten.
+            matrices: float32, shape (S, N, N), indexed [y, x]; used as scratch and overwritten.
             left: see `remaining_time_fraction`: float32, shape (S,).
-            out: receives the observations: an array of the space's dtype and shape with two
-                axes in front, for the searches and the drones; for a joint layout with one,
-                for the searches. If the space is a Dict, a dict of such arrays.
+            out: an array of the space's dtype and shape, or a dict of such arrays, with axes in
+                front for the searches and the drones; for a joint layout, only for the searches.
         """
 
 
@@ -85,11 +83,7 @@ def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:
 
 
 def own_first(n_drones: int) -> NDArray[np.int64]:
-    """The order of the drones in each drone's observation: itself, then the others by number.
-
-    Returns:
-        int64, shape (n_drones, n_drones): row k is the order for drone k.
-    """
+    """Row k: drone k, then the others by number, as its observations show them; int64, (n, n)."""
     return np.array([[k, *(i for i in range(n_drones) if i != k)] for k in range(n_drones)])
 
 

@@ -93,15 +93,8 @@ def choose_in_turn(
     allowed actions (E. J. Gumbel, Statistical theory of extreme values and some practical
     applications, 1954).
 
-    Args:
-        scores: of each drone's actions, shape (swarms, n, 6), indexed by `Action`; or
-            (swarms, n, 5) if drones never idle.
-        cells: every drone's cell, y * grid_size + x; shape (swarms, n).
-        grid_size: cells along each side.
-
-    Returns:
-        The actions, int64, shape (swarms, n); and which actions each drone was allowed at its
-        turn, bool, of the scores' shape.
+    Scores are (swarms, n, 6), or (swarms, n, 5) if drones never idle; cells are (swarms, n).
+    Returns the actions, int64, and which ones each drone was allowed at its turn, bool.
     """
     swarms = np.arange(len(cells))
     targets = _targets(grid_size)[cells, : scores.shape[-1]]

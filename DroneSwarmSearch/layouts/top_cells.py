@@ -17,18 +17,7 @@ _HALF = np.uint64(32)
 
 
 class TopCellsLayout(Layout):
-    """The layout of `wrappers.TopCellsObservation`.
-
-    Args:
-        grid_size: cells along each side, N.
-        n_drones: the number of drones, n.
-        k: the number of cells; from 1 to N².
-        name: the name of `k` in errors.
-
-    Raises:
-        TypeError: k is not an integer.
-        ValueError: k is out of its limits.
-    """
+    """The layout of `wrappers.TopCellsObservation`; `name` is that of `k` in errors."""
 
     def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
         super().__init__(grid_size, n_drones)
@@ -57,12 +46,8 @@ class TopCellsLayout(Layout):
 def likeliest_cells(matrices: Singles, k: int) -> tuple[NDArray[np.int64], Singles]:
     """The k likeliest cells of each matrix in descending order, ties by number.
 
-    Args:
-        matrices: float32, at least 0, shape (S, N, N).
-        k: from 1 to N².
-
-    Returns:
-        The cells, y * N + x, int64, and their probabilities, float32; both of shape (S, k).
+    Matrices are float32, at least 0, (S, N, N). Returns the cells, y * N + x, int64, and their
+    probabilities, float32; both of shape (S, k).
     """
     # Floats of at least 0 have the order of their bits. Followed by the cell's rank from the
     # last, they are distinct integers.

@@ -31,11 +31,7 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
-from DroneSwarmSearch.planning.objectives import (
-    MarkovChainObjective,
-    Mixture,
-    TrajectoryObjective,
-)
+from DroneSwarmSearch.planning.objectives import MarkovChainObjective, Mixture, TrajectoryObjective
 from DroneSwarmSearch.planning.paths import Path, best_path, values_to_go
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,

@@ -114,7 +114,7 @@ class Passes:
     def likely(self, begin: int, end: int) -> Box:
         """The smallest box of the cells that the person may be in, in some steps, unless found.
 
-        Searches don't count: one without gain may find the person once an earlier one is removed.
+        Searches do not count: one without gain may find the person once an earlier one is removed.
         """
         top, bottom, left, right = self._extents[:, begin:end]
         size = self.kept.shape[-1]

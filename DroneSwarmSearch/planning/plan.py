@@ -189,10 +189,7 @@ class Plan:
             )
 
     def explore(
-        self,
-        rng: np.random.Generator,
-        work: float,
-        report: Report = lambda fraction: None,
+        self, rng: np.random.Generator, work: float, report: Report = lambda fraction: None
     ) -> None:
         """Distort short segments at random, improve around them, and keep what is not worse."""
         begin_work = self.work

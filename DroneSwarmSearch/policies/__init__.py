@@ -1,16 +1,13 @@
 """Policies map the drones' observations to actions.
 
 A policy sees the drones' observations and the parameters of the search, never the persons. Call it
-with the observations of one search,
+with the observations of one search, or of a batch of `SwarmVectorEnv` in its dict layout:
 
     policy = make("greedy-posterior", env.scenario)
     observations, infos = env.reset(seed=0)
     policy.reset()
     while env.agents:
         observations, rewards, terminations, truncations, infos = env.step(policy(observations))
-
-or with those of a batch, as `SwarmVectorEnv` returns them in its dict layout. Derive your own
-policies from `SwarmPolicy`.
 """
 
 from __future__ import annotations
@@ -35,14 +32,7 @@ from DroneSwarmSearch.policies.ppo import PPOPolicy
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = [
-    "POLICIES",
-    "BatchPolicy",
-    "GreedyPolicy",
-    "PPOPolicy",
-    "SwarmPolicy",
-    "make",
-]
+__all__ = ["POLICIES", "BatchPolicy", "GreedyPolicy", "PPOPolicy", "SwarmPolicy", "make"]
 
 
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {

@@ -30,7 +30,7 @@ NEAR, FAR = DISCOUNT, 0.9
 """Factors on success for each step of the way: for the best cell, and for a wider view."""
 
 STEPS = 32
-"""The most steps to look ahead; cells farther away count as they will be in the last of them."""
+"""The most steps to look ahead; farther cells count as they will be in the last of them."""
 
 LEAST = 1e-5
 """The least score of an action, relative to the best one's, that is distinguished from 0."""
@@ -88,8 +88,7 @@ class Arrivals:
       maximum's logarithm;
     - windows as in that layout, without the drones: of the success on arrival, times ``FAR`` to
       the power of the distance; of the same in the cells that no other drone is closer to; and of
-      the discounted sum of the successes on arrival and in all later steps, which shows where a
-      person drifts past a waiting drone;
+      the discounted sum of the successes on arrival and later, where a person drifts past;
     - six groups of scores of the directions in `TURNS`. In the first five, the fifth number is
       the score of searching, and each is the logarithm relative to the greatest: the best
       target on that side, discounted by ``NEAR``, and the best cell, discounted by ``FAR``, both
@@ -101,14 +100,8 @@ class Arrivals:
       and that size relative to the searches left, on logarithmic scales except for the second;
       and the discount of the best cell.
 
-    Drones claim cells in turn, as in greedy search on the forecast (`greedy.claimed_in_turn`),
-    except that what a drone finds is not followed as it drifts. Targets have at least
-    ``WORTHWHILE_ON_ARRIVAL`` times the success of the drone's best cell; if none is left, any
-    cell is one.
-
-    Args:
-        grid_size: cells along each side, N.
-        n_drones: drones in each search, n.
+    Drones claim targets in turn (`greedy.claimed_in_turn`): cells with at least
+    ``WORTHWHILE_ON_ARRIVAL`` times the success of the drone's best cell, or any if none is left.
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:

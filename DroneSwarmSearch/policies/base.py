@@ -24,10 +24,7 @@ _NO_GROUP = -1
 class BatchPolicy(ABC):
     """A policy that accepts the observations of one search or of a batch.
 
-    Derive your own from `SwarmPolicy`.
-
-    Args:
-        scenario: the parameters of every search to steer.
+    Derive your own from `SwarmPolicy`. `scenario`: the parameters of every search to steer.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`.

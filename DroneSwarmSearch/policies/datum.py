@@ -35,8 +35,7 @@ class Datum(NamedTuple):
     def area(self, grid_size: int) -> Rectangle:
         """The area to search: a rectangle around the datum, within the grid and the effort.
 
-        It extends ``REACH`` standard deviations to each side, reduced in tenths of a deviation
-        until the effort suffices.
+        ``REACH`` standard deviations to each side, reduced in tenths until the effort suffices.
         """
         areas = (
             self._within(tenths / 10, grid_size) for tenths in range(round(10 * REACH), -1, -1)

@@ -3,8 +3,7 @@
 For a stationary target and searches of equal cost, the optimal plan searches next where success
 is most likely (L. D. Stone, Theory of Optimal Search, 1975; M. C. Chew, Annals of Mathematical
 Statistics 38:494, 1967). A drone must also fly there, so the usual heuristic discounts success by
-`DISCOUNT` for each step of the way. It looks one target ahead; a planner can do better, especially
-with few drones in a wide area.
+`DISCOUNT` for each step of the way.
 """
 
 from __future__ import annotations
@@ -124,16 +123,14 @@ class GreedyPolicy(_Greedy):
 
     1. The value of a cell to a drone is its probability times ``DISCOUNT`` to the power of the
        distance. The drone and cell with the greatest value come first: that drone gets that
-       cell, which then has little value to the others. So the drones spread over the likely
-       area, each on its own side.
+       cell, which then has little value to the others. So the drones spread over the likely area.
     2. A drone on its target searches. Any other moves towards its target, through the likelier
        of two cells. It avoids cells that are occupied or that an earlier drone is about to enter;
        without a free move it idles. Drones therefore never collide and never leave the grid.
 
-    With `bayesian_update=True` the matrix shows which searches were unsuccessful. Otherwise the
-    policy remembers its recent searches, and lowers the value of those cells for a few steps.
-
-    Ties go to the first drone, then to the first cell row by row.
+    Without `bayesian_update`, the matrix does not show which searches were unsuccessful; the policy
+    then lowers the value of those cells for a few steps. Ties go to the first drone, then to the
+    first cell row by row.
     """
 
     def begin(self) -> Floats:
@@ -189,10 +186,9 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
     """Greedy on the posterior at the time of arrival.
 
     It chooses like `PosteriorGreedyPolicy`, but the value of a cell at distance d is its
-    probability of success d steps from now, if nobody searches before. So drones meet a drifting
-    person instead of following. What a drone finds on its target is subtracted for drones that
-    arrive later, wherever it drifts. Cells that a drone cannot reach and search before the time
-    limit have no value.
+    probability of success d steps from now, if nobody searches before. What a drone finds on its
+    target is subtracted for drones that arrive later, wherever it drifts. Cells that a drone
+    cannot reach and search before the time limit have no value.
     """
 
     def __init__(self, scenario: Scenario) -> None:

@@ -2,12 +2,11 @@
 
 The drones fly to the commence search points without searching, then search every cell of their
 tracks (IAMSAR Manual, volume II; `tracks` has the geometry, `datum` the area). When all have
-finished, they start again around a new datum.
+finished, they start again around a new datum: the person's expected position when they are
+half-way through. The track spacing is one cell.
 
-The datum is the person's expected position when the drones are half-way through. The area has no
-more cells than the drones have time to search once. The track spacing is one cell. Each person and
-each group of hypotheses apart has its own datum. The drones search around one after another and
-divide the remaining time: equally among the missing persons, and by weight among the hypotheses.
+Each person and each group of hypotheses apart has its own datum. The drones search around one
+after another and divide the remaining time: equally among the missing persons, and by weight.
 """
 
 from __future__ import annotations

@@ -101,10 +101,7 @@ class PlannedPolicy(SwarmPolicy):
         return min(max(self.scenario.timestep_limit - tracker.step, 1), HORIZON)
 
     def simulated(
-        self,
-        act: Act,
-        tracker: BeliefTracker,
-        cells: list[Cell],
+        self, act: Act, tracker: BeliefTracker, cells: list[Cell]
     ) -> tuple[list[PlannedStep], Floats]:
         """The next steps (see `horizon`) of a swarm that finds nobody, by the actions of `act`.
 

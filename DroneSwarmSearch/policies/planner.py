@@ -66,14 +66,7 @@ class PlannerPolicy(PlannedPolicy):
     def prepare(self, drones_positions: object, report: Report | None = None) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it.
 
-        Args:
-            drones_positions: every drone's start cell (x, y).
-            report: called from time to time with the completed fraction of the work; the policy
-                then never shows a progress bar of its own.
-
-        Raises:
-            TypeError: they are not cells.
-            ValueError: they are not different cells on the grid, one for each drone.
+        `report` gets the completed fraction of the work, and replaces the progress bar.
         """
         starts = self.scenario.drone_cells(drones_positions)
         self._has_bar = self._has_bar and report is None

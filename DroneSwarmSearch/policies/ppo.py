@@ -42,12 +42,8 @@ class Network:
 
     It observes a drone's inputs in four views, one for each direction (`arrivals.VIEWS`), and
     has two outputs: the logit of flying straight ahead in that view, and one for searching,
-    whose mean over the four views counts. Turning a search by a right angle therefore turns the
-    logits. The last layer also gets the inputs themselves, next to the last hidden units.
-
-    Args:
-        layers: the weights and biases of each layer: float32, shapes (inputs, outputs) and
-            (outputs,).
+    whose mean over the four views counts. The last layer also gets the inputs themselves. The
+    layers are weights and biases: float32, shapes (inputs, outputs) and (outputs,).
 
     Raises:
         ValueError: the layers do not fit each other, the inputs or the outputs.
@@ -96,12 +92,7 @@ class Network:
 
     @classmethod
     def load(cls, path: str | Path) -> Network:
-        """Read a network that `save` has written. Nothing is unpickled.
-
-        Raises:
-            FileNotFoundError: the file does not exist.
-            ValueError: it does not hold a valid network.
-        """
+        """Read a network that `save` has written. Nothing is unpickled."""
         try:
             with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 arrays = {name: np.asarray(array, np.float32) for name, array in file.items()}
@@ -123,12 +114,11 @@ class PPOPolicy(PlannedPolicy):
     logits of its actions. The drones take their best actions in turn (`masks.choose_in_turn`).
 
     Until a person is found, an unsuccessful search can be simulated exactly. Before the first
-    step, the policy therefore simulates the search several times: with the network's best
-    actions, with `samples` samples of its actions, and with greedy search on the forecast
-    (`ForecastGreedyPolicy`). It follows the simulation with the greatest probability of success
-    until a find, and then simulates the rest without samples. With one person, it is therefore at
-    least as successful as each of them (parallel rollout: H. S. Chang, R. Givan,
-    E. K. P. Chong, Discrete Event Dynamic Systems 14:309, 2004).
+    step, the policy simulates the search with the network's best actions, with `samples` samples
+    of its actions, and with greedy search on the forecast (`ForecastGreedyPolicy`). It follows the
+    most successful simulation until a find, and then simulates the rest without samples. With one
+    person, it is therefore at least as successful as each of them (parallel rollout: H. S. Chang,
+    R. Givan, E. K. P. Chong, Discrete Event Dynamic Systems 14:309, 2004).
 
     Source: J. Schulman, F. Wolski, P. Dhariwal, A. Radford, O. Klimov, Proximal policy
     optimization algorithms, 2017.

@@ -17,14 +17,12 @@ __all__ = ["RandomPolicy"]
 class RandomPolicy(BatchPolicy):
     """Chooses each drone's action uniformly among the safe ones.
 
-    The drones choose in turn. Searching and idling are always safe; a move is safe if no
-    drone is in the cell and no earlier drone is about to enter it. Drones therefore never collide
-    and never leave the grid.
+    The drones choose in turn. Searching and idling are always safe; a move is safe if no drone is
+    in the cell and no earlier drone is about to enter it.
 
-    The random draws depend only on a search's seed, its episode, the step and the drone, not
-    on the rest of the batch. Row i has seed i until `reset` sets another one. A reset without
-    a seed starts the next episode of the same sequence. The draws are independent of those of
-    an environment with the same seed.
+    The draws depend only on a search's seed, its episode, the step and the drone, not on the rest
+    of the batch, nor on the draws of an environment with the same seed. Row i has seed i until
+    `reset` sets another one; a reset without a seed starts the next episode of the same sequence.
     """
 
     def __init__(self, scenario: Scenario) -> None:

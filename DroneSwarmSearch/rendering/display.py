@@ -59,7 +59,6 @@ class Display:
         return None
 
     def png(self, frame: Frame) -> bytes:
-        """A frame as the content of a PNG file."""
         import pygame
 
         file = io.BytesIO()

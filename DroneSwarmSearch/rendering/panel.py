@@ -66,7 +66,6 @@ def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) ->
 
 
 def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) -> None:
-    """The colours, and the probabilities at their limits."""
     _heading(canvas, "PROBABILITY OF A CELL, %", top)
     colours = look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
     bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
@@ -86,7 +85,6 @@ def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) ->
 
 
 def _draw_symbols(canvas: pygame.Surface, look: Look, side: int, persons: bool, top: int) -> None:
-    """The legend of the map."""
     _heading(canvas, "SYMBOLS", top)
     colour, half = look.drone(0), WIDTH // 2
     small = sprites.drone(side - 4, colour)
@@ -123,7 +121,6 @@ def _draw_drones(canvas: pygame.Surface, look: Look, side: int, drones: int, top
 
 
 def _heading(canvas: pygame.Surface, text: str, top: int, right: str = "") -> None:
-    """The heading of a section, below a line."""
     pygame.draw.line(canvas, FAINT, (0, top - 16), (WIDTH - 1, top - 16))
     write(canvas, text, HEADING, GREY, topleft=(0, top))
     if right:
@@ -187,7 +184,6 @@ def _draw_hypotheses(canvas: pygame.Surface, frame: Frame, rows: int, top: int) 
 
 
 def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
-    """A thin bar of which a share is filled."""
     for width, colour in ((WIDTH, FAINT), (round(WIDTH * share), PROGRESS)):
         if width:
             pygame.draw.rect(canvas, colour, (0, top, width, 7), border_radius=3)
@@ -220,7 +216,6 @@ def _percentage(probability: float) -> str:
 
 
 def _write_pair(canvas: pygame.Surface, name: str, value: str, top: int) -> None:
-    """A name, and its value at the right."""
     write(canvas, name, HEADING, GREY, topleft=(0, top))
     write(canvas, value, BODY, INK, topright=(WIDTH, top - 2))
 

@@ -16,16 +16,14 @@ __all__ = ["KeyHelp", "Player", "Recording", "Score"]
 SLOWEST, FASTEST = 0.25, 8.0  # factors on the steps per second
 STEP_RATE = 8.0  # steps per second at which single steps and moves by hand are drawn
 
+# Actions of drone 0 by pygame's names of keys.
 FLIGHT_KEYS = {
     **{"left": Action.LEFT, "a": Action.LEFT, "right": Action.RIGHT, "d": Action.RIGHT},
     **{"up": Action.UP, "w": Action.UP, "down": Action.DOWN, "s": Action.DOWN},
     **{"space": Action.SEARCH, "i": Action.IDLE, ".": Action.IDLE},
 }
-"""Actions of drone 0 by the names of keys, as pygame names them."""
-
 
 KeyHelp = tuple[str, str, str]  # keys, what they do in a word or two, and in detail
-
 WATCHING = (
     ("Space", "play, pause", "pause or resume; at the end, play again"),
     ("Left, Right", "step", "one step back or forward"),
@@ -78,14 +76,14 @@ class Recording:
         self.scores: Sequence[Score] = ()
         self._fly = fly
         self._rivals = rivals
-        self._stopped = False
+        self.is_stopped = False
         self._error: BaseException | None = None
         threading.Thread(target=self._record, args=(frames,), daemon=True).start()
 
     def _record(self, frames: Iterator[Frame]) -> None:
         try:
             for frame in frames:
-                if self._stopped:
+                if self.is_stopped:
                     return
                 self.frames.append(frame)
         except BaseException as error:  # `show` raises it in the thread of the player
@@ -119,9 +117,6 @@ class Recording:
             self.frames = [replace(frame, hide_persons=False) for frame in self.frames]
         if self._error is not None and number == len(self.frames) - 1:
             raise self._error
-
-    def stop(self) -> None:
-        self._stopped = True
 
 
 class Player:
@@ -157,7 +152,6 @@ class Player:
 
     @property
     def _is_at_last(self) -> bool:
-        """Whether the last frame recorded so far is shown."""
         return self._position == len(self.recording.frames) - 1
 
     @property
@@ -206,7 +200,7 @@ class Player:
         elif key == "h":
             self.shows_keys = not self.shows_keys
         elif key == "n" or (key == "r" and self.recording.is_flight):
-            self.recording.stop()
+            self.recording.is_stopped = True
             self._start(self.seed + (key == "n"))
         elif not self.recording.flies:
             self._scrub(key)

@@ -97,12 +97,8 @@ class PlayerWindow(Window):
 def _score_row(score: Score) -> tuple[str, str, str, str]:
     name, last = score
     success, total = last.probability_of_success, last.total_return
-    return (
-        name,
-        outcome_in_brief(last),
-        "" if success is None else f"{success:.1%}",
-        "" if total is None else f"{total:,.0f}",
-    )
+    figures = "" if success is None else f"{success:.1%}", "" if total is None else f"{total:,.0f}"
+    return name, outcome_in_brief(last), *figures
 
 
 def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
@@ -121,7 +117,6 @@ def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
 
 
 def _key_image(key: KeyHelp) -> pygame.Surface:
-    """A key cap and what the key does."""
     cap, meaning = text_line(key[0], FONT, INK), text_line(key[1], FONT, GREY)
     pad = FONT // 3
     box = pygame.Rect(0, 0, cap.get_width() + 2 * pad, FONT + pad)

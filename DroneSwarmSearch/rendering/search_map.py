@@ -138,7 +138,6 @@ class SearchMap:
     # Cells.
 
     def _draw_border(self, colour: Colour, width: int) -> None:
-        """A frame around the cells."""
         outer = self.side + 2 * width
         place = (LEFT - width, TOP - width, outer, outer)
         pygame.draw.rect(self._canvas, colour, place, width=width)
@@ -159,7 +158,6 @@ class SearchMap:
         write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + side + 5))
 
     def _colours(self, matrix: NDArray[np.float32]) -> pygame.Surface:
-        """An image with a pixel per cell."""
         colours = self._look.colours(matrix)
         return pygame.image.frombuffer(colours.tobytes(), matrix.shape[::-1], "RGB")
 
@@ -310,7 +308,6 @@ def _symbol_side(share: float, room: float, least: int) -> int:
 
 
 def _collision(places: list[Point], room: float) -> Sprite:
-    """The star behind drones in one cell."""
     (left, top), (right, bottom) = np.min(places, axis=0), np.max(places, axis=0)
     drone = _symbol_side(SYMBOL_SHARE, room, DRONE_LEAST)
     side = max(right - left, bottom - top) + COLLISION_MARGIN * drone
@@ -324,13 +321,11 @@ def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
 
 
 def _shown_persons(frame: Frame) -> list[int]:
-    """The numbers of the persons whom a map may show."""
     found_by = enumerate(frame.found_by)
     return [person for person, drone in found_by if drone is not None or not frame.hide_persons]
 
 
 def _symbol_cells(frame: Frame) -> list[tuple[int, int]]:
-    """The cells of all drones and shown persons."""
     return [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
 
 

@@ -114,7 +114,6 @@ def _hypotheses(frame: Frame) -> str:
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
-    """The contents of each occupied cell, by (x, y)."""
     tokens: dict[tuple[int, int], str] = {}
     for number, (cell, searching) in enumerate(zip(frame.drones, frame.searching, strict=True)):
         before = tokens[cell] + TOGETHER if cell in tokens else ""
@@ -130,7 +129,6 @@ def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
 
 
 def _legend(frame: Frame) -> str:
-    """The meaning of the characters."""
     last = len(frame.drones) - 1
     numbers = "0" if last == 0 else f"0-{last}"
     meanings = [f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"]

@@ -22,17 +22,11 @@ _LEAST_ROWS, _MOST_ROWS = 64, 1024
 
 
 class Beliefs:
-    """The beliefs about every row's persons.
+    """The beliefs about every row's persons, each with the same number of hypotheses, M.
 
     Every person's belief is that of a person who has not been found, even after the find. The
     rows are the last axis, because each has its own moves. They are divided into tiles that fit
     into the cache: row i is column i % width of tile i // width.
-
-    Args:
-        grid_size: cells along each side, N.
-        persons: the number of persons.
-        hypotheses: the hypotheses about each, M.
-        rows: the number of rows.
 
     Attributes:
         begun: which rows have beliefs: bool, (rows,).
@@ -65,10 +59,7 @@ class Beliefs:
     def begin(self, rows: Ints, forecasts: Forecasts, entries: Ints) -> None:
         """Let the beliefs of some rows equal the forecast, unless they have begun.
 
-        Args:
-            rows: their numbers; a row may occur several times.
-            forecasts: the persons' forecasts.
-            entries: each person's entry in them: int64, (persons, all rows).
+        `entries` are each person's in the forecasts: int64, (persons, all rows).
         """
         new = np.unique(rows[~self.begun[rows]])
         tiles = new // self._width
@@ -80,12 +71,9 @@ class Beliefs:
         self.begun[new] = True
 
     def search(self, rows: Ints, cells: Ints, detections: Floats) -> None:
-        """Apply searches that find nobody.
+        """Apply searches that find nobody, in rows with beliefs and different cells within a row.
 
-        Args:
-            rows: the row of every search; all of them have beliefs.
-            cells: the cell of every search, y * N + x; different cells within a row.
-            detections: each person's probability of detection: (persons, n).
+        `detections` are each person's probability of detection: (persons, n).
         """
         tile, column = np.divmod(rows, self._width)
         searched = np.zeros(self.begun.shape, np.bool_)
@@ -131,12 +119,7 @@ class Beliefs:
     # The matrices; `counted` are the persons in the mean, see `shown_persons`.
 
     def write_matrices(self, counted: Flags, out: Singles) -> None:
-        """Write the matrices of all rows with beliefs; some others receive arbitrary values.
-
-        Args:
-            counted: bool, (persons, rows).
-            out: float32, (rows, N, N).
-        """
+        """Write the matrices of all rows with beliefs; some others receive arbitrary values."""
         for first, tile in zip(self._firsts(), self._mass, strict=True):
             rows = slice(first, first + self._width)
             if self.begun[rows].any():
@@ -174,9 +157,6 @@ class Beliefs:
         return 1.0 - means_over_missing(self.kept, np.ones(self.kept.shape, np.bool_))
 
     def added_success(self, rows: Ints, cells: Ints, detections: Floats) -> Floats:
-        """What each search adds to it, as if it were its row's only one: float64, (n,).
-
-        Arguments as for `search`, which follows.
-        """
+        """What each search adds to it, as if it were its row's only one: float64, (n,)."""
         added = self.kept[:, rows] * detections * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

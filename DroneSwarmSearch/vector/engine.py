@@ -1,12 +1,5 @@
 """The batch: many searches stepped together, arrays in and arrays out.
 
-A step goes through the four phases of the single environment, for all rows at once:
-
-1. all drones move or search, given the state they were shown;
-2. the rules decide rewards and endings;
-3. the clock advances: the persons and the beliefs drift;
-4. the new state can be read: positions, matrices, or indices into the table of matrices.
-
 A row whose episode has ended begins its next one in place of the following step.
 """
 
@@ -255,14 +248,9 @@ class SearchBatch:
         situation: Ints | None = None,
         cells: Ints | None = None,
     ) -> None:
-        """Begin the episodes of some rows.
+        """Begin the episodes of some rows, with new counters of their random streams: (4, n).
 
-        Args:
-            rows: their numbers.
-            counters: the counters of their random streams: uint64, (4, n).
-            catalogue: the searches to draw from, in place of the last ones.
-            situation: the number of each row's search; by default, drawn.
-            cells: each row's drones' start cells; by default, the usual ones.
+        By default, the catalogue stays, `situation` is drawn, and `cells` are the usual ones.
         """
         if catalogue is not None:
             self._world.use(catalogue, rows)
@@ -389,11 +377,7 @@ class SearchBatch:
         return self.scenario_of(0)
 
     def scenario_of(self, row: int) -> Scenario:
-        """The parameters of one search in its current episode, its persons included.
-
-        Args:
-            row: its number, from 0 to E - 1.
-        """
+        """The parameters of one search in its current episode, its persons included."""
         return self._world.catalogue.scenarios[int(self._world.situation[row])]
 
     @property
@@ -490,14 +474,7 @@ class SearchBatch:
         self._world.write_matrices(out)
 
     def matrices_of(self, rows: ArrayLike) -> Singles:
-        """The matrices of some rows: float32, (n, N, N), indexed [y, x].
-
-        Args:
-            rows: their numbers.
-
-        Raises:
-            IndexError: there is no such row.
-        """
+        """The matrices of some rows: float32, (n, N, N), indexed [y, x]; or an IndexError."""
         return self._world.matrices(self._rows[np.asarray(rows)])
 
     def state_planes(self) -> Singles:
@@ -509,14 +486,9 @@ class SearchBatch:
         return state_planes(matrices, self.cells, self.person_cells, missing)
 
     def probabilities(self, rows: ArrayLike, cells: ArrayLike) -> Singles:
-        """The matrix entries of one cell in each of some rows: float32, (n,).
+        """The matrix entries of one cell, y * N + x, in each of some rows: float32, (n,).
 
-        Args:
-            rows: their numbers; a row may occur several times.
-            cells: y * N + x, shape (n,).
-
-        Raises:
-            IndexError: there is no such row or cell.
+        A row may occur several times; IndexError if there is no such row or cell.
         """
         return self._world.probabilities(self._rows[np.asarray(rows)], np.asarray(cells))
 

@@ -25,20 +25,16 @@ Observations = Any  # an array, or a dict of arrays
 
 
 class BatchObservations:
-    """Observes the sub-environments of a batch in one of the layouts.
+    """Observes the sub-environments of a batch in the layout of this name.
 
     Args:
-        batch: the batch.
-        name: the layout.
         joint: whether a sub-environment is a whole swarm.
-        top_cells: the number of cells in the layout "top-cells".
         write_matrices: False writes indices into the table in place of matrices.
-        masks: None for observations without action masks; otherwise whether the masks have
-            right of way, see `action_masks`.
+        masks: None for observations without action masks; otherwise whether these have right of
+            way.
 
     Attributes:
-        space: the observation space of a sub-environment. With masks, a Dict of "observation"
-            and "action_mask".
+        space: the observation space of a sub-environment.
     """
 
     def __init__(

@@ -1,9 +1,4 @@
-"""Gymnasium's vector API around a `SearchBatch`.
-
-Names, autoreset and infos follow Gymnasium's vector environments (1.x). The subclasses of
-`SearchVectorEnv` define what a sub-environment is: `SwarmVectorEnv` a swarm, `DroneVectorEnv` a
-drone.
-"""
+"""Gymnasium's vector API around a `SearchBatch`, with its names, autoreset and infos (1.x)."""
 
 from __future__ import annotations
 
@@ -231,10 +226,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def action_masks(self, right_of_way: bool | None = None) -> Flags:
         """The valid actions of every sub-environment, see `wrappers.action_masks`.
 
-        Args:
-            right_of_way: also mask moves to cells that a drone with a lower number may enter,
-                so that drones that follow the masks never collide; by default, as the
-                environment was made.
+        By default, `right_of_way` is that of the environment.
 
         Returns:
             bool, True where allowed, shape (num_envs, 6) in a `DroneVectorEnv`, indexed by

@@ -1,7 +1,6 @@
-"""The world states of a batch: the persons, the searches for them, and the matrices.
+"""The world states of a batch: the array form of `world.WorldState`.
 
-The array form of `world.WorldState`: many rows, each at its own step and in its own episode.
-The last axis of most arrays is the row.
+Each row is at its own step and in its own episode. The last axis of most arrays is the row.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ class Catalogue:
         complete: make the table of matrices for all steps at once.
 
     Attributes:
-        scenarios: `scenarios` and `kept`; `cells` and `complete` are as given.
         choices: the number of searches that new episodes draw from.
         forecasts: the different forecasts of their persons.
         numbers: the number of each person's forecast in each search: int64, (persons, searches).
@@ -68,15 +66,9 @@ class Catalogue:
 
 
 class BatchState:
-    """The persons of many searches.
-
-    Args:
-        catalogue: the searches that episodes draw from.
-        rows: the number of searches at a time.
-        finds_last: whether a search's last missing person can be found.
+    """The persons of many searches; `finds_last`: whether the last missing person can be found.
 
     Attributes:
-        catalogue: see above.
         step: completed steps of every row: int64, (rows,).
         situation: the number of every row's search in the catalogue: int64, (rows,).
         missing: which persons have not been found: bool, (persons, rows).
@@ -109,13 +101,7 @@ class BatchState:
     # The start of an episode.
 
     def begin(self, rows: Ints, keys: Words, situation: Ints) -> None:
-        """Start the episodes of some rows.
-
-        Args:
-            rows: their numbers.
-            keys: the keys of the episodes' streams: uint64, (4, n), see `streams.stream_keys`.
-            situation: the number of each row's search in the catalogue: int64, (n,).
-        """
+        """Start episodes; keys: uint64, (4, n), see `streams.stream_keys`; situation: (n,)."""
         forecasts, models = self.catalogue.forecasts, self.catalogue.numbers.take(situation, axis=1)
         if (certain := forecasts.certain_starts) is not None:  # saves a tenth of a step
             self._states[:, rows] = certain.take(models)
@@ -134,10 +120,7 @@ class BatchState:
     def extended(
         self, scenarios: Sequence[Scenario], starting: Ints, cells: Ints | None = None
     ) -> Catalogue:
-        """A new catalogue, for `use`, which keeps the searches of the episodes under way.
-
-        These are all but the episodes of the rows that start one next.
-        """
+        """A catalogue for `use` that keeps the searches of episodes other than those starting."""
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
         least = self.catalogue.forecasts.hypotheses if kept else 1
@@ -158,11 +141,9 @@ class BatchState:
     # A step: `observed`, then `search`, then `advance`.
 
     def observed(self, rows: Ints, cells: Ints) -> Floats:
-        """What searches pay for: float64, (n,); see `world.WorldState.observed`.
+        """What searches pay for, float64, (n,), in ascending order of rows.
 
-        Args:
-            rows: the row of every search, in ascending order.
-            cells: the cell of every search.
+        See `world.WorldState.observed`.
         """
         if not self._scenario.reward_scheme.expected_finds:
             return self.probabilities(rows, cells).astype(np.float64)
@@ -173,13 +154,8 @@ class BatchState:
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
 
-        Args:
-            rows: the row of every search, in ascending order.
-            cells: the cell of every search; different cells within a row.
-            drones: the drone of every search, numbered throughout the batch.
-
-        Returns:
-            The drones that found someone; one that found several persons occurs several times.
+        Searches are in ascending order of rows, in different cells within a row; drones are
+        numbered throughout the batch. Returns the drones that found someone, once for each person.
         """
         found = [drones[:0]]
         findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)

@@ -3,13 +3,8 @@
     python tests/golden/regenerate.py            after a wanted change: the diff is the review
     python tests/golden/regenerate.py --release  as a step of a release, see CONTRIBUTING.md
 
-A trace holds the environment's id, the parameters, and for every step the actions, the
-rewards, whether the episode ended, whether somebody was found, the observation and where the
-persons are in figures, and the frame as text. `test_golden.py` plays the scenarios again and
-compares line by line.
-
-`released.txt` holds a digest of each trace, frames left out, for every id that was released.
-The episodes of a released id are never changed: what changes them needs a new id.
+`test_golden.py` plays the scenarios again and compares line by line. `released.txt` holds a digest
+of each trace, frames left out, for every id that was released: its episodes are never changed.
 """
 
 from __future__ import annotations
