@@ -27,11 +27,7 @@ Number = TypeVar("Number", float, NDArray[Any])
 def random_search(coverage: Number) -> Number:
     """The POD of tracks at random: 1 - exp(-C) (Koopman, 1946).
 
-    Args:
-        coverage: C, at least 0; a number or an array.
-
-    Returns:
-        From 0 to 1; a float or a float64 array of the same shape.
+    The coverage C is a number of at least 0, and the result a float; or both are arrays.
 
     Raises:
         TypeError: the coverage is not numbers.
@@ -43,19 +39,15 @@ def random_search(coverage: Number) -> Number:
 def inverse_cube(coverage: Number) -> Number:
     """The POD of parallel tracks if detection falls with the cube of the range.
 
-    It is erf(sqrt(pi) C / 2) (Koopman, 1946), the upper curve of search manuals.
-
-    Argument, result and errors are those of `random_search`.
+    It is erf(sqrt(pi) C / 2) (Koopman, 1946), the upper curve of search manuals. Errors are those
+    of `random_search`.
     """
     values = _amounts("coverage", coverage) * (math.sqrt(math.pi) / 2)
     return _plain(erf(values))  # type: ignore[no-any-return]
 
 
 def definite_range(coverage: Number) -> Number:
-    """The POD of parallel tracks with a sensor that never misses within its range: min(C, 1).
-
-    Argument, result and errors are those of `random_search`.
-    """
+    """The POD of parallel tracks with a sensor that never misses within its range: min(C, 1)."""
     return _plain(np.minimum(_amounts("coverage", coverage), 1.0))  # type: ignore[no-any-return]
 
 
@@ -67,13 +59,10 @@ def coverage(sweep_width: Number, speed: Number, time: Number, area: Number) -> 
 
     Args:
         sweep_width: effective sweep width of the sensor for the object, in metres, at least
-            0: a number or an array, as are the others.
+            0: a number or an array, as are the others and the result.
         speed: of the searcher, in m/s, at least 0.
         time: spent searching, in seconds, at least 0.
         area: in m², above 0.
-
-    Returns:
-        At least 0; a float, or a float64 array of the arguments' common shape.
 
     Raises:
         TypeError: an argument is not numbers.

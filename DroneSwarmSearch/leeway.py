@@ -58,7 +58,7 @@ SOURCE = (
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of one component of the leeway, see `ObjectClass`."""
+    """See `ObjectClass`."""
 
     slope: float
     offset: float
@@ -93,8 +93,7 @@ class ObjectClass:
 
     Raises:
         TypeError: a coefficient is not a number.
-        ValueError: a coefficient is not finite, a standard deviation is negative, or there are
-            not three coefficients.
+        ValueError: a coefficient is out of its limits, or there are not three.
     """
 
     name: str
@@ -125,9 +124,8 @@ class ObjectClass:
             wind_speed: W, at a height of 10 m, in m/s; from 0 to 1000.
 
         Returns:
-            A named tuple of speeds in m/s: the means `downwind`, `right` and `left`, and the
-            standard deviations `downwind_sd`, `right_sd` and `left_sd`. Crosswind speeds are
-            positive to the right.
+            A named tuple of means and standard deviations in m/s: `downwind`, `downwind_sd`,
+            `right`, `right_sd`, `left`, `left_sd`; crosswind speeds are positive to the right.
         """
         wind = checks.real("wind_speed", wind_speed, 0, _FASTEST)
         k = wind / 20 + 0.5
@@ -156,11 +154,7 @@ def _load() -> dict[str, ObjectClass]:
 
 
 CLASSES: Mapping[str, ObjectClass] = MappingProxyType(_load())
-"""The object classes by name, such as ``"PIW-1"``, a person in the water in an unknown state.
-
-The coefficients are those of A. Allen's list for the U.S. Coast Guard; each class names the source
-in full.
-"""
+"""The object classes by name, such as ``"PIW-1"``, a person in the water in an unknown state."""
 
 
 def wind_from(direction: float, speed: float) -> Pair:
@@ -168,10 +162,10 @@ def wind_from(direction: float, speed: float) -> Pair:
 
     Args:
         direction: where the wind comes from, in degrees clockwise from north.
-        speed: at least 0; the result has its unit. Multiply knots by `KNOT` for m/s.
+        speed: at least 0. Multiply knots by `KNOT` for m/s.
 
     Returns:
-        (east, north): where the wind blows to.
+        (east, north): where the wind blows to, in the unit of the speed.
 
     Raises:
         TypeError: an argument is not a number.
@@ -230,15 +224,13 @@ def person(
         wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`.
         current: in m/s, (east, north): where it flows to; see `current_towards`.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
-        adrift: the time from the last known position to the start of the search, in seconds;
-            rounded to whole steps.
+        adrift: seconds from the last known position to the search, rounded to whole steps.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
         hypotheses_per_side: from 1 to 9. One ignores the correlation of the leeway along x and
-            y; more represent it, at a cost in proportion. By default, three if the correlation
-            exceeds 1/4, and else one.
-        grid_size: together with `timestep_limit`, a warning is given if more than 1% of the
-            forecast lies beyond a grid of this size within the limit.
+            y; more represent it. By default, three if it exceeds 1/4, and else one.
+        grid_size: if given, with `timestep_limit`, there is a warning if more than 1% of the
+            forecast lies beyond such a grid within the limit.
         timestep_limit: steps in an episode.
 
     Raises:
@@ -340,12 +332,11 @@ def _hypotheses(
 def _spread(
     east: float, north: float, both: float, count: int | None
 ) -> list[tuple[Pair, Pair, float]]:
-    """A normal velocity as a mixture of normal ones with independent components.
+    """A normal velocity as a mixture of `count` normal ones with independent components.
 
     The correlated part of the covariance is a single vector. The means lie along it with binomial
     weights, so that mean and covariance of the mixture are exact, and the components overlap.
-    Given are the variances and the covariance, and the number of components, or None for as many
-    as the correlation requires; returned is each one's shift, standard deviations, and weight.
+    Returned is each one's shift, standard deviations, and weight.
     """
     sd = math.sqrt(east), math.sqrt(north)
     correlation = both / (sd[0] * sd[1]) if both else 0.0

@@ -18,8 +18,7 @@ __all__ = ["Infos", "Rewards", "Start", "SuccessInfos"]
 
 Value = TypeVar("Value")
 Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int, float | None]
-"""The ending or None, the missing persons, all persons, completed steps, and the probability of
-success or None."""
+"""The ending, the missing persons, all persons, completed steps, the probability of success."""
 
 
 class _Answering(dict[str, Value]):
@@ -66,11 +65,7 @@ class Rewards(_Answering[float]):
 
 
 class Infos(_Answering[Any]):
-    """Each drone's info; facts about the whole search can be looked up, too.
-
-    Attributes:
-        facts: all but "Found" are computed from these.
-    """
+    """Each drone's info; facts about the whole search can be looked up, too."""
 
     __slots__ = ("facts",)
 

@@ -1,10 +1,11 @@
 """Maps of where a person may be at the start, as in `Drift(priors.polygon(40, vertices))`.
 
 Each function returns the probability of every cell: float64, shape (grid_size, grid_size), indexed
-[y, x], with a sum of 1. Positions are in cells, (x, y), and may be real numbers. The centre of a
-cell has whole coordinates, so that the grid extends from -0.5 to grid_size - 0.5. What lies beyond
-the grid is cut off, with a warning if it is more than 1%. The functions raise a TypeError for a
-value of the wrong type, and a ValueError for one out of its limits or a prior off the grid.
+[y, x], with a sum of 1; `grid_size` is at least 2. Positions are in cells, (x, y), and may be real
+numbers. The centre of a cell has whole coordinates, so that the grid extends from -0.5 to
+grid_size - 0.5. What lies beyond the grid is cut off, with a warning if it is more than 1%. The
+functions raise a TypeError for a value of the wrong type, and a ValueError for one out of its
+limits or a prior off the grid.
 """
 
 from __future__ import annotations
@@ -24,25 +25,17 @@ __all__ = ["from_points", "gaussian", "line", "polygon"]
 
 
 _MAX_BEYOND = 0.01
-
-_FARTHEST = 1e9
-"""Limits rounding errors."""
-
+_FARTHEST = 1e9  # limits rounding errors
 _MAX_CORRELATION = 0.999
-
-_NODES = np.polynomial.legendre.leggauss(8)
-"""Nodes and weights of a quadrature on [-1, 1]."""
+_NODES = np.polynomial.legendre.leggauss(8)  # and weights of a quadrature on [-1, 1]
 
 
 def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
     """A person anywhere in a polygon, with equal probability.
 
     The probability of a cell is exactly proportional to the area that it shares with the polygon.
-
-    Args:
-        grid_size: cells along each side, at least 2.
-        vertices: at least three, in order along the boundary, shape (n, 2). The polygon need
-            not be convex, but its edges must not cross.
+    There are at least three vertices, in order along the boundary, shape (n, 2). The polygon need
+    not be convex, but its edges must not cross.
     """
     size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 3)
@@ -70,13 +63,10 @@ def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
 def line(grid_size: int, vertices: ArrayLike, *, sd: float = 0.0) -> Floats:
     """A person near a line, such as a ship's track: anywhere on it, with a normal error.
 
-    Args:
-        grid_size: cells along each side, at least 2.
-        vertices: at least two, in order along the line, shape (n, 2).
-        sd: standard deviation of the distance from the line along each axis, in cells. With 0,
-            the probability of a cell is exactly proportional to the length of the line in
-            it; otherwise points on the line stand for it, at most sd/4 (but at least 0.02
-            cells) apart.
+    There are at least two vertices, in order along the line, shape (n, 2); `sd` is the standard
+    deviation of the distance from it along each axis, in cells. With 0, the probability of a cell
+    is exactly proportional to the length of the line in it; otherwise points on the line stand for
+    it, at most sd/4 (but at least 0.02 cells) apart.
     """
     size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 2)
@@ -103,7 +93,7 @@ def gaussian(
     Without correlation, `Drift(mean, start_sd=sd)` is the same at less cost.
 
     Args:
-        grid_size: cells along each side, at least 2.
+        grid_size: cells along each side.
         mean: the most probable position, (x, y).
         sd: standard deviation in cells, above 0: a number, or a pair (x, y).
         correlation: between x and y, from -0.999 to 0.999. Positive values stretch the map
@@ -141,10 +131,7 @@ def gaussian(
 def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = None) -> Floats:
     """The share of some points in each cell, such as the particles of a drift simulation.
 
-    Args:
-        grid_size: cells along each side, at least 2.
-        points: positions, shape (n, 2).
-        weights: of the points, at least 0, shape (n,); None for equal ones.
+    Points have the shape (n, 2), and weights of at least 0 the shape (n,): by default all equal.
     """
     size = _checked_size(grid_size)
     given = _positions("points", points, 1)
@@ -225,10 +212,9 @@ def _pieces(start: Floats, end: Floats, grid_size: int, error: float) -> tuple[F
 
 
 def _before(edges: Floats, start: list[float], end: list[float]) -> Floats:
-    """The integral of min(x, X) dy along an edge of a polygon, where y <= Y.
+    """The integral of min(x, X) dy along an edge of a polygon, where y <= Y, indexed [Y, X].
 
-    The boundaries of rows and columns, Y and X, index the result. The part of the edge before the
-    first row is left out.
+    Y and X are the boundaries of rows and columns; what is before the first row is left out.
     """
     (x0, y0), (x1, y1) = start, end
     with np.errstate(over="ignore"):  # clipped; the heights of the ends may be almost equal

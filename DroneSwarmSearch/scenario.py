@@ -45,12 +45,11 @@ class Scenario:
     Attributes:
         grid_size: cells along each side of the square grid; at least 2.
         n_drones: the number of drones; from 1 to grid_size².
-        vector: the persons' drift in cells per step, (x, y); finite. Persons drift at most
-            one cell per step along each axis, even if the vector is longer.
-        person_initial_position: each person's cell (x, y) at step 0, a tuple of cells.
-            Lists, arrays and a single cell are accepted too.
-        disperse_constant: how quickly the persons may stray from the drift; finite, at least
-            0 (see `drift.dispersion_rate`).
+        vector: the persons' drift in cells per step, (x, y); persons drift at most one cell
+            per step along each axis, even if it is longer.
+        person_initial_position: each person's cell (x, y) at step 0; a single cell is accepted.
+        disperse_constant: how quickly the persons may stray from the drift; at least 0 (see
+            `drift.dispersion_rate`).
         timestep_limit: steps in an episode; from 1 to 2**53.
         probability_of_detection: the probability that a search of a person's cell finds the
             person, from 0 to 1: a number for all persons, or a tuple with one for each.
@@ -58,10 +57,9 @@ class Scenario:
             or the drift forecast alone.
         reward_scheme: the figures of the reward table. The default for the coverage mission
             is `RewardScheme.expected()`.
-        persons: the persons to find if their start or drift is uncertain, a tuple of
-            `Person`; in place of `vector`, `person_initial_position`, `disperse_constant` and
-            `probability_of_detection`, which then keep their defaults. A single `Person` and
-            any sequence are accepted. None if those four describe the persons.
+        persons: the persons to find if their start or drift is uncertain, one `Person` or
+            several; in place of `vector`, `person_initial_position`, `disperse_constant` and
+            `probability_of_detection`, which then keep their defaults; or None.
         mission: "rescue", to find all persons; or "coverage", to gain as much probability of
             success as possible: nobody is found, and the episode ends once less than 1% is
             left to find.
@@ -210,27 +208,13 @@ class Scenario:
     def mass_beyond_grid(self, step: int) -> float:
         """The probability that a person would be beyond the grid if the drift went on there.
 
-        The forecast stops at the border and is truncated to the grid. Above 1% within the
-        time limit, the grid is too small for the drift.
-
-        Args:
-            step: completed steps, at least 0.
-
-        Returns:
-            The share of the untruncated forecast beyond the grid; of several persons, the
-            largest.
+        It is the largest of `Person.mass_beyond`. Above 1% within the time limit, the grid is too
+        small for the drift.
         """
         return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
 
     def drone_cells(self, drones_positions: object, name: str = "drones_positions") -> list[int]:
-        """Validate the drones' start cells.
-
-        Args:
-            drones_positions: a different cell (x, y) for each drone.
-            name: the parameter's name in error messages.
-
-        Returns:
-            The cells as numbers, y * N + x.
+        """Validate the drones' different start cells; returns them as numbers, y * N + x.
 
         Raises:
             TypeError: they are not cells.
@@ -255,15 +239,7 @@ class Scenario:
         return [y * size + x for x, y in first_at]
 
     def drone_cells_of_rows(self, drones_positions: object, rows: int) -> Ints:
-        """`drone_cells` for the rows of a batch: the same cells for all, or cells for each.
-
-        Args:
-            drones_positions: shape (n_drones, 2) or (rows, n_drones, 2).
-            rows: the number of rows.
-
-        Returns:
-            int64, shape (rows, n_drones).
-        """
+        """`drone_cells`, (rows, n_drones), of (n_drones, 2) or (rows, n_drones, 2) numbers."""
         name, n = "drones_positions", self.n_drones
         given = checks.numbers(name, drones_positions, f"{n} cells (x, y), one for each drone")
         if given.ndim < 3:
@@ -284,15 +260,7 @@ def checked_scenario(scenario: object) -> Scenario:
 
 
 def resolve_scenario(scenario: Scenario | None = None, **parameters: Any) -> Scenario:
-    """Return the scenario itself, or a scenario made from the parameters.
-
-    For callables that accept either form: a parameter may only differ from its default if
-    no scenario is given.
-
-    Raises:
-        TypeError: `scenario` is not a `Scenario`, or a parameter is of the wrong type.
-        ValueError: a parameter is out of its limits, or is given together with a scenario.
-    """
+    """The scenario itself, or one made from parameters, which otherwise must be the defaults."""
     if scenario is None:
         return Scenario(**parameters)
     checked_scenario(scenario)

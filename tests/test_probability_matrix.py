@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
-from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, dispersion_rate, tables
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift import probability_matrix as module
 
 VECTORS = [(0, 0), (0.3, -0.2), (3.5, -0.5), (-1e300, 7)]
@@ -181,20 +180,6 @@ def test_a_person_remembers_as_a_brownian_motion_does(
     (start_sd, _), (velocity_sd, _) = drift.start_sd, drift.vector_sd  # type: ignore[misc]
     expected = start_sd**2 + 20 * diffusion + 20 * 60 * velocity_sd**2
     assert low < covariance(drift, 20, 60) / expected < high
-
-
-def test_probabilities_are_not_negative_for_any_rounding_of_erf(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    noise = np.random.default_rng(0)
-
-    def rounded(z: np.ndarray) -> np.ndarray:
-        return erf(z) + noise.uniform(-1e-9, 1e-9, z.shape)
-
-    monkeypatch.setattr(tables, "erf", rounded)
-    axes = tables.Axes.of([Drift((4, 9), vector=(0.3, -0.8), diffusion=1 / 3)])
-    cdf = tables.distribution(30, axes, np.arange(1.0, 41.0)[:, None])
-    assert np.diff(cdf, axis=0).min() == 0.0
 
 
 def test_dispersion_rate_grows_to_two_thirds() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 
@@ -101,14 +100,6 @@ def test_expected_pays_the_added_probability_of_success() -> None:
         RewardScheme(expected_finds=1)  # type: ignore[arg-type]
 
 
-def test_reward_scheme_is_frozen_and_limited_to_floats() -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        RewardScheme().step = 2.0  # type: ignore[misc]
-    with pytest.raises(ValueError, match=r"RewardScheme\.step must be .* got 1000"):
-        RewardScheme(step=10**400)
-    assert RewardScheme(step=2).step == 2.0
-
-
 @pytest.mark.parametrize(
     ("happened", "expected"),
     [
@@ -170,13 +161,9 @@ def test_an_episode_ends_well_with_everybody_found_or_the_mission_complete() -> 
     assert successes(numbers).tolist() == [False, *(is_success(each) for each in Ending)]
 
 
-@pytest.mark.parametrize("size", [2, 7])
-def test_the_table_of_neighbours_matches_each_cell(size: int) -> None:
-    assert neighbours_of_all(size).tolist() == [list(neighbours(c, size)) for c in range(size**2)]
-
-
 def test_neighbours_of_every_cell() -> None:
     size = 3
+    assert neighbours_of_all(size).tolist() == [list(neighbours(c, size)) for c in range(size**2)]
     steps = {Action.LEFT: (-1, 0), Action.RIGHT: (1, 0), Action.UP: (0, -1), Action.DOWN: (0, 1)}
     for cell in range(size**2):
         around = neighbours(cell, size)

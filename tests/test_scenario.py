@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import plain, play
+from helpers import play
 
 from DroneSwarmSearch import Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
 from DroneSwarmSearch.evaluation import View, evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
+from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 OTHER: dict[str, Any] = {
     "grid_size": 9,
@@ -119,18 +119,6 @@ def test_environments_accept_a_scenario_or_its_parameters():
     env = DroneSwarmSearch(scenario=scenario, render_mode=None, render_grid=True)
     assert env.scenario is scenario and env.render_grid
     assert play(env, seed=3) == play(DroneSwarmSearch(**OTHER), seed=3)
-
-
-@pytest.mark.parametrize("kind", [SearchBatch, SwarmVectorEnv, DroneVectorEnv])
-def test_batches_accept_a_scenario_or_its_parameters(kind: Any):
-    scenario = Scenario(**OTHER)
-    one, other = kind(3, scenario=scenario), kind(3, **OTHER)
-    batches = [getattr(each, "batch", each) for each in (one, other)]
-    assert batches[0].scenario == batches[1].scenario == scenario
-    for batch in batches:
-        batch.reset([1, 2, 3])
-        batch.step(np.full((3, 2), 4))
-    assert plain(batches[0].matrices_of([0, 1, 2])) == plain(batches[1].matrices_of([0, 1, 2]))
 
 
 @pytest.mark.parametrize("name", ["grid_size", "person_initial_position", "reward_scheme"])

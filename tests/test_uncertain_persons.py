@@ -167,19 +167,6 @@ def test_missing_persons_are_distributed_as_the_posterior(person: Person) -> Non
         assert weights != pytest.approx(person.weights)
 
 
-def test_the_hypothesis_and_the_start_do_not_depend_on_the_drones() -> None:
-    env = environment(persons=SITUATIONS["three persons"])
-    paths = []
-    for action in (Action.IDLE, Action.SEARCH):
-        env.reset(seed=1)
-        path = [env.frame().persons]
-        for _ in range(20):
-            env.step(dict.fromkeys(env.agents, action))
-            path.append(env.frame().persons)
-        paths.append(path)
-    assert paths[0] == paths[1]
-
-
 # Episodes.
 
 

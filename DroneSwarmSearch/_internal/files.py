@@ -19,18 +19,10 @@ class StorageError(OSError):
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Write a file under a temporary name and move it into place when it is complete.
+    """Yield an empty temporary file, which is moved to `path` once it has been written.
 
-    If anything fails, an existing file at `path` stays unchanged.
-
-    Args:
-        path: the target; its folder is created if necessary.
-
-    Yields:
-        An empty temporary file in the same folder, with the same suffix.
-
-    Raises:
-        StorageError: the file cannot be written, for example because the disk is full.
+    The folder is created if necessary. If anything fails, an existing file stays unchanged; a
+    StorageError says that the file cannot be written, for example because the disk is full.
     """
     spare = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
@@ -53,11 +45,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_writable(path: Path) -> None:
-    """Find out before a long computation whether its result can be written.
-
-    Raises:
-        StorageError: `path` is a folder, or no file can be made in its folder.
-    """
+    """Raise a StorageError if `path` is a folder, or no file can be made in its folder."""
     if path.is_dir():
         raise StorageError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     try:
@@ -68,15 +56,7 @@ def check_writable(path: Path) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file completely or not at all, as `replacing` does.
-
-    Args:
-        path: the target; its folder is created if necessary.
-        data: the content.
-
-    Raises:
-        StorageError: the file cannot be written, for example because the disk is full.
-    """
+    """Write a file completely or not at all, as `replacing` does."""
     with replacing(path) as spare:
         spare.write_bytes(data)
 

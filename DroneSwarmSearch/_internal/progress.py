@@ -8,26 +8,16 @@ import time
 
 __all__ = ["Progress"]
 
-SILENT = 2.0
-"""Seconds before anything is shown."""
-
-REDRAW_EVERY, LINES_EVERY = 0.2, 30.0
-"""Seconds between updates on a terminal, and between lines elsewhere."""
-
-WIDTH = 30
-"""Characters in a full bar."""
+SILENT = 2.0  # seconds before anything is shown
+REDRAW_EVERY, LINES_EVERY = 0.2, 30.0  # seconds, on a terminal and elsewhere
+WIDTH = 30  # characters in a full bar
 
 
 class Progress:
-    """Shows the share done and the time left; a context manager.
+    """Shows the share of an amount of work done, and the time left; a context manager.
 
     On a terminal it shows a bar, and removes it at the end. Otherwise it prints a line every half
     minute. Work of less than two seconds shows nothing.
-
-    Args:
-        what: the work, in a few words.
-        total: the amount of work, in any unit.
-        shown: False shows nothing.
     """
 
     def __init__(self, what: str, total: float, shown: bool = True) -> None:
@@ -46,12 +36,7 @@ class Progress:
             self._has_bar = False
 
     def __call__(self, done: float, note: str = "") -> None:
-        """Show how much is done.
-
-        Args:
-            done: the amount.
-            note: more to show, for example the latest figures.
-        """
+        """Show the amount done, and a note, for example the latest figures."""
         now, is_terminal = time.monotonic(), sys.stderr.isatty()
         pause = REDRAW_EVERY if is_terminal else LINES_EVERY
         if not self._shown or now - self._start < SILENT or now - self._last < pause:

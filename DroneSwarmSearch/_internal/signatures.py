@@ -12,13 +12,9 @@ Class = TypeVar("Class", bound=type)
 
 
 def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
-    """Decorate a class whose constructor passes **keywords on: list them in its signature.
+    """List in the decorated class's signature the **keywords that its constructor passes on.
 
-    The signature shows names and defaults, without types.
-
-    Args:
-        source: the class whose constructor receives the keywords.
-        without: parameters that are not listed.
+    The signature shows names and defaults of all but the parameters named, without types.
     """
 
     def decorate(made: Class) -> Class:

@@ -40,8 +40,7 @@ _LOWEST_BITS = np.uint64(11)  # a double holds the 53 above them
 _UNIT = np.float64(2.0**-53)
 _ONE = np.uint64(1)
 
-_POLICY = 3
-"""The place of the policies' key among the words of a seed."""
+_POLICY = 3  # the place of the policies' key among the words of a seed
 
 # A NumPy call costs more than an episode of a few steps, which is typical of untrained drones.
 # So the first uniforms are computed for several episodes at once, and later ones in large chunks.
@@ -51,8 +50,7 @@ _EPISODES, _FIRST, _CHUNK = 32, 16, 256
 def stream_keys(seed: int | None) -> Words:
     """The keys of a seed's streams, uint64: drift, detection, sampling of parameters, start.
 
-    Args:
-        seed: an integer >= 0; None uses entropy from the operating system.
+    A seed of None uses entropy from the operating system.
     """
     state = np.random.SeedSequence(seed).generate_state(5, np.uint64)
     keys: Words = np.delete(state, _POLICY)
@@ -60,41 +58,23 @@ def stream_keys(seed: int | None) -> Words:
 
 
 def policy_key(seed: int) -> np.uint64:
-    """The key of a policy's stream, which differs from the environment's for the same seed.
-
-    Args:
-        seed: an integer >= 0.
-    """
+    """The key of a policy's stream, which differs from the environment's for the same seed."""
     key: np.uint64 = np.random.SeedSequence(seed).generate_state(_POLICY + 1, np.uint64)[_POLICY]
     return key
 
 
 def episode_keys(keys: Words, episodes: Words) -> Words:
-    """The keys of episodes' sequences, uint64.
-
-    Args:
-        keys: the keys of the streams; broadcast with the episodes.
-        episodes: the resets since the seed, from 0, uint64.
-    """
+    """The keys of the sequences of episodes, resets since the seed; both broadcast."""
     return mixed(keys + (episodes + _ONE) * GOLDEN)
 
 
 def numbers(keys: Words, places: Words) -> Floats:
-    """The uniforms in [0, 1) at given places in the sequences of given episodes, float64.
-
-    Args:
-        keys: the keys of the episodes, see `episode_keys`; broadcast with the places.
-        places: indices in the sequences, from 0, uint64.
-    """
+    """The uniforms in [0, 1) at places, from 0, in the sequences of episodes; both broadcast."""
     return unit_numbers(keys + (places + _ONE) * GOLDEN)
 
 
 def unit_numbers(counters: Words) -> Floats:
-    """The uniforms in [0, 1) of given counters, float64.
-
-    Args:
-        counters: the key of an episode plus `GOLDEN` times the place, counted from 1.
-    """
+    """The uniforms of counters: an episode's key plus `GOLDEN` times the place, from 1."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
     return np.multiply(words.view(np.int64), _UNIT)
@@ -114,11 +94,7 @@ def mixed(words: Words) -> Words:
 
 
 class EpisodeStream:
-    """One stream, read episode after episode: uniforms in [0, 1) as Python floats.
-
-    Args:
-        key: the key of the stream, see `stream_keys`.
-    """
+    """One of the streams of `stream_keys`, read episode after episode, as Python floats."""
 
     def __init__(self, key: np.uint64) -> None:
         self._key = np.array([key])
@@ -127,12 +103,7 @@ class EpisodeStream:
         self._episode = -1
 
     def draw(self, episode: int, count: int) -> list[float]:
-        """The next uniforms of an episode.
-
-        Args:
-            episode: the episode's number, from 0.
-            count: the number of uniforms.
-        """
+        """The next uniforms of an episode."""
         if episode != self._episode:
             self._begin(episode)
         return self._between(self._next, self._next + count)
@@ -165,17 +136,11 @@ class EpisodeStream:
 
 
 class Streams(NamedTuple):
-    """The streams of an environment, one for each purpose.
+    """The streams of an environment, one for each purpose."""
 
-    Attributes:
-        drift: two uniforms per step and person, for the moves along x and y.
-        detection: a row per step with one uniform per person, for searches.
-        start: a uniform per person, for the hypothesis and the cell at step 0.
-    """
-
-    drift: EpisodeStream
-    detection: EpisodeStream
-    start: EpisodeStream
+    drift: EpisodeStream  # two uniforms per step and person, for the moves along x and y
+    detection: EpisodeStream  # a row per step with one uniform per person, for searches
+    start: EpisodeStream  # a uniform per person, for the hypothesis and the cell at step 0
 
     @classmethod
     def from_seed(cls, seed: int | None) -> Streams:

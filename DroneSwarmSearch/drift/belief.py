@@ -1,17 +1,12 @@
 """Bayesian updates of the belief about a missing person: searches, drift, and the mean.
 
-A belief is the mass of a person's states. Before the first search, it equals the person's
-forecast. A search of cell k with probability of detection q that does not find the person
-multiplies the mass of every state in k by 1 - q. All searches of a step are applied together,
-and then the belief is normalised; the sum before normalisation is the probability that none of
-these searches finds the person. Finally, the mass drifts (L. D. Stone, Theory of Optimal
-Search, 1975).
+A belief, the mass of a person's states, begins as the forecast. A search of cell k with probability
+of detection q that does not find the person multiplies the mass of every state in k by 1 - q. All
+searches of a step are applied together, then the belief is normalised, and then it drifts (L. D.
+Stone, Theory of Optimal Search, 1975). The product of the sums before each normalisation is the
+probability that no search has found the person; one minus it is the probability of success (POS).
 
-The product of these sums is the probability that no search so far has found the person; one
-minus it is the cumulative probability of success (POS).
-
-`Belief` is the scalar form. The functions `normalise` and `means_over_missing` also take batches:
-arrays with trailing batch axes after [hypothesis, y, x]. Both agree bit for bit.
+Batches, arrays with trailing batch axes after [hypothesis, y, x], agree bit for bit.
 """
 
 from __future__ import annotations
@@ -38,28 +33,17 @@ FloatOrArray = TypeVar("FloatOrArray", float, Floats)
 
 
 class Belief(NamedTuple):
-    """The belief about one person who has not been found; never changed in place.
-
-    Attributes:
-        model: the person's drift model.
-        detection: the probability that a search of the person's cell finds the person.
-        mass: the probability of each state, float64, sums to 1.
-        kept: the probability that no search so far finds the person.
-    """
+    """The belief about one person who has not been found; never changed in place."""
 
     model: DriftModel
-    detection: float
-    mass: Floats
-    kept: float = 1.0
+    detection: float  # the probability that a search of the person's cell finds the person
+    mass: Floats  # sums to 1
+    kept: float = 1.0  # the probability that no search so far finds the person
 
     def after_search(self, cells: Collection[int]) -> Belief:
-        """The belief after the searches of a step have not found the person.
+        """The belief after the searches of different cells, y * N + x, find nobody.
 
-        Args:
-            cells: the searched cells, y * N + x, each once.
-
-        Returns:
-            The new belief. If the searches contradict the belief, its mass stays.
+        If they contradict the belief, its mass stays.
         """
         mass = self.mass.copy()
         flat, missed = mass.reshape(-1), 1.0 - self.detection
@@ -86,14 +70,9 @@ class Belief(NamedTuple):
 
 
 def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
-    """Scale beliefs in place so that each sums to 1; beliefs that are 0 everywhere stay.
+    """Scale beliefs, (M, N, N, ...) and C-contiguous, in place so that they sum to 1.
 
-    Args:
-        belief: float64, shape (M, N, N, ...), C-contiguous.
-        which: the beliefs to scale, bool, shape (...).
-
-    Returns:
-        The sums before, float64, shape (...).
+    Those that are 0 everywhere stay, and so do all but `which`, (...). Returns the sums before.
     """
     # Sum over hypotheses and y first, then over x one column at a time: this order does not
     # depend on the batch. NumPy adds in this order along a first axis, but not along
@@ -139,10 +118,7 @@ def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int])
 
 
 def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.bool_]) -> Floats:
-    """`mean_over_missing` for a batch: beliefs of one shape (...), and `shown_persons`.
-
-    The latter broadcasts to shape (persons, ...).
-    """
+    """`mean_over_missing` for batches of one shape (...); `shown` broadcasts to (persons, ...)."""
     if len(beliefs) == 1:
         single: Floats = beliefs[0]
         return single
@@ -154,9 +130,6 @@ def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.boo
 
 
 def shown_persons(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which persons each matrix of a batch shows: the missing ones, or all if none is missing.
-
-    Both are bool, shape (persons, n).
-    """
+    """Which persons each matrix shows, (persons, n): the missing ones, or all if none is."""
     shown: NDArray[np.bool_] = missing | ~missing.any(axis=0)
     return shown

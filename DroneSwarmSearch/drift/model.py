@@ -2,9 +2,8 @@
 
 A *state* is what a person's next move depends on: a cell, and one of M hypotheses about the
 person. States are numbered (hypothesis * N + y) * N + x. *Mass*, the probability of each state,
-and *value*, what is expected of a person in it, are float64 arrays of shape (..., M, N, N), with
-any leading axes. All other code only uses the methods below, so that a new model needs nothing
-outside this folder. `Forecasts` is the array form of `DriftModel`, for the rows of a batch.
+and *value*, what is expected of a person in it, are float64 arrays of shape (..., M, N, N). All
+other code only uses the methods below, so that a new model needs nothing outside this folder.
 """
 
 from __future__ import annotations
@@ -154,13 +153,9 @@ class DriftModel(ABC):
 
     @abstractmethod
     def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
-        """All ways in which persons may move on in a step.
+        """All ways in which persons, in states of some probabilities, (n,), may move on in a step.
 
-        Given the persons' states and how likely each of them is, shape (n,) each.
-
-        Returns:
-            For each way, the index of the person in `states`, the state one step later, and
-            how likely this is.
+        Returns, for each way, the person's index, the state one step later, and its probability.
         """
 
     # The array form.
@@ -172,10 +167,7 @@ class DriftModel(ABC):
 
 
 def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecasts, Ints]:
-    """The array form of several models on one grid, and the number of each model's forecast.
-
-    Equal models share a forecast; `options` are those of `Forecasts`.
-    """
+    """The `Forecasts` of models on one grid, and each model's number; equal ones share it."""
     different = {model.key: model for model in models}
     places = {key: number for number, key in enumerate(different)}
     kinds = {type(model) for model in models}
@@ -185,11 +177,7 @@ def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecast
 
 
 def _cumulative(joint: Floats) -> Floats:
-    """The cumulative distribution of the states at step 0, flat.
-
-    It exceeds 1 from the last state with a positive probability on, so that every uniform below 1
-    falls into a state with one.
-    """
+    """The cumulative distribution of the states at step 0, flat; at the end it exceeds any draw."""
     sums: Floats = joint.cumsum()
     sums[joint.reshape(-1).nonzero()[0][-1] :] = 2.0
     return sums
@@ -198,20 +186,11 @@ def _cumulative(joint: Floats) -> Floats:
 class Forecasts:
     """The array form of `DriftModel`: many rows, each with one of several models and its own step.
 
-    Models have numbers, and an *entry* is one step of one model: step * `count` + number. Tables
-    of the entries grow with the largest step that a row reaches, see `reach`. This class handles
-    any models, one row at a time; subclasses are faster for models of one kind.
-
-    Args:
-        models: on one grid.
-        last: the last step.
-        hypotheses: the least number of hypotheses; models with fewer are padded with mass 0.
-        keeps_matrices: keep the matrices of all entries.
-
-    Attributes:
-        models: see above.
-        count: their number.
-        hypotheses: the largest number of hypotheses, M.
+    Models on one grid have numbers, and an *entry* is one step of one model: step * `count` +
+    number. Tables of the entries grow up to the step `last`, see `reach`. This class handles any
+    models, one row at a time; subclasses are faster for models of one kind. Models with fewer
+    hypotheses than others, or than `hypotheses` at first, are padded with mass 0. With
+    `keeps_matrices`, the matrices of all entries are a table, too.
     """
 
     def __init__(
@@ -319,10 +298,7 @@ class Forecasts:
         return joint.argmax(axis=1) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
-        """The states one step later, given the entries before it.
-
-        States and entries have any one shape; the uniform draws are two for each, (2, ...).
-        """
+        """The states, (...), one step later, given the entries before it and draws, (2, ...)."""
         after = states.copy()
         for entry in np.unique(entries):
             ((model, step),) = self._each(entry[None])

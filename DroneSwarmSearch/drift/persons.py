@@ -1,8 +1,4 @@
-"""Persons and what is known of their drift: start, mean velocity, diffusion, and their uncertainty.
-
-A `Drift` is one hypothesis about a person, and a `Person` is a weighted mixture of them. Both are
-plain validated data; `tables` computes where the person may be.
-"""
+"""Persons and what is known of their drift, as plain data; `tables` computes where they may be."""
 
 from __future__ import annotations
 
@@ -33,24 +29,15 @@ _LARGE = 1e300
 _ROUNDING = 1e-12
 
 MASS_BEYOND = 0.01
-"""The share of a forecast beyond the grid above which the map is not to be trusted."""
+"""The share of a forecast beyond the grid above which there is a warning."""
 
 _SAMPLED_STEPS = 33
 
 
 class AxisDrift(NamedTuple):
-    """The part of a `Drift` along one axis, on a grid without borders; hashable.
+    """The part of a `Drift` along one axis, on a grid without borders; hashable."""
 
-    Attributes:
-        start: the mean position at the start, in cells; None for an array.
-        start_sd: its standard deviation.
-        velocity: the mean drift, in cells per step.
-        velocity_sd: its standard deviation.
-        diffusion: the growth of the variance, in cells² per step.
-        adrift: steps before the search begins.
-    """
-
-    start: float | None
+    start: float | None  # None for an array
     start_sd: float
     velocity: float
     velocity_sd: float
@@ -75,19 +62,16 @@ class Drift:
         start: where the person is when the drift begins. A cell (x, y) of the grid; real
             numbers, also outside the grid, along an axis where `start_sd` is positive, or
             along both if `adrift` is; or an array of shape (grid_size, grid_size), indexed
-            [y, x], at least 0, with a positive sum: the probability of each cell up to a
-            factor. The array is kept as a read-only float64 copy that sums to 1. With an
-            array, the spread by `vector_sd` is an approximation that can be coarse, because
-            it is computed along one axis at a time: prefer several drifts with `start_sd`.
-        start_sd: standard deviation of the start, in cells: a number, or a pair (x, y).
-            Kept as a pair. 0 for an array.
+            [y, x]: the probability of each cell up to a factor. A read-only float64 copy
+            that sums to 1 is kept. With an array, the spread by `vector_sd` can be coarse,
+            because it is computed along one axis at a time: prefer several drifts with `start_sd`.
+        start_sd: standard deviation of the start, in cells: a number, or a pair (x, y). Kept as
+            a pair; 0 for an array.
         vector: mean drift in cells per step, (x, y); y grows downward.
-        vector_sd: standard deviation of the drift, in cells per step: a number, or a pair
-            (x, y). Kept as a pair.
-        diffusion: growth of the position's variance along each axis, in cells² per step; from
-            0 to 2/3. It is twice the diffusion coefficient.
-        adrift: steps that the person has drifted before the search begins; whole, 0 for an
-            array.
+        vector_sd: standard deviation of the drift, in cells per step, in the same forms.
+        diffusion: growth of the position's variance along each axis, in cells² per step, twice
+            the diffusion coefficient; from 0 to 2/3.
+        adrift: whole steps of drift before the search begins; 0 for an array.
         weight: how likely the hypothesis is relative to the person's other ones; above 0.
 
     Raises:
@@ -169,12 +153,7 @@ class Drift:
         return self.axes
 
     def check_grid(self, grid_size: int, name: str = "drift") -> None:
-        """Raise a ValueError if the start does not fit on a grid.
-
-        Args:
-            grid_size: cells along each side.
-            name: the name of this drift in the message, such as "persons[0].drifts[1]".
-        """
+        """Raise a ValueError, with this drift's name, if the start does not fit on a grid."""
         name, shape = f"{name}.start", (grid_size, grid_size)
         if isinstance(self.start, np.ndarray):
             if self.start.shape != shape:
@@ -194,11 +173,7 @@ class Drift:
         """The probability that the person would be beyond the grid if nothing stopped there.
 
         The matrix never leaves the grid: its mean stops at the border, and it is truncated. This
-        is the share of the untruncated Gaussian that lies outside of the grid.
-
-        Args:
-            grid_size: cells along each side.
-            step: completed steps of the search, at least 0.
+        is the share of the untruncated Gaussian outside of the grid after some completed steps.
 
         Raises:
             TypeError: an argument is not an integer.
@@ -239,10 +214,8 @@ class Person:
         Person([Drift((20, 20), weight=2), Drift((35, 12), weight=1)], probability_of_detection=0.8)
 
     Attributes:
-        drifts: the hypotheses, a tuple of `Drift`; one drift or any sequence of them is
-            accepted.
-        probability_of_detection: the probability that a search of the person's cell finds the
-            person, from 0 to 1.
+        drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted.
+        probability_of_detection: of a search of the person's cell, from 0 to 1.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -317,14 +290,7 @@ class Person:
 def warn_of_mass_beyond(
     persons: Sequence[Person], grid_size: int, timestep_limit: int, stacklevel: int
 ) -> None:
-    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit.
-
-    Args:
-        persons: the persons; the worst one counts.
-        grid_size: cells along each side.
-        timestep_limit: steps in an episode.
-        stacklevel: the warning's stack level, counted from the caller.
-    """
+    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
     # A forecast comes and goes smoothly, so a few steps are enough.
     steps = {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}

@@ -31,8 +31,7 @@ from DroneSwarmSearch.drift.tables import (
 __all__ = ["ProbabilityMatrix"]
 
 CACHE_BYTES = 16 * 2**20
-"""The largest tables that a forecast keeps. Memory stops growing there, however long an episode
-is; later tables are made again in each episode."""
+"""The largest tables that a forecast keeps; later ones are made again in each episode."""
 
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
@@ -122,11 +121,9 @@ class ProbabilityMatrix(DriftModel):
         return self.weights @ x, y.sum(axis=0)
 
     def moves(self, step: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """The probabilities of a person's moves from a step to the next.
+        """The probabilities of a person's moves from a step to the next: float64, (M, N) each.
 
-        Returns:
-            float64, shape (M, N), given the hypothesis and the column or row: to the right
-            and to the left for each column, then down and up for each row.
+        To the right and to the left for each hypothesis and column, then down and up for each row.
         """
         _, higher, lower = self._moves(step).copy()
         return higher[:, 0], lower[:, 0], higher[:, 1], lower[:, 1]

@@ -62,8 +62,7 @@ _ABSENT = Drift((0, 0))
 def dispersion_rate(disperse_constant: Number) -> Number:
     """The diffusion, in cells² per step, of a constant of at least 0: a number or an array.
 
-    It is 0 for a constant of 0, increases with the constant, and stays below 2/3, the variance
-    of a step to one of three adjacent cells at random.
+    It increases from 0 to 2/3, the variance of a step to one of three adjacent cells at random.
     """
     rate: Number = (2 / 3) * disperse_constant / (disperse_constant + 5)
     return rate
@@ -81,10 +80,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def of(cls, drifts: Iterable[Drift]) -> Axes:
-        """The axes of some hypotheses: x and y of the first, x and y of the second, and so on.
-
-        The start of an array counts as cell 0, see `tabulate`.
-        """
+        """The axes of some hypotheses, x and y of each in turn; an array starts in cell 0."""
         axes = [axis for drift in drifts for axis in drift.axes]
         return cls(*(np.array([value or 0.0 for value in each]) for each in zip(*axes)))  # noqa: B905
 
@@ -105,13 +101,8 @@ class Axes(NamedTuple):
 def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
     """The distribution function G of the truncated Gaussian at the right edge of every cell.
 
-    Args:
-        grid_size: cells on the axis, N.
-        axes: the drift along each axis, of shape (...).
-        step: completed steps, at least 0; broadcasts with the axes.
-
-    Returns:
-        float64, shape (N, ...), non-decreasing along the cells, 1 in the last cell.
+    It has the shape (N, ...), where steps and axes broadcast to (...), never decreases, and is 1
+    in the last cell.
     """
     mean, tau = axes.mean(grid_size, step), step + axes.adrift
     variance: Floats = axes.diffusion * tau
@@ -160,16 +151,10 @@ def _exchange_rate(diffusion: Array, shift: Array) -> Floats:
 
 
 def _moves_between(before: Floats, after: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
-    """The moves of a person whose distribution function is F now and another one step later.
+    """The moves between F now and F a step later, padded with F(-1) = 0 and F(N) = 1: (N + 2, ...).
 
-    Args:
-        before: F of the current step, shape (N + 2, ...), padded with F(-1) = 0 and F(N) = 1.
-        after: F of the next step, in the same form.
-        rate: see `_exchange_rate`, shape (...).
-
-    Returns:
-        float64, shape (N, ...) each: the probability of each cell; the probability of a move
-        to the next higher cell, given the cell; the same to the next lower cell.
+    Returns the probability of each cell, and those of a move to the next higher and to the next
+    lower cell, given the cell: (N, ...) each.
     """
     probability = np.diff(before[:-1], axis=0)
     # The net flow across the edges from -1|0 to N-1|N; it is 0 at the outer ones.
@@ -191,13 +176,11 @@ class Steps(NamedTuple):
 
     Attributes:
         factors: each hypothesis' probabilities of columns, and those of rows times its weight:
-            float64, shape (n, K, M, 2, N).
-        moves: see `all_moves`: shape (3, n, K, M, 2, N).
-        joint: the probability of each state, one step more than the rest: float64, shape
-            (n + 1, K, M, N, N); None if no start is an array. Only
-            persons with such a start have the last step.
-        cdf: F of the step after the last along each axis, padded, from which the next steps are
-            computed.
+            (n, K, M, 2, N).
+        moves: see `all_moves`: (3, n, K, M, 2, N).
+        joint: the probability of each state: (n + 1, K, M, N, N); None if no start is an array.
+            Only persons with such a start have the last step.
+        cdf: F of the step after the last along each axis, padded; the next steps follow from it.
     """
 
     factors: Floats
@@ -214,15 +197,10 @@ def tabulate(
     previous: Steps | None,
     hypotheses: int = 1,
 ) -> Steps:
-    """Follow the Gaussians as closely as a person moving one cell per step can.
+    """Follow the Gaussians for `count` steps as closely as a person moving one cell per step can.
 
-    Args:
-        grid_size: cells on each axis, N.
-        persons: K of them.
-        first: the first step.
-        count: the number of steps, n.
-        previous: the preceding steps; None if `first` is 0.
-        hypotheses: the least M; persons with fewer have some of weight 0.
+    `previous` are the steps before the first, None if that is 0; `hypotheses` is the least M, and
+    persons with fewer have some of weight 0.
     """
     size, most = grid_size, max(hypotheses, *(len(person.drifts) for person in persons))
     absent = [[_ABSENT] * (most - len(person.drifts)) for person in persons]
@@ -324,12 +302,9 @@ class Drifter:
 
 
 def moves_of(draws: Array, higher: Array, either: Array) -> NDArray[np.int8]:
-    """The moves of many persons along an axis in one step: int8, +1, -1 or 0.
+    """The moves of persons along an axis in a step, +1, -1 or 0, from draws in [0, 1).
 
-    Args:
-        draws: a uniform draw from [0, 1) for each person.
-        higher: the probability of +1 at each person's coordinate, of the same shape.
-        either: the probability of +1 or -1, their sum.
+    Given are the probabilities of +1, and of +1 or -1, at each person's coordinate.
     """
     move: NDArray[np.int8] = np.less(draws, higher).view(np.int8)
     move += move
