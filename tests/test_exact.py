@@ -102,11 +102,14 @@ class Recorder:
 
     def reset(self, seed: Any = None, rows: Any = None) -> None:
         self.policy.reset(seed=seed)
-        self.histories += [[] for _ in seed]
-        self.actions += [[] for _ in seed]
+        self.histories += [[] for _ in np.atleast_1d(seed)]
+        self.actions += [[] for _ in np.atleast_1d(seed)]
 
     def __call__(self, shown: Any) -> Any:
         chosen = self.policy(shown)
+        if "row" not in shown:  # the view "parallel"
+            self.actions[-1].append([*chosen.values()])
+            return chosen
         for place, row in enumerate(shown["row"].tolist()):
             cells = tuple(map(tuple, shown["positions"][place].tolist()))
             matrix = shown["probability_matrix"][place].tobytes()
