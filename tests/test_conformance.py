@@ -286,7 +286,7 @@ def test_the_classes_of_the_two_forms():
     assert parallel.grid_size == aec.unwrapped.grid_size == 4
 
 
-def test_the_three_import_forms_give_one_class():
+def test_all_names_are_importable_from_everywhere():
     for name in ("DroneSwarmSearch", "DroneSwarmSearch.env", "DroneSwarmSearchEnvironment.env"):
         assert importlib.import_module(name).DroneSwarmSearch is DroneSwarmSearch
     package = importlib.import_module("DroneSwarmSearch")
