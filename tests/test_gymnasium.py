@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import RecordEpisodeStatistics
 from helpers import plain
 
@@ -130,22 +130,6 @@ def check_infos(infos: dict[str, Any], wanted: dict[str, Any]) -> None:
             meant = wanted[f"_{name}"]
             assert infos[f"_{name}"].tolist() == meant.tolist()
             assert infos[name][meant].tolist() == wanted[name][meant].tolist(), name
-
-
-def test_async_vectors_step_alike() -> None:
-    vectors = [
-        gymnasium.make_vec(ID, 2, vectorization_mode=mode, **SMALL)
-        for mode in ("vector_entry_point", "async")
-    ]
-    assert isinstance(vectors[1], AsyncVectorEnv)
-    results = [vector.reset(seed=1)[0] for vector in vectors]
-    for action in (Action.RIGHT, Action.SEARCH, Action.DOWN):
-        assert plain(results[0]) == plain(results[1])
-        steps = [vector.step(np.full(2, action)) for vector in vectors]
-        assert plain(steps[0][:4]) == plain(steps[1][:4])
-        results = [step[0] for step in steps]
-    for vector in vectors:
-        vector.close()
 
 
 def test_num_envs_counts_drones() -> None:

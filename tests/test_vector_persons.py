@@ -208,16 +208,6 @@ def test_bad_values_in_resets_change_nothing(given: dict[str, Any], match: str) 
     assert pickle.dumps(batch) == before
 
 
-def test_a_catalogue_has_a_table_of_matrices() -> None:
-    batch = SearchBatch(9, situations=CATALOGUE, wants_table=True, **SIZES)
-    batch.reset(range(9))
-    for _ in range(5):
-        batch.step(np.full((9, 2), Action.IDLE))
-    matrices = batch.matrices_of(np.arange(9))
-    assert batch.table[batch.table_index].tobytes() == matrices.tobytes()
-    assert len(batch.table) == 3 * 16
-
-
 # The probability of success, and the coverage mission.
 
 
