@@ -179,11 +179,11 @@ class FlatObservation(LayoutObservation):
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         # `FlatLayout.write` for one search, which saves a sixth of a step.
         cells, world = self._search._cells_and_world()
-        n, limit, matrix = len(cells), self._search.timestep_limit, world.matrix()
-        vectors = np.empty((n, 2 * n + 1 + matrix.size), np.float32)
-        vectors[:, : 2 * n] = self._scaled[cells][self._orders].reshape(n, -1)
+        n, limit, row = len(cells), self._search.timestep_limit, world.matrix().reshape(-1)
+        vectors = np.empty((n, 2 * n + 1 + row.size), np.float32)
+        vectors[:, : 2 * n] = self._scaled.take(cells, 0).take(self._orders, 0).reshape(n, -1)
         vectors[:, 2 * n] = (limit - world.step) / limit
-        vectors[:, 2 * n + 1 :] = (matrix / matrix.max()).reshape(-1)
+        vectors[:, 2 * n + 1 :] = row / row[row.argmax()]  # faster than max
         return dict(zip(self._names, vectors, strict=True))
 
 

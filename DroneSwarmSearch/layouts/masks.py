@@ -69,15 +69,13 @@ def swarm_masks(
     cells: list[int], neighbours: Neighbours, right_of_way: bool
 ) -> list[NDArray[np.int8]]:
     """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays."""
-    closed = {OFF_GRID, *cells}
-    masks = []
+    closed, blocked = {OFF_GRID, *cells}, bytearray()
     for cell in cells:
         targets = neighbours[cell]
-        mask = bytearray(target not in closed or target == cell for target in targets)
-        masks.append(np.frombuffer(mask, np.int8))
+        blocked += bytes(map((closed - {cell}).__contains__, targets))
         if right_of_way:
             closed.update(targets)
-    return masks
+    return list(1 - np.frombuffer(blocked, np.int8).reshape(len(cells), -1))
 
 
 def choose_in_turn(
