@@ -49,8 +49,8 @@ __all__ = [
 ]
 
 Observations = dict[str, Any]
-Flags = dict[str, bool]
-Step = tuple[Observations, Rewards, Flags, Flags, Infos]
+Ends = dict[str, bool]
+Step = tuple[Observations, Rewards, Ends, Ends, Infos]
 """What `step` returns: observations, rewards, terminations, truncations, infos."""
 
 

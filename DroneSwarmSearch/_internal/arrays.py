@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+Integers = NDArray[np.integer]
 Ints = NDArray[np.int64]
 Rows = Any  # a slice, or an array of row numbers
 Singles = NDArray[np.float32]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch._internal.arrays import Integers, Singles
 from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
 from DroneSwarmSearch.policies.greedy import (
     CLAIMED,
@@ -25,7 +25,6 @@ from DroneSwarmSearch.rules import Action
 
 __all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
 
-Ints = NDArray[np.integer]
 NEAR, FAR = DISCOUNT, 0.9
 """Factors on success for each step of the way: for the best cell, and for a wider view."""
 
@@ -123,8 +122,8 @@ class Arrivals:
     def inputs(
         self,
         ahead: NDArray[np.floating],
-        positions: Ints,
-        remaining: Ints,
+        positions: Integers,
+        remaining: Integers,
         limit: int,
         detections: NDArray[np.floating],
     ) -> Singles:
@@ -201,7 +200,7 @@ class Arrivals:
         common[..., 5] = (best[1].max(axis=1) / highest).reshape(searches, n)
         return out
 
-    def _on_arrival(self, ahead: Singles, distances: Ints) -> Singles:
+    def _on_arrival(self, ahead: Singles, distances: Integers) -> Singles:
         """Each cell's value in `ahead` when each drone arrives: float32, shape (drones, N, N)."""
         searches, steps, *_ = ahead.shape
         search = np.arange(searches).repeat(self.n_drones)[:, None, None]
@@ -209,7 +208,7 @@ class Arrivals:
         arrivals: Singles = ahead.reshape(-1).take(step * self.grid_size**2 + self._cells)
         return arrivals
 
-    def _take_off(self, claims: Ints, *maps: Singles) -> None:
+    def _take_off(self, claims: Integers, *maps: Singles) -> None:
         """Lower each drone's values, (drones, N, N), of the cells that the others claim."""
         drones = np.arange(claims.size)
         own = claims.reshape(-1)
@@ -219,7 +218,7 @@ class Arrivals:
             for values in maps:
                 values.reshape(len(own), -1)[drones[differs], other[differs]] *= CLAIMED
 
-    def _on_each_side(self, values: Singles, x: Ints, y: Ints, reduce: Any) -> Singles:
+    def _on_each_side(self, values: Singles, x: Integers, y: Integers, reduce: Any) -> Singles:
         """The maximum or sum (`reduce`) on each drone's side of each direction, and in its cell.
 
         The values are those of each cell to each drone, shape (drones, N, N), at least 0.

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from DroneSwarmSearch._internal.arrays import Floats, Singles
+from DroneSwarmSearch._internal.arrays import Floats, Integers, Singles
 from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
@@ -21,8 +21,6 @@ from DroneSwarmSearch.rules import Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["ExpectedSearches"]
-
-Ints = NDArray[np.integer]
 
 
 class ExpectedSearches:
@@ -59,7 +57,7 @@ class ExpectedSearches:
             )
         [(self.grid_size, self.n_drones, self.timestep_limit)] = sizes
         places = zip(scenarios, np.asarray(drones_positions), strict=True)
-        self.cells: Ints = np.array([each.drone_cells(positions) for each, positions in places])
+        self.cells: Integers = np.array([each.drone_cells(positions) for each, positions in places])
         self.step, self.found = 0, np.zeros(len(scenarios))
         self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
@@ -91,7 +89,7 @@ class ExpectedSearches:
         self._forecasts.drift(beliefs.reshape(*beliefs.shape[:3], -1), entries)
 
     @property
-    def positions(self) -> Ints:
+    def positions(self) -> Integers:
         """Every drone's (x, y), shape (searches, n, 2)."""
         return np.stack([self.cells % self.grid_size, self.cells // self.grid_size], -1)
 
@@ -110,7 +108,7 @@ class ExpectedSearches:
             ahead, self.positions, np.full(count, remaining), self.timestep_limit, self._detections
         )
 
-    def advance(self, actions: Ints) -> Floats:
+    def advance(self, actions: Integers) -> Floats:
         """Advance all searches by one step; drones must neither collide nor leave the grid.
 
         Args:
