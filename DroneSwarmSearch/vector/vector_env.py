@@ -108,6 +108,9 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         copies = checks.boolean("copy", copy)
         self._reused = None if copies else self._observations.empty(swarms)
+        # Once a large block has been freed, glibc keeps what steps free, instead of returning it
+        # to the system: with 64 searches and crops, a step takes a third less time.
+        np.empty(2**24, np.uint8)
 
     @abstractmethod
     def _rewards(self) -> Floats:
