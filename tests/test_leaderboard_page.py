@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from statistics import fmean
 
+import pytest
 from helpers import tables_of
 
 FOLDER = Path(__file__).parents[1] / "docs" / "leaderboard"
@@ -68,6 +69,7 @@ def test_the_text_states_the_share_and_the_confidence_of_the_bounds() -> None:
     assert not above
 
 
+@pytest.mark.pictures
 def test_the_plots_exist() -> None:
     names = re.findall(r"\((\w+-light\.svg)\)", TEXT)
     assert names == ["time-light.svg", "success-light.svg"]

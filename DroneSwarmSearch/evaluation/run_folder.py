@@ -63,7 +63,7 @@ class RunFolder:
         """Write a finished result; raises StorageError if that fails. Earlier results are kept."""
         if self.path is not None:
             content = io.BytesIO()
-            np.savez_compressed(content, allow_pickle=False, **vars(result))
+            np.savez_compressed(content, **vars(result))
             write_bytes(self._place(self.path, name), content.getvalue())
 
     @staticmethod
