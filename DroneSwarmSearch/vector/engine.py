@@ -110,6 +110,8 @@ class SearchBatch:
         **parameters: Any,
     ) -> None:
         self.num_rows = rows = checks.integer("num_rows", num_rows, 1)
+        if sampler is not None and not callable(sampler):
+            raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
         if sampler is not None and situations is not None:
             raise ValueError("sampler cannot be given together with situations")
         self._scenario = scenario = resolve_scenario(scenario, **parameters)
@@ -224,7 +226,10 @@ class SearchBatch:
             return None
         scenarios, cells = [], []
         for _ in range(_CATALOGUE_SIZE):
-            changes = {**self._sampler(rng)}
+            drawn = self._sampler(rng)
+            if not isinstance(drawn, Mapping):
+                raise TypeError(f"sampler must return a mapping, got {drawn!r}")
+            changes = {**drawn}
             for name in changes:
                 if name not in _SAMPLED:
                     raise ValueError(
@@ -488,9 +493,13 @@ class SearchBatch:
     def probabilities(self, rows: ArrayLike, cells: ArrayLike) -> Singles:
         """The matrix entries of one cell, y * N + x, in each of some rows: float32, (n,).
 
-        A row may occur several times; IndexError if there is no such row or cell.
+        A row may occur several times; IndexError if there is no such row, TypeError or ValueError
+        if there is no such cell.
         """
-        return self._world.probabilities(self._rows[np.asarray(rows)], np.asarray(cells))
+        which, cell = self._rows[np.asarray(rows)], self._scenario.grid_size**2 - 1
+        what = f"an integer from 0 to {cell} for each of {len(which)} rows"
+        numbers = checks.integer_array("cells", cells, what, 0, cell, which.shape)
+        return self._world.probabilities(which, numbers)
 
     @property
     def table(self) -> Singles:
