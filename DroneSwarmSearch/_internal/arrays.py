@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +9,5 @@ Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.integer]
 Ints = NDArray[np.int64]
-Rows = Any  # a slice, or an array of row numbers
 Singles = NDArray[np.float32]
 Words = NDArray[np.uint64]

@@ -15,7 +15,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.forecast_tables import ForecastTables
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.persons import Drift, Person
@@ -101,10 +100,8 @@ class ProbabilityMatrix(DriftModel):
     def matrix(self, step: int) -> Singles:
         block, step = self._block_of(step), int(step)
         if step not in block.matrices:
-            if block.steps.joint is None:
-                matrix = matrices_of(self._factors(step))
-            else:
-                matrix = over_hypotheses(self.joint(step)).astype(np.float32)
+            is_separable = block.steps.joint is None
+            matrix = matrices_of(self._factors(step)) if is_separable else super().matrix(step)
             block.matrices[step] = matrix
         return block.matrices[step]
 
