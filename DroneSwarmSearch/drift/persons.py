@@ -16,6 +16,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.drift.tracks import Tracks
 
 __all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
@@ -205,17 +206,29 @@ class Drift:
         return cls(**data)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Person:
-    """A person to find: one or more hypotheses about the drift, one of which is true.
+    """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
 
     An episode draws one of the drifts by weight and shows it to nobody::
 
         Person([Drift((20, 20), weight=2), Drift((35, 12), weight=1)], probability_of_detection=0.8)
 
+    With `Tracks`, the matrix is the weighted histogram of the tracks at every step, and the person
+    is a Markov chain that only makes moves that some track made, see `drift.chain`::
+
+        Person(Tracks.read("drift.nc", ...), probability_of_detection=0.8)
+
     Attributes:
-        drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted.
+        drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted. Tracks are
+            accepted in their place, and then it is empty.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
+        tracks: the tracks, or None.
+        fine: with tracks, each cell has fine² parts to tell where a person goes next, from 1 to 4.
+            1 is faster; 2 promises less than can be kept where currents turn.
+        classes: with tracks, the number of groups of similar tracks, to each of which a person
+            belongs for good; or the group of each track, integers of shape (P,), such as the kind
+            of object. Memory grows with it.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -224,60 +237,107 @@ class Person:
 
     drifts: tuple[Drift, ...]
     probability_of_detection: float = 1.0
+    tracks: Tracks | None = field(default=None, kw_only=True)
+    fine: int = field(default=2, kw_only=True)
+    classes: int | tuple[int, ...] = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
+        detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
+        object.__setattr__(self, "probability_of_detection", detection)
+        object.__setattr__(self, "fine", checks.integer("fine", self.fine, 1, 4))
         given: object = self.drifts
-        what = "a Drift or a sequence of them"
+        tracks = given if isinstance(given, Tracks) else self.tracks
+        if tracks is not None:
+            labels = tracks.labels(self.classes)
+            classes = self.classes if isinstance(self.classes, int) else tuple(labels.tolist())
+            for name, value in (("drifts", ()), ("tracks", tracks), ("classes", classes)):
+                object.__setattr__(self, name, value)
+            tracks.check_number(self.fine)
+            return
+        what = "a Drift, a sequence of them or Tracks"
         drifts = [given] if isinstance(given, Drift) else checks.items("drifts", given, what)
         if not drifts:
             raise ValueError(f"drifts must hold at least one Drift, got {given!r}")
         for place, drift in enumerate(drifts):
             if not isinstance(drift, Drift):
                 raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
-        detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
         object.__setattr__(self, "drifts", tuple(drifts))
-        object.__setattr__(self, "probability_of_detection", detection)
+
+    def __repr__(self) -> str:
+        detection = f"probability_of_detection={self.probability_of_detection!r}"
+        if self.tracks is None:
+            return f"Person(drifts={self.drifts!r}, {detection})"
+        return (
+            f"Person({self.tracks!r}, {detection}, fine={self.fine}, classes={self.classes!r:.20})"
+        )
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The probability of each of the drifts; they sum to 1."""
+        """The probability of each of the drifts, or of each class of tracks; they sum to 1."""
+        if self.tracks is not None:
+            labels = self.tracks.labels(self.classes)
+            return tuple(np.bincount(labels, self.tracks.weights).tolist())
         largest = max(drift.weight for drift in self.drifts)
         relative = [drift.weight / largest for drift in self.drifts]
         total = math.fsum(relative)
         return tuple(weight / total for weight in relative)
 
     @property
+    def vector(self) -> tuple[float, float]:
+        """The mean drift in cells per step, (x, y)."""
+        if self.tracks is not None:
+            return self.tracks.vector
+        pairs = list(zip(self.weights, self.drifts, strict=True))
+        x, y = (sum(weight * drift.vector[axis] for weight, drift in pairs) for axis in (0, 1))
+        return x, y
+
+    @property
     def key(self) -> tuple[object, ...]:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
+        if self.tracks is not None:
+            return self.tracks, self.fine, self.classes
         return (*(drift.key for drift in self.drifts), self.weights)
 
     def model(self, grid_size: int) -> DriftModel:
         """The person's drift model; another kind of person returns its own here."""
         from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
+        if self.tracks is not None:
+            return self.tracks.chain(grid_size, self.fine, self.classes)
         return ProbabilityMatrix(grid_size, self)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """`Drift.check_grid` of all drifts; `name` is that of this person."""
+        if self.tracks is not None:
+            return
         for place, drift in enumerate(self.drifts):
             drift.check_grid(grid_size, f"{name}.drifts[{place}]")
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
-        """The mean of `Drift.mass_beyond` over the drifts, by weight."""
+        """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
+        if self.tracks is not None:
+            return self.tracks.mass_beyond(grid_size, step)
         beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
         return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the values as plain data for JSON; `from_dict` reads it."""
-        return {
-            "drifts": [drift.to_dict() for drift in self.drifts],
-            "probability_of_detection": self.probability_of_detection,
-        }
+        """Return the values as plain data for JSON; `from_dict` reads it.
+
+        Of tracks it holds the name and the SHA-256 of their file, see `Tracks.to_dict`.
+        """
+        detection = {"probability_of_detection": self.probability_of_detection}
+        if self.tracks is not None:
+            classes = self.classes if isinstance(self.classes, int) else list(self.classes)
+            tracks = self.tracks.to_dict()
+            return {"tracks": tracks, "fine": self.fine, "classes": classes, **detection}
+        return {"drifts": [drift.to_dict() for drift in self.drifts], **detection}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
         """Make a person from the output of `to_dict`, see `Drift.from_dict`."""
         values, drifts = {**data}, []
+        if "tracks" in values:
+            return cls((), tracks=Tracks.from_dict(values.pop("tracks")), **values)
         given: Any = checks.items("drifts", values.get("drifts"), "a list of drifts")
         for place, each in enumerate(given):
             try:

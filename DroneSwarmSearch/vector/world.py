@@ -12,8 +12,8 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
-from DroneSwarmSearch.drift.belief import means_over_missing, over_hypotheses, shown_persons
-from DroneSwarmSearch.drift.model import forecasts_of
+from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
+from DroneSwarmSearch.drift.model import Forecasts, forecasts_of
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
@@ -28,7 +28,7 @@ class Catalogue:
         scenarios: the searches, all with the same number of persons.
         kept: searches that episodes under way have, but new ones do not draw.
         cells: the drones' start cells in each search, (searches, n_drones), if they are its own.
-        hypotheses: the least number of hypotheses about each person, see `Forecasts`.
+        shape: the least shape of mass, see `Forecasts`.
         complete: make the table of matrices for all steps at once.
 
     Attributes:
@@ -43,7 +43,7 @@ class Catalogue:
         scenarios: Sequence[Scenario],
         kept: Sequence[Scenario] = (),
         cells: Ints | None = None,
-        hypotheses: int = 1,
+        shape: tuple[int, int] = (1, 1),
         complete: bool = False,
     ) -> None:
         self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
@@ -52,7 +52,7 @@ class Catalogue:
         self.forecasts, numbers = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
             last=limit,
-            hypotheses=hypotheses,
+            shape=shape,
             keeps_matrices=complete or not scenarios[0].bayesian_update,
         )
         self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
@@ -88,8 +88,8 @@ class BatchState:
         self.finds = np.zeros((2, self._persons, rows), np.int64)
         self.beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
-            hypotheses = catalogue.forecasts.hypotheses
-            self.beliefs = Beliefs(self._size, self._persons, hypotheses, rows)
+            shape = catalogue.forecasts.shape
+            self.beliefs = Beliefs(self._size, self._persons, shape, rows)
         self._shown = self.beliefs if scenario.bayesian_update else None
         self._states = np.zeros((self._persons, rows), np.int64)
         self._entries = np.zeros((self._persons, rows), np.int64)  # in the catalogue's forecasts
@@ -123,7 +123,7 @@ class BatchState:
         """A catalogue for `use` that keeps the searches of episodes other than those starting."""
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
-        least = self.catalogue.forecasts.hypotheses if kept else 1
+        least = self.catalogue.forecasts.shape if kept else (1, 1)
         return Catalogue(scenarios, kept, cells, least, self.catalogue.complete)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
@@ -135,7 +135,7 @@ class BatchState:
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
         if self.beliefs is not None:
-            self.beliefs.pad(catalogue.forecasts.hypotheses)
+            self.beliefs.pad(catalogue.forecasts.shape)
         self.catalogue = catalogue
 
     # A step: `observed`, then `search`, then `advance`.
@@ -148,8 +148,8 @@ class BatchState:
         if not self._scenario.reward_scheme.expected_finds:
             return self.probabilities(rows, cells).astype(np.float64)
         assert self.beliefs is not None
-        self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
-        return self.beliefs.added_success(rows, cells, self._detections_of(rows))
+        self.beliefs.begin(rows, *self._tables)
+        return self.beliefs.added_success(rows, cells, self._detections_of(rows), *self._tables)
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
@@ -173,8 +173,8 @@ class BatchState:
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
             found.append(drones.take(hits))
         if self.beliefs is not None:
-            self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
-            self.beliefs.search(rows, cells, self._detections_of(rows))
+            self.beliefs.begin(rows, *self._tables)
+            self.beliefs.search(rows, cells, self._detections_of(rows), *self._tables)
         return np.concatenate(found)
 
     def _detections_of(self, rows: Ints) -> Floats:
@@ -196,7 +196,7 @@ class BatchState:
         """Let the persons and the beliefs drift by a step."""
         forecasts = self.catalogue.forecasts
         if self.beliefs is not None:
-            self.beliefs.drift(forecasts, self._entries)
+            self.beliefs.drift(*self._tables)
         draws = unit_numbers(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
         self._states = forecasts.walk(self._states, self._entries, draws)
         self._draws += self._places[-1]
@@ -208,8 +208,7 @@ class BatchState:
     @property
     def person_cells(self) -> Ints:
         """Every person's cell, y * N + x: int64, (persons, rows)."""
-        cells: Ints = self._states % self._size**2
-        return cells
+        return self.catalogue.forecasts.cells(self._states, self._entries)
 
     @property
     def table_index(self) -> Ints:
@@ -218,10 +217,15 @@ class BatchState:
         return entries
 
     def shown_mass(self, row: int) -> Floats | None:
-        """The beliefs about each person, if the matrix of a row shows them: (persons, M, N, N)."""
+        """The beliefs about each person, if the matrix of a row shows them: (persons, M, L)."""
         if self._shown is None or not self._shown.begun[row]:
             return None
-        return self._shown.mass(np.array([row])).reshape(self._persons, -1, self._size, self._size)
+        return self._shown.mass(np.array([row]))[..., 0]
+
+    @property
+    def _tables(self) -> tuple[Forecasts, Ints]:
+        """The forecasts, and every person's entry there."""
+        return self.catalogue.forecasts, self._entries
 
     # The matrices.
 
@@ -231,7 +235,7 @@ class BatchState:
             return self._forecast_at(rows, cells)
         begun, values = self._shown.begun[rows], np.empty(len(rows), np.float32)
         here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
-        values[begun] = self._shown.probabilities(here, cells[begun], counted)
+        values[begun] = self._shown.probabilities(here, cells[begun], counted, *self._tables)
         values[~begun] = self._forecast_at(rows[~begun], cells[~begun])
         return values
 
@@ -249,14 +253,14 @@ class BatchState:
         begun = self._shown.begun[rows]
         here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
         out = np.empty((len(rows), self._size, self._size), np.float32)
-        out[begun] = self._shown.matrices(here, counted)
+        out[begun] = self._shown.matrices(here, counted, *self._tables)
         out[~begun] = self._forecasts(rows[~begun])
         return out
 
     def write_matrices(self, out: Singles) -> None:
         """Write the matrix of every row: float32, shape (rows, N, N)."""
         if self._shown is not None:
-            self._shown.write_matrices(shown_persons(self.missing), out)
+            self._shown.write_matrices(shown_persons(self.missing), out, *self._tables)
             others = (~self._shown.begun).nonzero()[0]
             out[others] = self._forecasts(others)
         elif self._persons == 1:
@@ -273,7 +277,10 @@ class BatchState:
         shown = np.take_along_axis(entries, counted.argmax(axis=0)[None], axis=0)
         matrices = forecasts.matrices(shown[0])
         mixed = ((entries != shown) & counted).any(axis=0)  # a mean of different forecasts
-        maps = [over_hypotheses(forecasts.joint(entry[mixed]).swapaxes(0, 1)) for entry in entries]
-        mean = means_over_missing(maps, counted[:, mixed][..., None, None])
-        matrices[mixed] = mean.astype(np.float32)
+        maps = [
+            forecasts.map(np.moveaxis(forecasts.joint(entry), 0, -1), entry)
+            for entry in entries[:, mixed]
+        ]
+        mean = means_over_missing(maps, counted[:, mixed]).T.astype(np.float32)
+        matrices[mixed] = mean.reshape(-1, self._size, self._size)
         return matrices
