@@ -39,6 +39,7 @@ _SUBMODULES = (
     "priors",
     "rendering",
     "single_drone_env",
+    "survival",
     "training",
     "vector",
     "wrappers",

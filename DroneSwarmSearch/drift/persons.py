@@ -216,6 +216,10 @@ class Person:
     Attributes:
         drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
+        survival: the probability of being alive, entry t after t completed steps, and the last
+            entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
+            policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
+            does not change who is found. None: always alive.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -224,6 +228,7 @@ class Person:
 
     drifts: tuple[Drift, ...]
     probability_of_detection: float = 1.0
+    survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         given: object = self.drifts
@@ -237,6 +242,12 @@ class Person:
         detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
         object.__setattr__(self, "drifts", tuple(drifts))
         object.__setattr__(self, "probability_of_detection", detection)
+        if self.survival is not None:
+            object.__setattr__(self, "survival", _survival(self.survival))
+
+    def alive(self, step: int) -> float:
+        """The probability of being alive after a number of completed steps, from `survival`."""
+        return 1.0 if self.survival is None else self.survival[min(step, len(self.survival) - 1)]
 
     @property
     def weights(self) -> tuple[float, ...]:
@@ -269,9 +280,11 @@ class Person:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it."""
+        survival = {} if self.survival is None else {"survival": list(self.survival)}
         return {
             "drifts": [drift.to_dict() for drift in self.drifts],
             "probability_of_detection": self.probability_of_detection,
+            **survival,
         }
 
     @classmethod
@@ -350,6 +363,18 @@ def _probabilities(given: NDArray[Any]) -> Floats:
     values += 0.0  # turns -0.0 into 0.0
     # An array on top of bytes cannot be made writeable.
     return np.frombuffer(values.tobytes()).reshape(rows, columns)
+
+
+def _survival(value: object) -> tuple[float, ...]:
+    what = "one or more probabilities from 0 to 1, none above the one before"
+    given = checks.numbers("survival", value, what).astype(np.float64)
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"survival must be {what}, got an array of shape {given.shape}")
+    wrong = ~((given >= 0.0) & (given <= 1.0))
+    wrong[1:] |= np.diff(given) > _ROUNDING
+    if wrong.any():
+        raise ValueError(f"survival must be {what}, got {given[wrong][0]} at {wrong.argmax()}")
+    return tuple(given.tolist())
 
 
 def _deviations(name: str, value: object) -> tuple[float, float]:

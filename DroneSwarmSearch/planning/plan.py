@@ -75,7 +75,11 @@ class Plan:
 
     def success_probabilities(self) -> list[float]:
         """The probability that the plan finds each target (POS)."""
-        return [float(passes.found().sum()) for passes in self._passes]
+        return [float(found.sum()) for found in self.found()]
+
+    def found(self) -> list[Floats]:
+        """The probability that the plan finds each target in each step, (n,)."""
+        return [passes.found() for passes in self._passes]
 
     def value(self) -> float:
         """The expected worth of all finds."""

@@ -156,7 +156,10 @@ class Beliefs:
         """The cumulative probability of success (POS) in every row: float64, (rows,)."""
         return 1.0 - means_over_missing(self.kept, np.ones(self.kept.shape, np.bool_))
 
-    def added_success(self, rows: Ints, cells: Ints, detections: Floats) -> Floats:
-        """What each search adds to it, as if it were its row's only one: float64, (n,)."""
-        added = self.kept[:, rows] * detections * np.array(self._at(rows, cells))
+    def added_success(self, rows: Ints, cells: Ints, worths: Floats) -> Floats:
+        """What each search adds to it, as if it were its row's only one: float64, (n,).
+
+        `worths` are each person's probability of detection times that of being alive: (persons, n).
+        """
+        added = self.kept[:, rows] * worths * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

@@ -36,6 +36,8 @@ class Catalogue:
         forecasts: the different forecasts of their persons.
         numbers: the number of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
+        alive: the probability that each person is alive after some completed steps, the last of
+            which stands for all later ones: float64, (searches, persons, steps).
     """
 
     def __init__(
@@ -58,6 +60,10 @@ class Catalogue:
         self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
         detections = np.array([scenario.detections for scenario in self.scenarios])
         self.detections: Floats = detections.T.copy()
+        situations = [scenario.situation for scenario in self.scenarios]
+        steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
+        alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
+        self.alive: Floats = np.array(alive)
         if complete:
             what = f"the table of matrices for {self.forecasts.count} different forecasts"
             needed = self.forecasts.step_bytes * (limit + 1)
@@ -149,7 +155,10 @@ class BatchState:
             return self.probabilities(rows, cells).astype(np.float64)
         assert self.beliefs is not None
         self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
-        return self.beliefs.added_success(rows, cells, self._detections_of(rows))
+        alive = self.catalogue.alive
+        steps = np.minimum(self.step.take(rows), alive.shape[2] - 1)
+        worths = self._detections_of(rows) * alive[self.situation.take(rows), :, steps].T
+        return self.beliefs.added_success(rows, cells, worths)
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
