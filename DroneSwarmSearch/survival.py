@@ -6,10 +6,10 @@
 
 These are rough figures for adults who float in a life jacket and cool down. They leave out the cold
 shock of the first minutes, drowning, waves, injuries and insulating suits. Sources differ by
-factors: half of lightly clad persons survive 1, 2 and 6 hours at 5, 10 and 15 °C according to
-Golden (Transport Canada, Survival in Cold Waters, TP 13822, 2003), and 3.6, 5.7 and 9.0 hours
-without a life jacket in the UK National Immersion Incident Survey (Environmental Ergonomics XII,
-2007, page 342); `hayward` returns 2.2, 2.9 and 4.6 hours.
+factors. At 5, 10 and 15 °C, half survive 1, 2 and 6 hours according to Golden (clothed men in life
+jackets; Transport Canada, Survival in Cold Waters, TP 13822, 2003), and 3.6, 5.7 and 9.0 hours in
+the UK National Immersion Incident Survey (without life jackets; Environmental Ergonomics XII, 2007,
+page 342); `hayward` returns 2.2, 2.9 and 4.6 hours.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def curve(
 
     The survival time is lognormal, because build, fat, clothing and behaviour each change it by a
     factor. The default `sigma` is a choice, not a fit: 95% of the persons survive for 0.38 to 2.7
-    times the median, which covers both sources above. If a person is known to be alive when the
+    times the median, which covers both other sources. If a person is known to be alive when the
     search begins, divide the curve by its first entry.
 
     Args:
