@@ -373,7 +373,7 @@ def _survival(value: object) -> tuple[float, ...]:
     wrong = ~((given >= 0.0) & (given <= 1.0))
     wrong[1:] |= np.diff(given) > _ROUNDING
     if wrong.any():
-        raise ValueError(f"survival must be {what}, got {given[wrong][0]} at {wrong.argmax()}")
+        raise ValueError(f"survival must be {what}, got {given[wrong][0]} at step {wrong.argmax()}")
     return tuple(given.tolist())
 
 

@@ -73,10 +73,6 @@ class Plan:
         cells = sum(target.belief.size for target in targets)
         self.round_work = len(paths) * self._steps * (STEP_WORK + cells)
 
-    def success_probabilities(self) -> list[float]:
-        """The probability that the plan finds each target (POS)."""
-        return [float(found.sum()) for found in self.found()]
-
     def found(self) -> list[Floats]:
         """The probability that the plan finds each target in each step, (n,)."""
         return [passes.found() for passes in self._passes]

@@ -100,8 +100,7 @@ class PlannerPolicy(PlannedPolicy):
         ]
 
         def success(paths: list[Path]) -> float:
-            found = Plan(targets, step, paths).found()
-            return sum(float(each.sum()) for each in found * alive)
+            return sum(float(each.sum()) for each in alive * Plan(targets, step, paths).found())
 
         best_initial = max(initial, key=success)
         idle = idle_paths([int(path.cells[0]) for path in best_initial], steps)
