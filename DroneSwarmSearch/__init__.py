@@ -41,6 +41,7 @@ _SUBMODULES = (
     "priors",
     "rendering",
     "single_drone_env",
+    "survival",
     "training",
     "vector",
     "wrappers",

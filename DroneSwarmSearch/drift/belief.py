@@ -62,9 +62,9 @@ class Belief(NamedTuple):
         """The probability of each cell, for reading only: float64, shape (N, N)."""
         return self.model.map(self.mass)
 
-    def added_success(self, cells: Sequence[int]) -> Floats:
-        """The probability of success that a search of each of some cells adds."""
-        added: Floats = self.kept * self.detection * self.map().reshape(-1)[cells]
+    def added_success(self, cells: Sequence[int], alive: float = 1.0) -> Floats:
+        """The probability of success that a search of each of some cells adds, times `alive`."""
+        added: Floats = self.kept * (self.detection * alive) * self.map().reshape(-1)[cells]
         return added
 
 

@@ -25,10 +25,7 @@ from DroneSwarmSearch.drift.model import DriftModel, Forecasts
 if TYPE_CHECKING:
     from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["Chain", "ChainForecasts", "class_labels", "fine_cells"]
-
-_FEATURE_STEPS = 6
-"""Classes group whole tracks by their positions at this many steps."""
+__all__ = ["Chain", "ChainForecasts", "fine_cells"]
 
 
 class _Step(NamedTuple):
@@ -63,11 +60,11 @@ class Chain(DriftModel):
     shape (classes * fine², R, N). `Tracks.chain` makes chains, and keeps them.
     """
 
-    def __init__(self, tracks: Tracks, grid_size: int, fine: int, labels: Ints) -> None:
-        self.tracks, self.grid_size, self._fine, self._labels = tracks, grid_size, fine, labels
-        self.key = tracks, grid_size, fine, labels.tobytes()
-        self.weights = _sums(labels, tracks.weights)
-        self._last = len(tracks.positions) - 1
+    def __init__(self, tracks: Tracks, grid_size: int, fine: int, classes: int) -> None:
+        self.key = self._tracks, self.grid_size, self._fine, _ = tracks, grid_size, fine, classes
+        self._labels = _class_labels(tracks, classes)
+        self.weights = _sums(self._labels, tracks.weights)
+        self._last = tracks.steps
         visited = np.zeros(grid_size**2, np.bool_)
         for step in range(self._last + 1):
             x, y = fine_cells(tracks.positions[step], grid_size, 1)
@@ -78,7 +75,7 @@ class Chain(DriftModel):
         self._steps: dict[int, _Step] = {}
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self.tracks, self.grid_size, self._fine, self._labels)
+        return type(self), self.key
 
     # States and cells.
 
@@ -151,7 +148,7 @@ class Chain(DriftModel):
         return self._steps[step]
 
     def _counted(self, step: int) -> _Step:
-        size, weights = self._shape[0] * self.layer, self.tracks.weights
+        size, weights = self._shape[0] * self.layer, self._tracks.weights
         x, y, here = self._at(step)
         next_x, next_y, there = self._at(min(step + 1, self._last))
         in_state = _sums(here, weights, size)
@@ -194,7 +191,7 @@ class Chain(DriftModel):
     def _at(self, step: int) -> tuple[Ints, Ints, Ints]:
         """The fine cell of each track at a step, x and y, and its state."""
         size, fine = self.grid_size, self._fine
-        x, y = fine_cells(self.tracks.positions[step], size, fine)
+        x, y = fine_cells(self._tracks.positions[step], size, fine)
         part = (self._labels * fine + y % fine) * fine + x % fine
         return x, y, part * self.layer + self.places[y // fine * size + x // fine]
 
@@ -214,13 +211,12 @@ def fine_cells(positions: Floats, grid_size: int, fine: int) -> Ints:
     return np.clip(cells, 0, grid_size * fine - 1, out=cells)
 
 
-def class_labels(tracks: Tracks, classes: int) -> Ints:
-    """The class of each track, (P,): whole tracks, split at the median again and again.
+def _class_labels(tracks: Tracks, classes: int) -> Ints:
+    """The class of each track, (P,), by its positions at six steps.
 
-    The class with the largest spread along a feature, the sum of its squares, is split next; the
-    features are the positions at six steps.
+    The class with the largest sum of squares along one of these is split at its median, and so on.
     """
-    steps = np.linspace(0, len(tracks.positions) - 1, _FEATURE_STEPS).round().astype(np.int64)
+    steps = np.linspace(0, tracks.steps, 6).round().astype(np.int64)
     features = np.concatenate(tracks.positions[steps], axis=1)  # (P, 12)
     labels = np.zeros(len(features), np.int64)
     for new in range(1, classes):

@@ -226,9 +226,12 @@ class Person:
         tracks: the tracks, or None.
         fine: with tracks, each cell has fine² parts to tell where a person goes next, from 1 to 4.
             1 is faster; 2 promises less than can be kept where currents turn.
-        classes: with tracks, the number of groups of similar tracks, to each of which a person
-            belongs for good; or the group of each track, integers of shape (P,), such as the kind
-            of object. Memory grows with it.
+        classes: with tracks, the number of groups of similar tracks; a person belongs to one of
+            them for good. Time and memory grow with it.
+        survival: the probability of being alive, entry t after t completed steps, and the last
+            entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
+            policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
+            does not change who is found. None: always alive.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -239,20 +242,22 @@ class Person:
     probability_of_detection: float = 1.0
     tracks: Tracks | None = field(default=None, kw_only=True)
     fine: int = field(default=2, kw_only=True)
-    classes: int | tuple[int, ...] = field(default=1, kw_only=True)
+    classes: int = field(default=1, kw_only=True)
+    survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
         object.__setattr__(self, "probability_of_detection", detection)
-        object.__setattr__(self, "fine", checks.integer("fine", self.fine, 1, 4))
+        if self.survival is not None:
+            object.__setattr__(self, "survival", _survival(self.survival))
+        checks.integer("fine", self.fine, 1, 4)
+        checks.integer("classes", self.classes, 1)
         given: object = self.drifts
-        tracks = given if isinstance(given, Tracks) else self.tracks
-        if tracks is not None:
-            labels = tracks.labels(self.classes)
-            classes = self.classes if isinstance(self.classes, int) else tuple(labels.tolist())
-            for name, value in (("drifts", ()), ("tracks", tracks), ("classes", classes)):
-                object.__setattr__(self, name, value)
-            tracks.check_number(self.fine)
+        if isinstance(given, Tracks):
+            object.__setattr__(self, "drifts", ())
+            object.__setattr__(self, "tracks", given)
+        if self.tracks is not None:
+            self.tracks.check_number(self.fine)
             return
         what = "a Drift, a sequence of them or Tracks"
         drifts = [given] if isinstance(given, Drift) else checks.items("drifts", given, what)
@@ -267,16 +272,17 @@ class Person:
         detection = f"probability_of_detection={self.probability_of_detection!r}"
         if self.tracks is None:
             return f"Person(drifts={self.drifts!r}, {detection})"
-        return (
-            f"Person({self.tracks!r}, {detection}, fine={self.fine}, classes={self.classes!r:.20})"
-        )
+        return f"Person({self.tracks!r}, {detection}, fine={self.fine}, classes={self.classes})"
+
+    def alive(self, step: int) -> float:
+        """The probability of being alive after a number of completed steps, from `survival`."""
+        return 1.0 if self.survival is None else self.survival[min(step, len(self.survival) - 1)]
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The probability of each of the drifts, or of each class of tracks; they sum to 1."""
+        """The probability of each of the drifts; they sum to 1. (1.0,) for tracks."""
         if self.tracks is not None:
-            labels = self.tracks.labels(self.classes)
-            return tuple(np.bincount(labels, self.tracks.weights).tolist())
+            return (1.0,)
         largest = max(drift.weight for drift in self.drifts)
         relative = [drift.weight / largest for drift in self.drifts]
         total = math.fsum(relative)
@@ -325,12 +331,12 @@ class Person:
 
         Of tracks it holds the name and the SHA-256 of their file, see `Tracks.to_dict`.
         """
-        detection = {"probability_of_detection": self.probability_of_detection}
-        if self.tracks is not None:
-            classes = self.classes if isinstance(self.classes, int) else list(self.classes)
-            tracks = self.tracks.to_dict()
-            return {"tracks": tracks, "fine": self.fine, "classes": classes, **detection}
-        return {"drifts": [drift.to_dict() for drift in self.drifts], **detection}
+        data: dict[str, Any] = {"probability_of_detection": self.probability_of_detection}
+        if self.survival is not None:
+            data["survival"] = list(self.survival)
+        if self.tracks is None:
+            return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
+        return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
@@ -410,6 +416,18 @@ def _probabilities(given: NDArray[Any]) -> Floats:
     values += 0.0  # turns -0.0 into 0.0
     # An array on top of bytes cannot be made writeable.
     return np.frombuffer(values.tobytes()).reshape(rows, columns)
+
+
+def _survival(value: object) -> tuple[float, ...]:
+    what = "one or more probabilities from 0 to 1, none above the one before"
+    given = checks.numbers("survival", value, what).astype(np.float64)
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"survival must be {what}, got an array of shape {given.shape}")
+    wrong = ~((given >= 0.0) & (given <= 1.0))
+    wrong[1:] |= np.diff(given) > _ROUNDING
+    if wrong.any():
+        raise ValueError(f"survival must be {what}, got {given[wrong][0]} at step {wrong.argmax()}")
+    return tuple(given.tolist())
 
 
 def _deviations(name: str, value: object) -> tuple[float, float]:

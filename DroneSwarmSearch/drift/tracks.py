@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Hashable, Mapping
-from datetime import datetime, timezone
+from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch.drift.chain import Chain, class_labels, fine_cells
+from DroneSwarmSearch.drift.chain import Chain, fine_cells
 from DroneSwarmSearch.drift.scale import Scale
 
 if TYPE_CHECKING:
@@ -23,13 +23,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Tracks"]
 
-_MOST_LOST = 0.1
-"""The largest share of lost tracks: what becomes of them is unknown, so that more would mislead."""
+MOST_LOST = 0.1
+"""The largest share of lost tracks: nobody knows what became of them."""
 
-MOST_UNSEEN = 0.1
-"""The share of held-out tracks where no other is, above which there is a warning."""
-
-_SAMPLED_STEPS = 8
+MOST_BEYOND, MOST_UNSEEN = 0.01, 0.1
+"""The shares above which there is a warning: of tracks off the grid, and of those that are held out
+where no other track is."""
 
 
 class Tracks:
@@ -43,15 +42,15 @@ class Tracks:
         scenario = Scenario(61, persons=Person(fitted, probability_of_detection=0.8))
 
     Args:
-        positions: where each track is at steps 0 to T, in cells: shape (T + 1, P, 2), x first. A
-            position is in the cell to which it rounds. A track that ends in NaN stays where it was
-            last, as if stranded. The array is not copied: do not change it.
+        positions: where each track is at steps 0 to T, in cells: shape (T + 1, P, 2), x first. The
+            cell is the rounded position. A track that ends in NaN stays where it was last, as if
+            stranded. The array is not copied: do not change it.
         weights: how likely each track is relative to the others, shape (P,); by default, equally.
 
     Attributes:
         positions: without NaN; float64, read-only.
         weights: float64, shape (P,), above 0; they sum to 1. Tracks of weight 0 are left out.
-        stranded: the number of tracks that end in NaN, or are stranded in a file.
+        stranded: the number of tracks that end in NaN, or strand in a file.
         lost: the number of tracks in a file that end for another reason, and are left out.
         source: the file, its SHA-256 and the arguments of `read`, as plain data; or None.
 
@@ -64,33 +63,28 @@ class Tracks:
     def __init__(self, positions: ArrayLike, weights: ArrayLike | None = None) -> None:
         what = "real numbers of shape (steps + 1, tracks, 2), in cells, x first"
         given = checks.numbers("positions", positions, what).astype(np.float64, copy=False)
-        if given.ndim != 3 or given.shape[2] != 2 or min(given.shape) < 1 or len(given) < 2:
+        if given.ndim != 3 or given.shape[2] != 2 or given.shape[1] < 1 or len(given) < 2:
             raise ValueError(f"positions must be {what}, got shape {given.shape}")
-        self.lost = 0
-        self.source: dict[str, Any] | None = None
-        given, self.stranded = _without_gaps(given)
-        shares = np.full(given.shape[1], 1.0)
+        shares = np.ones(given.shape[1])
         if weights is not None:
-            shares = checks.numbers("weights", weights, "a real number for each track")
-            shares = shares.astype(np.float64, copy=False)
-            if shares.shape != given.shape[1:2]:
-                raise ValueError(
-                    f"weights must be {given.shape[1]} numbers, one for each track, "
-                    f"got shape {shares.shape}"
-                )
-            if not (np.isfinite(shares).all() and shares.min() >= 0.0 < shares.max()):
-                raise ValueError("weights must be finite, at least 0 and not all 0")
+            what = f"{len(shares)} finite numbers of at least 0, one for each track, not all 0"
+            shares = checks.numbers("weights", weights, what).astype(np.float64)
+            is_valid = shares.shape == given.shape[1:2] and np.isfinite(shares).all()
+            if not (is_valid and shares.min() >= 0.0 < shares.max()):
+                raise ValueError(f"weights must be {what}, got {weights!r:.100}")
             if not shares.all():
                 given, shares = given[:, shares > 0.0], shares[shares > 0.0]
+        given, self.stranded = _without_gaps(given)
         _check_jumps(given)
         self.positions: Floats = given.view()
         self.weights: Floats = shares / shares.sum()
         self.positions.flags.writeable = self.weights.flags.writeable = False
-        self._chains: dict[object, Chain] = {}
-        self._labels: dict[object, Ints] = {}
+        self.lost = 0
+        self.source: dict[str, Any] | None = None
+        self._chains: dict[tuple[int, ...], Chain] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_chains": {}, "_labels": {}}
+        return {**self.__dict__, "_chains": {}}
 
     def __deepcopy__(self, memo: object) -> Tracks:
         return self
@@ -98,10 +92,8 @@ class Tracks:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Tracks):
             return NotImplemented
-        return self is other or (
-            np.array_equal(self.positions, other.positions)
-            and np.array_equal(self.weights, other.weights)
-        )
+        pairs = (self.positions, other.positions), (self.weights, other.weights)
+        return self is other or all(np.array_equal(*pair) for pair in pairs)
 
     def __hash__(self) -> int:
         return hash((self.positions.shape, self.positions[-1].tobytes()))
@@ -110,12 +102,12 @@ class Tracks:
         return len(self.weights)
 
     def __repr__(self) -> str:
-        counts = f"{len(self):,} tracks, {self.steps} steps"
-        counts += f", {self.stranded:,} stranded" * (self.stranded > 0)
-        counts += f", {self.lost:,} lost and left out" * (self.lost > 0)
+        text = f"{len(self):,} tracks, {self.steps} steps"
+        text += f", {self.stranded:,} stranded" * (self.stranded > 0)
+        text += f", {self.lost:,} lost and left out" * (self.lost > 0)
         low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
         ranges = (f"{name} {a:.1f} to {b:.1f}" for name, a, b in zip("xy", low, high, strict=True))
-        return f"<Tracks: {counts}, {', '.join(ranges)}>"
+        return f"<Tracks: {text}, {', '.join(ranges)}>"
 
     @property
     def steps(self) -> int:
@@ -135,14 +127,12 @@ class Tracks:
 
         Args:
             held_out: the share of the second part, above 0 and below 1.
-            seed: of the random order, which never follows that of the tracks.
+            seed: of the random order.
         """
-        share = checks.real("held_out", held_out, 0, 1)
-        count = round(share * len(self))
+        count = round(checks.real("held_out", held_out, 0, 1) * len(self))
         if not 0 < count < len(self):
             raise ValueError(
-                f"held_out must leave at least one track on either side, got {held_out!r} "
-                f"of {len(self)} tracks"
+                f"held_out must leave tracks in both parts, got {held_out!r} of {self}"
             )
         order = np.random.default_rng(checks.integer("seed", seed, 0)).permutation(len(self))
         return self._of(order[count:]), self._of(order[:count])
@@ -153,39 +143,23 @@ class Tracks:
         return self._of(np.random.default_rng(seed).permutation(len(self))[:count])
 
     def _of(self, which: Ints) -> Tracks:
-        which = np.sort(which)
         return Tracks(self.positions[:, which], self.weights[which])
 
     # The drift model.
 
-    def chain(self, grid_size: int, fine: int = 2, classes: int | ArrayLike = 1) -> Chain:
+    def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
         """The drift model of the tracks on a grid; see `Person` for the arguments."""
-        size, labels = checks.integer("grid_size", grid_size, 2), self.labels(classes)
-        key = size, fine, id(labels)
+        key = grid_size, fine, classes
         if key not in self._chains:
-            off = max(self.mass_beyond(size, step) for step in _some_steps(self.steps))
-            if off > 0.01:
+            off = max(self.mass_beyond(grid_size, step) for step in self._some_steps)
+            if off > MOST_BEYOND:
                 warnings.warn(
-                    f"{off:.1%} of the tracks are off the grid of {size} x {size} cells at a step, "
+                    f"{off:.1%} of tracks leave the grid of {grid_size} x {grid_size} cells, "
                     "and count as in its outer cells: take a larger grid, or larger cells",
                     stacklevel=2,
                 )
-            self._chains[key] = Chain(self, size, fine, labels)
+            self._chains[key] = Chain(self, *key)
         return self._chains[key]
-
-    def labels(self, classes: int | ArrayLike) -> Ints:
-        """The class of each track, int64, (P,), from a number of classes or given labels."""
-        if not isinstance(classes, Hashable):
-            classes = tuple(np.asarray(classes).tolist())
-        if classes not in self._labels:
-            if isinstance(classes, tuple):
-                what = f"an integer, or an integer from 0 for each of {len(self)} tracks"
-                given = checks.integer_array("classes", classes, what, 0, 2**31, (len(self),))
-                labels = np.unique(given, return_inverse=True)[1].astype(np.int64)
-            else:
-                labels = class_labels(self, checks.integer("classes", classes, 1, len(self)))
-            self._labels[classes] = labels
-        return self._labels[classes]
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
         """The share of the tracks that are off the grid at a step."""
@@ -193,29 +167,25 @@ class Tracks:
         return float(self.weights @ ((cells < 0) | (cells >= grid_size)).any(axis=1))
 
     def check_number(self, fine: int) -> None:
-        """Warn if the tracks are too few for parts of cells of this size."""
-        if (unseen := self.unseen(fine)) > MOST_UNSEEN:
+        """Warn if the tracks are too few for cells of `fine` by `fine` parts."""
+        shares, held_out = [], np.zeros(len(self), np.bool_)
+        held_out[np.random.default_rng(0).permutation(len(self))[: -(-len(self) // 4)]] = True
+        for step in self._some_steps:
+            x, y = np.floor((self.positions[step].T + 0.5) * fine)
+            places = x * 2.0**26 + y
+            shares.append(1.0 - np.isin(places[held_out], places[~held_out]).mean())
+        if (unseen := np.mean(shares)) > MOST_UNSEEN:
             warnings.warn(
-                f"{len(self):,} tracks are few: of those held out, {unseen:.0%} are where no other "
-                "track is, and a plan promises more than it finds; take more tracks"
+                f"{len(self):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "
+                "other track is, so a plan promises more than it finds; take more tracks"
                 + ", or fine=1"
                 * (fine > 1),
                 stacklevel=4,
             )
 
-    def unseen(self, fine: int) -> float:
-        """The share of a quarter of the tracks in fine cells where the others never are.
-
-        It is a mean over some steps, and near 0 if the tracks are many enough.
-        """
-        shares, held_out = [], np.zeros(len(self), np.bool_)
-        held_out[np.random.default_rng(0).permutation(len(self))[: len(self) // 4]] = True
-        for step in _some_steps(self.steps):
-            x, y = np.floor((self.positions[step].T + 0.5) * fine)
-            places = x * 2.0**26 + y
-            new = ~np.isin(places[held_out], places[~held_out])
-            shares.append(self.weights[held_out] @ new)
-        return float(np.mean(shares) / max(self.weights[held_out].sum(), self.weights.min()))
+    @property
+    def _some_steps(self) -> list[int]:
+        return sorted({round(self.steps * part / 8) for part in range(9)})
 
     # Plans.
 
@@ -224,9 +194,9 @@ class Tracks:
     ) -> float:
         """The share of these tracks that a plan or a policy finds by the time limit.
 
-        Nobody is found on the way: the drones search on as if without success, and each search of
-        a track's cell finds it with the probability of detection. Compare the result, for tracks
-        that were held out from the fit, with the probability of success that the search promises.
+        The drones search to the end as if without success; each search of a track's cell finds it
+        with the probability of detection. Compare the result, for tracks that were held out from
+        the fit, with the probability of success that the search promises.
 
         Args:
             policy: a policy, which maps the observations of the environment to actions; or a plan,
@@ -248,15 +218,18 @@ class Tracks:
     def save(self, path: str | Path, fine: int = 2) -> None:
         """Write the tracks to a compact file, ``.npz``, that `read` reads.
 
-        Positions are rounded to the middle of `fine` by `fine` parts of each cell, so that a
-        `Person` with the same `fine` stays the same.
+        Positions are rounded to the middle of `fine` by `fine` parts of each cell, so a `Person`
+        with the same `fine` stays the same.
         """
-        parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 127))
-        steps = np.diff(parts, axis=0).astype(np.int8)
-        with replacing(_npz(path)) as spare:
-            np.savez_compressed(
-                spare, start=parts[0].astype(np.int32), steps=steps, fine=fine, weights=self.weights
-            )
+        if Path(path).suffix != ".npz":
+            raise ValueError(f"path must end in .npz, got {str(path)!r}")
+        parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))
+        arrays = {
+            "start": parts[0].astype(np.int32),
+            "steps": np.diff(parts, axis=0).astype(np.int8),
+        }
+        with replacing(Path(path)) as spare:
+            np.savez_compressed(spare, fine=np.array(fine), weights=self.weights, **arrays)
 
     @classmethod
     def read(
@@ -273,21 +246,21 @@ class Tracks:
     ) -> Tracks:
         """Read tracks from a NetCDF file of OpenDrift, another CF trajectory file, or `save`.
 
-        Reading NetCDF needs the extra ``tracks``. A file has the variables of longitude, latitude
-        and time, by their standard names, for each trajectory at common times. Stranded elements
-        (by OpenDrift's `status`) stay where they are. Elements that are not yet released at
-        `start`, or vanish for another reason before the last step, are lost and left out.
+        NetCDF needs the extra ``tracks``: variables with the standard names longitude, latitude and
+        time, with common times for all elements. Stranded elements (by OpenDrift's `status`) stay
+        where they are. Elements that are not yet released at `start`, or vanish for another reason
+        before the last step, are lost and left out.
 
         Args:
             path: a file that ends in ``.npz`` is one of `save`, and takes no other arguments.
             scale: the size of cells and the duration of steps.
-            origin: the position (longitude, latitude) in degrees that lies in the middle of `cell`.
+            origin: the position (longitude, latitude) in degrees of the middle of `cell`.
             cell: a cell (x, y) of the grid; north is up.
             start: when the search begins, with its time zone; by default the file's first time.
             steps: the number of steps; by default as many as the file covers.
-            diffusivity: of the turbulent sea in m²/s, if the simulation had none: a random walk of
-                variance 2 K t along each axis is added until an element strands. OpenDrift's Leeway
-                model has none by default.
+            diffusivity: of the turbulent sea in m²/s, if the simulation had none, as OpenDrift's
+                Leeway model by default: a random walk of variance 2 K t along each axis is added
+                until an element strands.
             seed: of this random walk.
 
         Raises:
@@ -297,45 +270,46 @@ class Tracks:
             ValueError: the file or an argument is unsuitable, or more than a tenth of the elements
                 are lost.
         """
-        file = Path(path)
         arguments: dict[str, Any] = {}
-        if file.suffix == ".npz":
-            result = _unpacked(file)
+        if Path(path).suffix == ".npz":
+            tracks = _unpacked(Path(path))
         else:
             from DroneSwarmSearch.drift import track_files
 
             if not isinstance(scale, Scale):
                 raise TypeError(f"scale must be a Scale, got {scale!r}")
+            if not isinstance(start, (datetime, type(None))) or (start and not start.tzinfo):
+                raise ValueError(f"start must be a datetime with a time zone, got {start!r}")
             arguments = {
                 "origin": checks.pair("origin", origin),
                 "cell": checks.pair("cell", cell),
-                "start": _utc(start),
+                "start": start and start.isoformat(),
                 "steps": None if steps is None else checks.integer("steps", steps, 1),
                 "diffusivity": checks.real("diffusivity", diffusivity, 0),
                 "seed": checks.integer("seed", seed, 0),
             }
-            positions, lost = track_files.positions(file, scale, **arguments)
-            if lost > _MOST_LOST * (lost + positions.shape[1]):
+            positions, lost = track_files.positions(Path(path), scale, **arguments)
+            released = lost + positions.shape[1]
+            if lost > MOST_LOST * released:
                 raise ValueError(
-                    f"{file} must hold at most {_MOST_LOST:.0%} of elements that end before the "
-                    f"last step without being stranded, got {lost:,} of "
-                    f"{lost + positions.shape[1]:,}: simulate a larger area, or take fewer steps"
+                    f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last "
+                    f"step but for stranding, got {lost:,} of {released:,}: simulate a larger "
+                    "area, or take fewer steps"
                 )
-            result = cls(positions)
-            result.lost = lost
-            arguments = {**arguments, "scale": [scale.metres_per_cell, scale.seconds_per_step]}
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
-        result.source = {"file": str(path), "sha256": digest, **arguments}
-        return result
+            tracks = cls(positions)
+            tracks.lost = lost
+            arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
+        digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        tracks.source = {"file": str(path), "sha256": digest, **arguments}
+        return tracks
 
     def to_dict(self) -> dict[str, Any]:
-        """The file of the tracks and its SHA-256 as plain data for JSON, which `from_dict` reads.
+        """The `source` as plain data for JSON, from which `from_dict` reads the file again.
 
-        Tracks from arrays have no file, and cannot be restored.
+        Tracks from arrays have no file, only a hash, and cannot be restored.
         """
         if self.source is not None:
-            start = self.source.get("start")
-            return {**self.source, **({"start": start.isoformat()} if start else {})}
+            return self.source
         digest = hashlib.sha256(self.positions.tobytes() + self.weights.tobytes()).hexdigest()
         return {"file": None, "sha256": digest}
 
@@ -350,17 +324,15 @@ class Tracks:
         file, digest = arguments.pop("file"), arguments.pop("sha256")
         if file is None:
             raise ValueError(
-                "tracks must come from a file to be restored, got tracks that were given as "
-                "arrays: write them with Tracks.save, and use those of Tracks.read"
+                "tracks must come from a file to be restored, but these were given as arrays: "
+                "write such tracks with Tracks.save, and use what Tracks.read returns"
             )
-        if arguments.get("scale"):
-            arguments["scale"] = Scale(*arguments["scale"])
-        if arguments.get("start"):
-            arguments["start"] = datetime.fromisoformat(arguments["start"])
+        if arguments:
+            start = arguments["start"] and datetime.fromisoformat(arguments["start"])
+            arguments.update(scale=Scale(*arguments["scale"]), start=start)
         tracks = cls.read(file, **arguments)
-        assert tracks.source is not None
-        if tracks.source["sha256"] != digest:
-            raise ValueError(f"tracks must be those of {file} when it was saved; it has changed")
+        if tracks.to_dict()["sha256"] != digest:
+            raise ValueError(f"{file} must be as it was when its SHA-256 was saved; it has changed")
         return tracks
 
 
@@ -369,15 +341,13 @@ def _without_gaps(positions: Floats) -> tuple[Floats, int]:
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(positions.sum()):
             return positions, 0
-    if np.isinf(positions).any():
-        raise ValueError("positions must be finite, or NaN at the end of a track, got inf")
-    missing: Flags = np.any(np.isnan(positions), axis=2)
-    wrong: Flags = missing[0] | (missing[:-1] & ~missing[1:]).any(axis=0)
+    missing: Flags = np.any(~np.isfinite(positions), axis=2)
+    wrong: Flags = missing[0] | np.any(missing[:-1] & ~missing[1:], axis=0)
     if wrong.any():
         raise ValueError(
-            "positions may be NaN only from some step to the end of a track, where it stays; "
-            f"got {np.count_nonzero(wrong):,} with NaN at the start or in the middle, "
-            f"the first of them track {int(wrong.argmax())}"
+            "positions must be finite, or NaN from some step to the end of a track, "
+            f"got NaN at the start or in the middle of {np.count_nonzero(wrong):,} tracks, the "
+            f"first of them track {int(wrong.argmax())}"
         )
     filled = positions.copy()
     for step in range(1, len(filled)):
@@ -393,42 +363,19 @@ def _check_jumps(positions: Floats) -> None:
         farthest = np.abs(cells - before).max(axis=1)
         if farthest.max() > 1:
             raise ValueError(
-                f"positions must move at most one cell along each axis in a step, but track "
+                "positions must move at most one cell along each axis in a step, but track "
                 f"{int(farthest.argmax())} moves {farthest.max():.0f} in step {step}, as do "
                 f"{np.count_nonzero(farthest > 1) - 1:,} others: take shorter steps or larger cells"
             )
         before = cells
 
 
-def _some_steps(last: int) -> list[int]:
-    """Some steps from 0 to the last one."""
-    return sorted({round(last * part / _SAMPLED_STEPS) for part in range(_SAMPLED_STEPS + 1)})
-
-
-def _utc(start: object) -> datetime | None:
-    if start is None:
-        return None
-    if not isinstance(start, datetime):
-        raise TypeError(f"start must be a datetime with a time zone, got {start!r}")
-    if start.tzinfo is None:
-        raise ValueError(f"start must have a time zone, such as tzinfo=timezone.utc, got {start!r}")
-    return start.astimezone(timezone.utc)
-
-
-def _npz(path: str | Path) -> Path:
-    if Path(path).suffix != ".npz":
-        raise ValueError(f"path must end in .npz, got {str(path)!r}")
-    return Path(path)
-
-
 def _unpacked(file: Path) -> Tracks:
+    """The tracks in a file of `Tracks.save`."""
     try:
         with np.load(file) as data:
             start, steps, fine, weights = (data[k] for k in ("start", "steps", "fine", "weights"))
     except (KeyError, ValueError) as error:
         raise ValueError(f"{file} must be a file of Tracks.save, got another: {error}") from None
-    parts: NDArray[np.int64] = np.empty((len(steps) + 1, *start.shape), np.int64)
-    parts[0] = start
-    np.cumsum(steps, axis=0, out=parts[1:])
-    parts[1:] += start
+    parts = np.concatenate([start[None], steps]).cumsum(axis=0, dtype=np.int64)
     return Tracks((parts + 0.5) / int(fine) - 0.5, weights)

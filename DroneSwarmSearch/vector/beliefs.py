@@ -24,18 +24,20 @@ _LEAST_ROWS, _MOST_ROWS = 64, 1024
 class Beliefs:
     """The beliefs about every row's persons, each of the shape (M, L) of the forecasts' mass.
 
-    Methods take the forecasts and the entry of each person in each row: int64, (persons, rows).
     Every person's belief is that of a person who has not been found, even after the find. The
     rows are the last axis, because each has its own moves. They are divided into tiles that fit
     into the cache: row i is column i % width of tile i // width.
 
     Attributes:
+        forecasts: where the persons may be; `entries` are the current ones of each person in each
+            row there, an array that the caller changes: int64, (persons, rows).
         begun: which rows have beliefs: bool, (rows,).
         kept: the probability that no search so far finds the person: float64, (persons, rows).
     """
 
-    def __init__(self, grid_size: int, persons: int, shape: tuple[int, int], rows: int) -> None:
-        self._size = grid_size
+    def __init__(self, grid_size: int, forecasts: Forecasts, entries: Ints) -> None:
+        self._size, self.forecasts, self._entries = grid_size, forecasts, entries
+        (persons, rows), shape = entries.shape, forecasts.shape
         fit = _TILE_BYTES // (8 * shape[0] * shape[1])
         most = min(_MOST_ROWS, max(_LEAST_ROWS, fit))
         # An odd width: the cells of a row lie in different lines of the cache.
@@ -46,8 +48,9 @@ class Beliefs:
         self.begun = np.zeros(rows, np.bool_)
         self.kept = np.ones((persons, rows))
 
-    def pad(self, shape: tuple[int, int]) -> None:
-        """Add layers and places without mass up to this shape, and drop those beyond it."""
+    def use(self, forecasts: Forecasts) -> None:
+        """Use other forecasts; layers and places without mass are added, or left out."""
+        self.forecasts, shape = forecasts, forecasts.shape
         layers, places = np.maximum(np.subtract(shape, self._mass.shape[2:4]), 0)
         padded = np.pad(self._mass, [(0, 0), (0, 0), (0, layers), (0, places), (0, 0)])
         self._mass = np.ascontiguousarray(padded[:, :, : shape[0], : shape[1]])
@@ -57,19 +60,17 @@ class Beliefs:
         self.begun[rows] = False
         self.kept[:, rows] = 1.0
 
-    def begin(self, rows: Ints, forecasts: Forecasts, entries: Ints) -> None:
+    def begin(self, rows: Ints) -> None:
         """Let the beliefs of some rows equal the forecast, unless they have begun."""
         new = np.unique(rows[~self.begun[rows]])
         tiles = new // self._width
         for tile in np.unique(tiles):
             some = new[tiles == tile]
-            for mass, entry in zip(self._mass[tile], entries[:, some], strict=True):
-                mass[..., some % self._width] = np.moveaxis(forecasts.joint(entry), 0, -1)
+            for mass, entry in zip(self._mass[tile], self._entries[:, some], strict=True):
+                mass[..., some % self._width] = np.moveaxis(self.forecasts.joint(entry), 0, -1)
         self.begun[new] = True
 
-    def search(
-        self, rows: Ints, cells: Ints, detections: Floats, forecasts: Forecasts, entries: Ints
-    ) -> None:
+    def search(self, rows: Ints, cells: Ints, detections: Floats) -> None:
         """Apply searches that find nobody, in rows with beliefs and different cells within a row.
 
         `detections` are each person's probability of detection: (persons, n).
@@ -78,7 +79,7 @@ class Beliefs:
         searched = np.zeros(self.begun.shape, np.bool_)
         searched[rows] = True
         for person, detection in enumerate(detections):
-            places = forecasts.places(entries[person, rows], cells)
+            places = self.forecasts.places(self._entries[person, rows], cells)
             where = tile, person, slice(None), places, column
             before = self._mass[where]  # (n, M)
             self._mass[where] = before * (1.0 - detection[:, None])
@@ -102,16 +103,16 @@ class Beliefs:
                 total[first : first + self._width] = sums[: len(some)]
         return total
 
-    def drift(self, forecasts: Forecasts, entries: Ints) -> None:
+    def drift(self) -> None:
         """Let the beliefs drift by a step; the entries are those before it."""
         for first, tile in zip(self._firsts(), self._mass, strict=True):
             if self.begun[first : first + self._width].any():
-                for mass, entry in zip(tile, self._of_columns(entries, first), strict=True):
-                    forecasts.drift(mass, entry)
+                for mass, entry in zip(tile, self._of_columns(first), strict=True):
+                    self.forecasts.drift(mass, entry)
 
-    def _of_columns(self, entries: Ints, first: int) -> Ints:
+    def _of_columns(self, first: int) -> Ints:
         """The entries of each column of a tile, whose first row is given; 0 after the last."""
-        some = entries[:, first : first + self._width]
+        some = self._entries[:, first : first + self._width]
         of_columns = np.zeros((len(some), self._width), np.int64)
         of_columns[:, : some.shape[1]] = some
         return of_columns
@@ -122,22 +123,20 @@ class Beliefs:
 
     # The matrices; `counted` are the persons in the mean, see `shown_persons`.
 
-    def write_matrices(
-        self, counted: Flags, out: Singles, forecasts: Forecasts, entries: Ints
-    ) -> None:
+    def write_matrices(self, counted: Flags, out: Singles) -> None:
         """Write the matrices of all rows with beliefs; some others receive arbitrary values."""
         for first, tile in zip(self._firsts(), self._mass, strict=True):
             rows = slice(first, first + self._width)
             if self.begun[rows].any():
                 here = counted[:, rows]
-                pairs = zip(tile, self._of_columns(entries, first), strict=True)
-                maps = [forecasts.map(*pair)[:, : here.shape[1]] for pair in pairs]
+                pairs = zip(tile, self._of_columns(first), strict=True)
+                maps = [self.forecasts.map(*pair)[:, : here.shape[1]] for pair in pairs]
                 matrices = means_over_missing(maps, here).astype(np.float32).T
                 out[rows] = matrices.reshape(-1, self._size, self._size)
 
-    def matrices(self, rows: Ints, counted: Flags, forecasts: Forecasts, entries: Ints) -> Singles:
+    def matrices(self, rows: Ints, counted: Flags) -> Singles:
         """The matrices of some rows with beliefs: float32, (n, N, N); `counted` is of these."""
-        maps = list(map(forecasts.map, self.mass(rows), entries[:, rows]))
+        maps = list(map(self.forecasts.map, self.mass(rows), self._entries[:, rows]))
         matrices = means_over_missing(maps, counted).T.astype(np.float32)
         return np.ascontiguousarray(matrices).reshape(-1, self._size, self._size)
 
@@ -146,18 +145,15 @@ class Beliefs:
         tile, column = np.divmod(rows, self._width)
         return np.moveaxis(self._mass[tile, :, :, :, column], 0, -1)
 
-    def probabilities(
-        self, rows: Ints, cells: Ints, counted: Flags, forecasts: Forecasts, entries: Ints
-    ) -> Singles:
+    def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
         """The matrix entry of one cell in each of some rows: float32, (n,)."""
-        at = self._at(rows, cells, forecasts, entries)
-        values: Singles = means_over_missing(at, counted).astype(np.float32)
+        values: Singles = means_over_missing(self._at(rows, cells), counted).astype(np.float32)
         return values
 
-    def _at(self, rows: Ints, cells: Ints, forecasts: Forecasts, entries: Ints) -> list[Floats]:
+    def _at(self, rows: Ints, cells: Ints) -> list[Floats]:
         """Each person's belief about one cell in each of some rows: (n,)."""
         tile, column = np.divmod(rows, self._width)
-        places = [forecasts.places(entry, cells) for entry in entries[:, rows]]
+        places = [self.forecasts.places(entry, cells) for entry in self._entries[:, rows]]
         return [
             over_layers(self._mass[tile, k, :, each, column].T) for k, each in enumerate(places)
         ]
@@ -168,10 +164,10 @@ class Beliefs:
         """The cumulative probability of success (POS) in every row: float64, (rows,)."""
         return 1.0 - means_over_missing(self.kept, np.ones(self.kept.shape, np.bool_))
 
-    def added_success(
-        self, rows: Ints, cells: Ints, detections: Floats, forecasts: Forecasts, entries: Ints
-    ) -> Floats:
-        """What each search adds to it, as if it were its row's only one: float64, (n,)."""
-        at = np.array(self._at(rows, cells, forecasts, entries))
-        added = self.kept[:, rows] * detections * at
+    def added_success(self, rows: Ints, cells: Ints, worths: Floats) -> Floats:
+        """What each search adds to it, as if it were its row's only one: float64, (n,).
+
+        `worths` are each person's probability of detection times that of being alive: (persons, n).
+        """
+        added = self.kept[:, rows] * worths * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

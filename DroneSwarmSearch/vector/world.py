@@ -13,7 +13,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
-from DroneSwarmSearch.drift.model import Forecasts, forecasts_of
+from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
@@ -36,6 +36,8 @@ class Catalogue:
         forecasts: the different forecasts of their persons.
         numbers: the number of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
+        alive: the probability that each person is alive after some completed steps, the last of
+            which stands for all later ones: float64, (searches, persons, steps).
     """
 
     def __init__(
@@ -58,6 +60,10 @@ class Catalogue:
         self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
         detections = np.array([scenario.detections for scenario in self.scenarios])
         self.detections: Floats = detections.T.copy()
+        situations = [scenario.situation for scenario in self.scenarios]
+        steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
+        alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
+        self.alive: Floats = np.array(alive)
         if complete:
             what = f"the table of matrices for {self.forecasts.count} different forecasts"
             needed = self.forecasts.step_bytes * (limit + 1)
@@ -86,13 +92,12 @@ class BatchState:
         self.situation = np.zeros(rows, np.int64)
         self.missing = np.ones((self._persons, rows), np.bool_)
         self.finds = np.zeros((2, self._persons, rows), np.int64)
+        self._entries = np.zeros((self._persons, rows), np.int64)  # in the catalogue's forecasts
         self.beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
-            shape = catalogue.forecasts.shape
-            self.beliefs = Beliefs(self._size, self._persons, shape, rows)
+            self.beliefs = Beliefs(self._size, catalogue.forecasts, self._entries)
         self._shown = self.beliefs if scenario.bayesian_update else None
         self._states = np.zeros((self._persons, rows), np.int64)
-        self._entries = np.zeros((self._persons, rows), np.int64)  # in the catalogue's forecasts
         # The counters of a step's drift draws, from the key of the episode on.
         self._places = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
         self._draws = np.zeros((2 * self._persons, rows), np.uint64)
@@ -135,7 +140,7 @@ class BatchState:
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
         if self.beliefs is not None:
-            self.beliefs.pad(catalogue.forecasts.shape)
+            self.beliefs.use(catalogue.forecasts)
         self.catalogue = catalogue
 
     # A step: `observed`, then `search`, then `advance`.
@@ -148,8 +153,11 @@ class BatchState:
         if not self._scenario.reward_scheme.expected_finds:
             return self.probabilities(rows, cells).astype(np.float64)
         assert self.beliefs is not None
-        self.beliefs.begin(rows, *self._tables)
-        return self.beliefs.added_success(rows, cells, self._detections_of(rows), *self._tables)
+        self.beliefs.begin(rows)
+        alive = self.catalogue.alive
+        steps = np.minimum(self.step.take(rows), alive.shape[2] - 1)
+        worths = self._detections_of(rows) * alive[self.situation.take(rows), :, steps].T
+        return self.beliefs.added_success(rows, cells, worths)
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
@@ -173,8 +181,8 @@ class BatchState:
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
             found.append(drones.take(hits))
         if self.beliefs is not None:
-            self.beliefs.begin(rows, *self._tables)
-            self.beliefs.search(rows, cells, self._detections_of(rows), *self._tables)
+            self.beliefs.begin(rows)
+            self.beliefs.search(rows, cells, self._detections_of(rows))
         return np.concatenate(found)
 
     def _detections_of(self, rows: Ints) -> Floats:
@@ -196,7 +204,7 @@ class BatchState:
         """Let the persons and the beliefs drift by a step."""
         forecasts = self.catalogue.forecasts
         if self.beliefs is not None:
-            self.beliefs.drift(*self._tables)
+            self.beliefs.drift()
         draws = unit_numbers(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
         self._states = forecasts.walk(self._states, self._entries, draws)
         self._draws += self._places[-1]
@@ -222,11 +230,6 @@ class BatchState:
             return None
         return self._shown.mass(np.array([row]))[..., 0]
 
-    @property
-    def _tables(self) -> tuple[Forecasts, Ints]:
-        """The forecasts, and every person's entry there."""
-        return self.catalogue.forecasts, self._entries
-
     # The matrices.
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
@@ -235,7 +238,7 @@ class BatchState:
             return self._forecast_at(rows, cells)
         begun, values = self._shown.begun[rows], np.empty(len(rows), np.float32)
         here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
-        values[begun] = self._shown.probabilities(here, cells[begun], counted, *self._tables)
+        values[begun] = self._shown.probabilities(here, cells[begun], counted)
         values[~begun] = self._forecast_at(rows[~begun], cells[~begun])
         return values
 
@@ -253,14 +256,14 @@ class BatchState:
         begun = self._shown.begun[rows]
         here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
         out = np.empty((len(rows), self._size, self._size), np.float32)
-        out[begun] = self._shown.matrices(here, counted, *self._tables)
+        out[begun] = self._shown.matrices(here, counted)
         out[~begun] = self._forecasts(rows[~begun])
         return out
 
     def write_matrices(self, out: Singles) -> None:
         """Write the matrix of every row: float32, shape (rows, N, N)."""
         if self._shown is not None:
-            self._shown.write_matrices(shown_persons(self.missing), out, *self._tables)
+            self._shown.write_matrices(shown_persons(self.missing), out)
             others = (~self._shown.begun).nonzero()[0]
             out[others] = self._forecasts(others)
         elif self._persons == 1:
