@@ -343,11 +343,12 @@ def _without_gaps(positions: Floats) -> tuple[Floats, int]:
             return positions, 0
     missing: Flags = np.any(~np.isfinite(positions), axis=2)
     wrong: Flags = missing[0] | np.any(missing[:-1] & ~missing[1:], axis=0)
+    wrong |= np.any(np.isinf(positions), axis=(0, 2))
     if wrong.any():
         raise ValueError(
-            "positions must be finite, or NaN from some step to the end of a track, "
-            f"got NaN at the start or in the middle of {np.count_nonzero(wrong):,} tracks, the "
-            f"first of them track {int(wrong.argmax())}"
+            "positions must be finite, or NaN from some step to the end of a track, got inf, or "
+            f"NaN at the start or in the middle, in {np.count_nonzero(wrong):,} tracks, the first "
+            f"of them track {int(wrong.argmax())}"
         )
     filled = positions.copy()
     for step in range(1, len(filled)):
