@@ -160,7 +160,7 @@ def test_files_give_the_same_person(tmp_path):
         Scenario.from_dict(data)
     arrays = Scenario(SIZE, persons=Person(TRACKS), timestep_limit=STEPS).to_dict()
     assert arrays["persons"][0]["tracks"]["file"] is None
-    with pytest.raises(ValueError, match="given as arrays: write such tracks with Tracks.save"):
+    with pytest.raises(ValueError, match=r"given as arrays: write such tracks with Tracks.save"):
         Scenario.from_dict(arrays)
 
 
@@ -209,7 +209,7 @@ def test_bad_parameters_are_rejected(tmp_path):
         Person(tracks, classes=0)
     with pytest.raises(ValueError, match="timestep_limit must be at most 3, the steps of the trac"):
         Scenario(3, persons=Person(pair), timestep_limit=4)
-    with pytest.raises(ValueError, match="held_out must leave tracks in both parts, got 0.1"):
+    with pytest.raises(ValueError, match=r"held_out must leave tracks in both parts, got 0.1"):
         pair.split(0.1)
     with pytest.raises(ValueError, match="n must be an integer from 1 to 2"):
         pair.thin(3)

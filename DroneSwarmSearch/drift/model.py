@@ -344,7 +344,7 @@ class Forecasts:
 
     def map(self, mass: Floats, entries: Ints) -> Floats:
         """The mass in each cell: (N², n), given (M, L, n); may be a view."""
-        total = over_layers(mass)
+        total: Floats = over_layers(mass)
         if self.count == 1:
             return total.take(self._places[0], 0)
         return np.take_along_axis(total, self._places[entries % self.count].T, 0)
