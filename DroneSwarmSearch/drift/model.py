@@ -107,6 +107,8 @@ class DriftModel(ABC):
 
     def states(self, cell: int) -> slice:
         """The index of a cell's states in flat mass, ``mass.reshape(-1)``."""
+        if self.kept_cells is None:
+            return slice(cell, None, self.grid_size**2)
         return slice(int(self.places[cell]), None, self.layer)
 
     def cells(self, states: Any) -> Any:
@@ -346,8 +348,10 @@ class Forecasts:
         """The mass in each cell: (N², n), given (M, L, n); may be a view."""
         total: Floats = over_layers(mass)
         if self.count == 1:
-            return total.take(self._places[0], 0)
-        return np.take_along_axis(total, self._places[entries % self.count].T, 0)
+            single: Floats = total.take(self._places[0], 0)
+            return single
+        mapped: Floats = np.take_along_axis(total, self._places[entries % self.count].T, 0)
+        return mapped
 
     def cells(self, states: Ints, entries: Ints) -> Ints:
         """The cells of persons' states, of the same shape."""

@@ -6,6 +6,7 @@ import hashlib
 import warnings
 from collections.abc import Mapping
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -114,7 +115,7 @@ class Tracks:
         """The number of steps, T."""
         return len(self.positions) - 1
 
-    @property
+    @cached_property
     def vector(self) -> tuple[float, float]:
         """The mean drift in cells per step, (x, y)."""
         x, y = (self.weights @ (self.positions[-1] - self.positions[0]) / self.steps).tolist()
